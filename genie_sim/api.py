@@ -250,7 +250,8 @@ def run(
     jobs : int, optional
         Processes for ``seeds``; by default one per core.
     workers : int
-        Processes for one run, at most one a method. The results do not depend on it.
+        Processes for one run: several methods side by side, or the only method of a fleet in parts.
+        The results do not depend on it.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.

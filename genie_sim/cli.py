@@ -104,7 +104,7 @@ def app(context: click.Context) -> None:
 @click.option(
     "--workers",
     type=COUNT,
-    help="Processes for one run, at most one a method; results are the same. Default: 1.",
+    help="Processes for one run: methods side by side, or a fleet's only one in parts. Default: 1.",
 )
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
@@ -152,7 +152,7 @@ def run(
     if methods is not None:
         names = arguments.listed("--methods", methods)
         setting = with_methods(setting, names, f"--methods {methods}")
-    from genie_sim import build, runner
+    from genie_sim import build, runner, split
     from genie_sim.recording.results import checked_label
 
     label = checked_label(label, "--label")
@@ -160,6 +160,10 @@ def run(
         click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
     for note in build.notes(setting):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
+    if (workers or 1) > 1 and len(setting.methods) == 1:
+        why_whole = split.obstacle(setting, setting.methods[0])
+        if why_whole:
+            click.echo(f"{setting.name} runs in one process, because {why_whole}.")
     formats = ("svg",) if figures else ()
     if several is not None:
         return _run_seeds(

@@ -27,7 +27,9 @@ Simulate = Callable[[int, Tables, Progress], None]
 
 @dataclass(frozen=True)
 class MethodJob:
-    """The ``number``-th method of a scenario, and the folder that gets its tables."""
+    """The ``number``-th method of a scenario, or part of a method, and the folder that gets its
+    tables.
+    """
 
     number: int
     folder: Path
@@ -56,7 +58,7 @@ def side_by_side(
         jobs = [MethodJob(number, Path(scratch) / str(number)) for number in range(methods)]
         for job in jobs:
             job.folder.mkdir()
-        with _watched(jobs, progress):
+        with watched(jobs, progress):
             for job in in_processes(partial(_write_tables, simulate), jobs, workers):
                 for name, table in tables.items():
                     path = job.folder / f"{name}.parquet"
@@ -90,8 +92,8 @@ class Reporter:
 
 
 @contextmanager
-def _watched(jobs: Sequence[MethodJob], progress: Progress | None) -> Iterator[None]:
-    """Tells how far the methods are together while they run, and once more at the end."""
+def watched(jobs: Sequence[MethodJob], progress: Progress | None) -> Iterator[None]:
+    """Tells how far the jobs are together while they run, and once more at the end."""
     if progress is None:
         yield
         return

@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from genie_sim import build, own_classes, plugins
+from genie_sim import build, own_classes, plugins, split
 from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_digests
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
@@ -19,6 +19,7 @@ from genie_sim.messages import Encoding
 from genie_sim.method_processes import side_by_side
 from genie_sim.monitor import Samples
 from genie_sim.parallel import max_memory_bytes
+from genie_sim.part_processes import PartJob, PartTables, in_parts
 from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.log import Log
@@ -34,6 +35,7 @@ from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario, read_scenario
 from genie_sim.settings import plain_data, read
 from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
+from genie_sim.sim.share import Exchange, Share, shared
 from genie_sim.sim.world import World
 from genie_sim.town.source import TownDrives
 from genie_sim.units import NS_PER_S
@@ -433,12 +435,40 @@ def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> A
 def simulate_with(
     prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
 ) -> Tables:
-    """``simulate`` in so many processes, at most one a method; each prepares the scenario anew."""
-    methods = len(prepared.scenario.methods)
-    if min(workers, methods) <= 1:
-        return simulate(prepared, progress, spill)
-    apart = partial(_simulate_apart, pickle.dumps((prepared.scenario, prepared.devices)))
-    return side_by_side(apart, methods, workers, progress=progress, spill=spill)
+    """``simulate`` in so many processes, each of which prepares the scenario anew: several methods
+    side by side, a single one in parts where it can be split.
+    """
+    full = prepared.expanded
+    methods, parts = full.methods, min(workers, len(full.cars))
+    if min(workers, len(methods)) > 1:
+        apart = partial(_simulate_apart, _packed(prepared))
+        return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
+    if parts > 1 and not split.obstacle(full, methods[0]):
+        cars = [car.name for car in full.cars]
+        tables = in_parts(
+            partial(_simulate_part, _packed(prepared)),
+            parts,
+            cars=cars,
+            hosts=[*(edge.name for edge in full.edges), *cars],
+            streams=[camera.name for camera in full.cameras],
+            progress=progress,
+            spill=spill,
+        )
+        if tables is not None:
+            return tables
+    return simulate(prepared, progress, spill)
+
+
+def _simulate_part(
+    packed: bytes, job: PartJob, tables: PartTables, exchange: Exchange, progress: Progress
+) -> None:
+    """A part of a method, in a process that knows nothing yet."""
+    prepared = _prepared(packed)
+    (entry,) = prepared.expanded.methods
+    owners = split.owners([car.name for car in prepared.expanded.cars], job.parts)
+    share = Share(job.number, owners, split.window_ns(prepared.expanded), exchange)
+    of_part = tables.begin(share.scheduled_ns)
+    simulate_method(prepared, entry, of_part, driven=(), progress=progress, share=share)
 
 
 def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
@@ -447,6 +477,11 @@ def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progre
     *earlier, entry = prepared.expanded.methods[: number + 1]
     driven = set().union(*(_hosts(prepared, other) for other in earlier))
     simulate_method(prepared, entry, tables, driven=driven, progress=progress)
+
+
+def _packed(prepared: Prepared) -> bytes:
+    """What another process prepares the same from."""
+    return pickle.dumps((prepared.scenario, prepared.devices))
 
 
 @lru_cache(maxsize=1)
@@ -499,17 +534,21 @@ def simulate_method(
     *,
     driven: Collection[str],
     progress: Progress,
+    share: Share | None = None,
 ) -> set[str]:
     """Adds the rows of one method to the tables; returns the hosts on which it runs something.
 
     ``driven`` are the hosts on which methods before it do: rows that are the same under every
-    method are written once. ``progress`` is called with the time now and at the end [s].
+    method are written once. ``progress`` is called with the time now and at the end [s]. With a
+    ``share`` only that is simulated.
     """
     scenario = prepared.expanded
     samples: Samples = "all" if scenario.fleet is None else "edges"
     if "resources" not in scenario.record:
         samples = "none"
     setup = build.setup(prepared, entry)
+    if share is not None:
+        setup = shared(setup, share)
     accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
     log = Log(
         entry.name,
@@ -521,7 +560,7 @@ def simulate_method(
     )
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
-        world = World(setup, build.method(entry), log)
+        world = World(setup, build.method(entry), log, share)
         world.run(_progress_of(log, progress))
         hosts = set(world.network.graphs)
         world.dismantle()

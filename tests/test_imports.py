@@ -41,8 +41,8 @@ BASE = (
 )
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
-_RESULTS = ("recording", "analysis", "report", "method_processes")
-_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "runner")
+_RESULTS = ("recording", "analysis", "report", "method_processes", "part_processes")
+_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split", "runner")
 # Each package, or module beside them, and what it may import besides itself and the base.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
@@ -61,7 +61,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "own_classes": _SIMULATED,
     "build": (*_READ, "own_classes"),
     "method_processes": ("recording",),
-    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build"),
+    "part_processes": ("core", "sim", "recording", "method_processes"),
+    "split": (*_READ, "own_classes", "build"),
+    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split"),
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),

@@ -12,7 +12,7 @@ import pytest
 import genie_sim as gs
 from genie_sim import runner
 from genie_sim.cli import main
-from genie_sim.method_processes import MethodJob, Reporter, _watched
+from genie_sim.method_processes import MethodJob, Reporter, watched
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.scenario import RECORDS, read_scenario
 from tests.conftest import REPOSITORY
@@ -77,7 +77,7 @@ def test_progress_is_that_of_all_methods_together(tmp_path):
     Reporter(jobs[1])(1.0, 4.0, "remote, 8 frames/s")
     assert json.loads(jobs[1].progress.read_text()) == [1.0, 4.0, "remote, 8 frames/s"]
     told = []
-    with _watched(jobs, lambda *now: told.append(now)):
+    with watched(jobs, lambda *now: told.append(now)):
         pass
     assert told == [(5.0, 12.0, "remote, 8 frames/s")]
 

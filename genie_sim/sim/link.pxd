@@ -24,6 +24,7 @@ cdef class Link:
     cdef object _queueing
     cdef long long _queue_length
     cdef object _dropped
+    cdef object _across
     cdef object _waiting
     cdef object _flows
     cdef Transfer _on_wire

@@ -2,19 +2,28 @@
 
 from collections import Counter, deque
 from collections.abc import Callable, Hashable
+from typing import Protocol
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Arguments
-from genie_sim.sim.encoding import Coder, ImageCodec
+from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
-from genie_sim.sim.ros_graph import Dropped, Graph, ignore_drop
+from genie_sim.sim.ros_graph import Dropped, ignore_drop
 
 Deliver = Callable[..., None]
+# Takes a message to another process: when it arrives there [ns], and what it is delivered with.
+Across = Callable[[int, Arguments], None]
 OnMessage = Callable[[Message], None]
+
+
+class Target(Protocol):
+    """What takes messages at the far end of a link, such as a ``Graph``."""
+
+    def inject(self, topic: str, message: Message, sender: str) -> None: ...
 
 
 class Transfer:
@@ -61,6 +70,8 @@ class Link:
         How many messages of each flow wait at most.
     dropped : callable
         Called with each message that is lost, and what lost it.
+    across : callable or None
+        Takes messages on, where another process simulates the other end of the link.
     """
 
     kind = "link"
@@ -75,6 +86,7 @@ class Link:
         part: Part = "edges",
         queue_length: int = 1,
         dropped: Dropped = ignore_drop,
+        across: Across | None = None,
     ) -> None:
         self.clock = clock
         self.name = name
@@ -89,6 +101,7 @@ class Link:
         self._queueing = SpanLabel("queueing", name)
         self._queue_length = queue_length
         self._dropped = dropped
+        self._across = across
         self._waiting: deque[Transfer] = deque()
         self._flows: Counter[Hashable] = Counter()  # how many messages of each wait
         self._on_wire: Transfer | None = None
@@ -171,8 +184,11 @@ class Link:
         else:
             self.completed += 1
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
-            until_ns = self._last_arrival_ns - now_ns
-            clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
+            if self._across is None:
+                until_ns = self._last_arrival_ns - now_ns
+                clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
+            else:
+                self._across(self._last_arrival_ns, transfer.arguments)
         if self._waiting:
             following = self._waiting.popleft()
             self._flows[following.flow] -= 1
@@ -223,7 +239,7 @@ class Bridge:
     ----------
     link : Link
         What carries the messages.
-    target : Graph or Coder
+    target : Target
         What takes them at the far end.
     topic : str
         The topic at the far end.
@@ -243,7 +259,7 @@ class Bridge:
     def __init__(
         self,
         link: Link,
-        target: Graph | Coder,
+        target: Target,
         *,
         topic: str,
         address: str,
@@ -288,9 +304,12 @@ class Bridge:
             message = bent
         flow = (self.address, self._topic, message.header.frame_id)
         arguments = (message, sender, self._times_up)
-        self.link.send(flow, message, self._arrive, arguments, self._carried)
+        self.link.send(flow, message, self.arrive, arguments, self._carried)
 
-    def _arrive(self, message: Message, sender: str, times_up: int) -> None:
+    def arrive(self, message: Message, sender: str, times_up: int) -> None:
+        """A message reaches the far end; it left when the connection was up for the ``times_up``-th
+        time.
+        """
         if not self._is_up or times_up != self._times_up:
             self._lose(message)
             return

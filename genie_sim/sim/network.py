@@ -4,6 +4,7 @@ act on.
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
+from functools import partial
 from types import MappingProxyType
 from typing import Literal
 
@@ -18,12 +19,14 @@ from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.forgeries import Forgeries
+from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, Sender
 from genie_sim.sim.link_models.channels import make_radio
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
+from genie_sim.sim.share import FarSender, Share
 
 
 class Network:
@@ -51,6 +54,8 @@ class Network:
         Where each car is at a time [ns]: east and north [m].
     sites : mapping
         Where each edge is: east and north [m], or ``None``.
+    share : Share or None
+        The share of the run that this process simulates; ``None``: all of it.
     """
 
     def __init__(
@@ -64,9 +69,11 @@ class Network:
         codec: ImageCodec | None = None,
         places: Mapping[str, Place] = MappingProxyType({}),
         sites: Mapping[str, Point | None] = MappingProxyType({}),
+        share: Share | None = None,
     ) -> None:
         self.clock = clock
         self.monitor = monitor
+        self.share = share
         self.codec = codec
         self.resources: list[Resource] = []  # what is sampled
         self.graphs: dict[str, Graph] = {}  # by the host
@@ -135,16 +142,15 @@ class Network:
         part : {"uplink", "downlink", "edges"}
             What the time on it counts as.
         """
-        radio = self._radios.get(id(model))
-        if radio is None:
-            radio = self._radios[id(model)] = make_radio(model, self)
+        share = self.share
         link = Link(
             self.clock,
             ends.name,
-            radio.sender(ends),
+            self._sender(ends, model) if share is None or share.sends(ends) else FarSender(),
             part=part,
             queue_length=self._queue_length,
             dropped=self.monitor.dropped,
+            across=None if share is None or share.receives(ends) else partial(share.carry, ends),
         )
         for target, cause in self.outages:
             if is_at(link, target):
@@ -152,6 +158,19 @@ class Network:
         self.links[ends.name] = link
         self.resources.append(link)
         return link
+
+    def _sender(self, ends: LinkEnds, model: LinkModel | Medium) -> Sender:
+        radio = self._radios.get(id(model))
+        if radio is None:
+            radio = self._radios[id(model)] = make_radio(model, self)
+        return radio.sender(ends)
+
+    def interface(self, car: str, tail_time_ns: int) -> InterfaceUse:
+        """The use of the network interface of a car, which stays awake so long [ns] after a
+        transfer.
+        """
+        share = self.share
+        return InterfaceUse(tail_time_ns) if share is None else share.interface(car, tail_time_ns)
 
     def border(self, source: str, destination: str) -> Border:
         """The two ends of a link between hosts, for its messages."""

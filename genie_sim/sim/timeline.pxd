@@ -1,10 +1,15 @@
 cdef struct Due:
     long long at_ns
+    long long scheduled_ns
     long long number  # of the call, in the order in which they were scheduled
     Py_ssize_t place  # where the call itself is
+    bint is_foreign  # a timeline of another process scheduled it
 
 cdef class Timeline:
     cdef public long long now
+    cdef public long long scheduled_ns
+    cdef public bint has_ties
+    cdef bint _is_foreign  # the current call
     cdef public object path
     cdef public object _urgent
     cdef Due *_heap
@@ -15,8 +20,9 @@ cdef class Timeline:
     cdef list _arguments
     cdef list _free
     cpdef after(self, delay_ns, call, tuple arguments=*, label=*)
+    cpdef from_elsewhere(self, long long at_ns, long long scheduled_ns, call, tuple arguments)
     cpdef begin(self, header)
     cpdef waited(self, path, label)
     cdef _carry_out_next(self)
-    cdef _push(self, long long at_ns, call, tuple arguments)
+    cdef _push(self, Due due, call, tuple arguments)
     cdef Due _pop(self) noexcept

@@ -16,6 +16,8 @@ cdef long long NEVER_NS = 0x7FFFFFFFFFFFFFFF
 cdef inline bint comes_before(const Due *one, const Due *other) noexcept:
     if one.at_ns != other.at_ns:
         return one.at_ns < other.at_ns
+    if one.scheduled_ns != other.scheduled_ns:
+        return one.scheduled_ns < other.scheduled_ns
     return one.number < other.number
 
 
@@ -33,13 +35,20 @@ cdef class Timeline:
 
     cpdef after(self, delay_ns, call, tuple arguments=(), label=None):
         cdef long long delay
+        cdef Due due
         try:
             delay = PyLong_AsLongLong(delay_ns)
         except OverflowError:
             delay = NEVER_NS
         if delay > NEVER_NS - self.now:
             delay = NEVER_NS - self.now
-        self._push(self.now + delay, call, arguments)
+        due.at_ns, due.scheduled_ns, due.is_foreign = self.now + delay, self.now, False
+        self._push(due, call, arguments)
+
+    cpdef from_elsewhere(self, long long at_ns, long long scheduled_ns, call, tuple arguments):
+        cdef Due due
+        due.at_ns, due.scheduled_ns, due.is_foreign = at_ns, scheduled_ns, True
+        self._push(due, call, arguments)
 
     cpdef begin(self, header):
         pass
@@ -83,11 +92,13 @@ cdef class Timeline:
         call = self._calls[due.place]
         self._calls[due.place] = self._arguments[due.place] = None
         self._free.append(due.place)
-        self.now = due.at_ns
+        if due.at_ns == self.now and due.scheduled_ns == self.scheduled_ns:
+            self.has_ties |= due.is_foreign or self._is_foreign
+        self.now, self.scheduled_ns = due.at_ns, due.scheduled_ns
+        self._is_foreign = due.is_foreign
         call(*arguments)
 
-    cdef _push(self, long long at_ns, call, tuple arguments):
-        cdef Due due
+    cdef _push(self, Due due, call, tuple arguments):
         cdef Due *larger
         cdef Py_ssize_t here, parent, room
         if self._scheduled == self._room:
@@ -96,7 +107,7 @@ cdef class Timeline:
             if larger == NULL:
                 raise MemoryError
             self._heap, self._room = larger, room
-        due.at_ns, due.number = at_ns, self._numbers
+        due.number = self._numbers
         self._numbers += 1
         if self._free:
             due.place = self._free.pop()

@@ -4,12 +4,13 @@ from collections.abc import Mapping
 from functools import partial
 
 from genie_sim.messages import Message
-from genie_sim.sim.interface import InterfaceUse
+from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.share import FarEdge, FarGraph
 from genie_sim.sim.topology import EdgeServer
 
 
@@ -25,14 +26,14 @@ class CarUplink:
     ----------
     network : Network
         Where the links are made.
-    graph : Graph
+    graph : Graph or FarGraph
         The car's graph.
     topics : Uplink
         What goes up and what comes down.
     model : LinkModel or Medium
         The car's link.
     edges : mapping
-        All edge servers, by name.
+        All edge servers, by name; those of another process are ``FarEdge``.
     tail_time_ns : int
         How long the car's network interface stays awake after a transfer.
     """
@@ -40,14 +41,14 @@ class CarUplink:
     def __init__(
         self,
         network: Network,
-        graph: Graph,
+        graph: Graph | FarGraph,
         topics: Uplink,
         *,
         model: LinkModel | Medium,
-        edges: Mapping[str, EdgeServer],
+        edges: Mapping[str, EdgeServer | FarEdge],
         tail_time_ns: int = 0,
     ) -> None:
-        self.interface = InterfaceUse(tail_time_ns)
+        self.interface = network.interface(graph.name, tail_time_ns)
         self.address = f"{graph.name}/uplink"
         self.car = graph.name
         self.edge = ""
@@ -58,7 +59,9 @@ class CarUplink:
         self._edges = edges
         self._lost_by = ""  # what made the car leave
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
-        self._encoder = network.add_coder(graph, "encoder", self._send)
+        self._encoder: Coder | None = None
+        if isinstance(graph, Graph):
+            self._encoder = network.add_coder(graph, "encoder", self._send)
         graph.bridge(topics.up, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
@@ -90,13 +93,16 @@ class CarUplink:
     def bytes_carried(self) -> tuple[int, int]:
         """How much went up and came down, over the links to all edges."""
         links = [(up.link, down.link) for up, down in self._bridges.values()]
-        return sum(up.sent_bytes for up, _ in links), sum(down.sent_bytes for _, down in links)
+        share = self._network.share
+        elsewhere_bytes = 0 if share is None else share.carried_bytes(self.car)
+        bytes_down = sum(down.sent_bytes for _, down in links) + elsewhere_bytes
+        return sum(up.sent_bytes for up, _ in links), bytes_down
 
     def _send(self, topic: str, message: Message, sender: str) -> None:
         upwards, _ = self._bridges[self.edge]
         upwards.deliver(topic, message, sender)
 
-    def _connect(self, edge: EdgeServer) -> tuple[Bridge, Bridge]:
+    def _connect(self, edge: EdgeServer | FarEdge) -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
         network, car = self._network, self._graph.name
         upwards_ends = LinkEnds(f"{car}->{edge.name}", car, edge.name, up=True)
@@ -124,6 +130,9 @@ class CarUplink:
             border=network.border(edge.name, car),
         )
         edge.bridge_to[car] = downwards
+        if network.share is not None:
+            network.share.expect(up.name, upwards)
+            network.share.expect(down.name, downwards)
         return upwards, downwards
 
     def _lost(self, message: Message) -> None:

@@ -17,6 +17,7 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
+from genie_sim.sim.share import FarEdge, FarGraph, Share
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 from genie_sim.sim.tracing import TracingClock
 from genie_sim.sim.uplinks import CarUplink
@@ -33,35 +34,45 @@ class World:
     """All hosts, graphs and links of one scenario under one method, on one clock of integer
     nanoseconds.
 
-    The ``method`` says what runs on each host; the ``monitor`` observes the run.
+    The ``method`` says what runs on each host; the ``monitor`` observes the run. Where several
+    processes simulate it, ``share`` says which hosts are simulated here.
     """
 
-    def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
+    def __init__(
+        self, setup: Setup, method: Method, monitor: Monitor, share: Share | None = None
+    ) -> None:
         self.setup = setup
-        self.monitor = monitor
         self.clock = TracingClock() if monitor.wants_paths else Clock()
+        self.monitor = monitor if share is None else share.observe(self.clock, monitor)
+        self._share = share
         self.network = Network(
             self.clock,
-            monitor,
+            self.monitor,
             seed=setup.seed,
             host_names=[car.name for car in setup.cars] + [edge.name for edge in setup.edges],
             queue_length=setup.settings.queue_length,
             codec=setup.codec,
             places=setup.places,
             sites={edge.name: edge.at_m for edge in setup.edges},
+            share=share,
         )
-        self.edges: dict[str, EdgeServer] = {}
+        self.edges: dict[str, EdgeServer | FarEdge] = {}
         self.last_frame_ns = 0  # when the last frame is taken
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[CameraNode] = []
         self._faults: list[FaultSpan] = []
         self._uplinks: list[CarUplink] = []
-        self._build_edges()
+        if share is None or share.has_edges:
+            self._build_edges()
+        else:
+            self.edges.update((edge.name, FarEdge(edge.name)) for edge in setup.edges)
         edge_resources = list(self.network.resources)
         for car in setup.cars:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
+        if share is not None:
+            self.last_frame_ns = share.latest(self.last_frame_ns)
         for timed in setup.faults:
             timed = fault.recorded(timed, self._faults)
             fault.start(timed, self.network, self.last_frame_ns)
@@ -72,14 +83,26 @@ class World:
         """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
         self._sample(progress)
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
-            self.clock.run(until=self.last_frame_ns + drained_ns)
-            if self.clock.waits_only_for(self._sample):
+            if self._pass_time(self.last_frame_ns + drained_ns):
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(self._usage())
         self.monitor.failed(self._faults)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
+
+    def _pass_time(self, until_ns: int) -> bool:
+        """Lets time pass; returns whether nothing happens any more."""
+        clock, share = self.clock, self._share
+        if share is None:
+            clock.run(until=until_ns)
+            return clock.waits_only_for(self._sample)
+        is_idle = False
+        while clock.now < until_ns:
+            clock.run(until=min(clock.now + share.window_ns, until_ns))
+            is_over = clock.now == until_ns
+            is_idle = share.exchange(is_over and clock.waits_only_for(self._sample))
+        return is_idle
 
     def dismantle(self) -> None:
         """Takes everything apart after the run, so that it is freed at once and not by Python's
@@ -143,20 +166,22 @@ class World:
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
+        servers: dict[str, EdgeServer] = {}
         blind_edges, neighbours_of = setup.blind_edges, neighbours(setup.edges)
         for edge in setup.edges:
             name = edge.name
             context = self._context(name, name not in blind_edges, has_edge=True, genie=True)
             config = self._method.on_edge(replace(context, neighbours=neighbours_of[name]))
             graph = network.add_host(name, setup.devices[edge.device])
-            self.edges[name] = EdgeServer(graph, config)
+            servers[name] = EdgeServer(graph, config)
             if config.detector:
                 self._add_detector(graph, edge.serving or setup.settings.serving)
-        for server in self.edges.values():
+        for server in servers.values():
             graph = server.graph
             self._add_interceptor(graph, server.config, "edge")
             server.target = network.add_coder(graph, "decoder", graph.inject) or graph
-        join_edges(network, self.edges, neighbours_of, setup.edge_network)
+        join_edges(network, servers, neighbours_of, setup.edge_network)
+        self.edges.update(servers)
 
     def _build_car(self, car: Car) -> None:
         setup = self.setup
@@ -165,6 +190,9 @@ class World:
         )
         config = self._method.on_car(context)
         if config is None:
+            return
+        if self._share is not None and not self._share.has(car.name):
+            self._add_uplink(car, FarGraph(car.name), config)
             return
         graph = self.network.add_host(car.name, setup.devices[car.device])
         if config.detector:
@@ -194,6 +222,8 @@ class World:
             wiring.check_car(graph, config)
             if config.uplink is not None and car.edge is not None:
                 edge = self.edges[car.edge]
+                if isinstance(edge, FarEdge):
+                    return  # the process with the edges checks it
                 wiring.check_edge(edge.graph, edge.config, car.name)
 
     def _context(self, name: str, gets_images: bool, *, has_edge: bool, genie: bool) -> HostContext:
@@ -235,7 +265,9 @@ class World:
         if not config.is_beside:
             graph.entry = node.name
 
-    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
+    def _add_uplink(
+        self, car: Car, graph: Graph | FarGraph, config: HostConfig
+    ) -> CarUplink | None:
         """The car's connection to its edge, if the method wants one."""
         if config.uplink is None:
             return None

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from genie_sim.sim.timeline import Timeline
@@ -161,3 +161,75 @@ def test_the_arguments_of_what_was_carried_out_are_let_go():
     timeline.pass_time(2)
     gc.collect()
     assert seen() is None
+
+
+# Calls that a timeline of another process has scheduled
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 40), st.integers(0, 12), st.booleans()), max_size=12),
+    st.integers(1, 12),
+)
+@example([(1, 0, True), (0, 1, False)], 6)
+@example([(0, 1, False), (1, 0, False), (2, 0, True)], 6)
+def test_calls_from_elsewhere_come_as_if_they_had_been_scheduled_here(
+    plans: list[tuple[int, int, bool]], window_ns: int
+):
+    """Two timelines exchange calls after each window that take longer than a window, against one
+    timeline with all calls.
+    """
+
+    def run(split: bool) -> list[tuple[int, int]]:
+        here, there = Timeline(), Timeline()
+        noted: list[tuple[int, int]] = []
+        crossing: list[tuple[int, int, int]] = []
+
+        def note(number: int) -> None:
+            noted.append((here.now, number))
+
+        def plan(timeline: Timeline, number: int, delay_ns: int) -> None:
+            if timeline is here:
+                here.after(delay_ns, note, (number,))
+            else:
+                crossing.append((there.now + delay_ns, there.now, number))
+
+        for number, (begin_ns, delay_ns, is_here) in enumerate(plans):
+            timeline = here if is_here or not split else there
+            arguments = (timeline, number, delay_ns + window_ns)
+            timeline.after(begin_ns, plan, arguments)
+        for end_ns in range(window_ns, 40 + 12 + 3 * window_ns, window_ns):
+            here.pass_time(end_ns)
+            there.pass_time(end_ns)
+            for at_ns, scheduled_ns, number in crossing:
+                here.from_elsewhere(at_ns, scheduled_ns, note, (number,))
+            crossing.clear()
+        if split and here.has_ties:
+            return run(split=False)
+        return noted
+
+    assert run(split=True) == run(split=False)
+
+
+@pytest.mark.parametrize(("scheduled_ns", "is_tie"), [(0, False), (1, True), (3, False)])
+def test_two_calls_of_one_instant_scheduled_at_one_instant_are_a_tie(
+    scheduled_ns: int, is_tie: bool
+):
+    timeline = Timeline()
+    timeline.pass_time(1)
+    timeline.after(9, list)
+    timeline.after(9, list)  # whose order is known here
+    timeline.pass_time(5)
+    timeline.from_elsewhere(10, scheduled_ns, list, ())
+    timeline.from_elsewhere(10, 4, list, ())
+    timeline.from_elsewhere(11, 4, list, ())
+    timeline.pass_time(20)
+    assert timeline.has_ties is is_tie
+
+
+def test_the_timeline_tells_when_the_present_call_was_scheduled():
+    timeline, told = Timeline(), []
+    timeline.after(2, lambda: timeline.after(5, lambda: told.append(timeline.scheduled_ns)))
+    timeline.pass_time(6)
+    timeline.from_elsewhere(7, 4, lambda: told.append(timeline.scheduled_ns), ())
+    timeline.pass_time(10)
+    assert told == [2, 4]

@@ -1,0 +1,60 @@
+"""Whether one method of a run can be split among processes, and which cars each of them gets."""
+
+from collections.abc import Sequence
+
+from genie_sim import build
+from genie_sim.scenario.methods import MethodEntry
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.share import EDGES
+
+# Methods whose hosts share nothing but messages, of which a frame's detections are all that counts.
+METHODS = frozenset({"local", "remote", "paced_remote", "genie", "central", "deadline"})
+# Tables that can be put together from those of several processes.
+TABLES = frozenset({"lookups", "looks", "resources", "poses"})
+FAULTS = frozenset({"hand_over"})  # which act on a car and its links alone
+# Of the processor time of a fleet under Genie, about what the edges take. A wrong share only makes
+# one process wait for another.
+EDGES_SHARE = 0.4
+
+
+def obstacle(scenario: Scenario, entry: MethodEntry) -> str:
+    """Why a method of a scenario cannot be split, to stand behind "because"; empty if it can."""
+    tables = sorted(set(scenario.record) - TABLES)
+    faults = sorted({fault.fault.name for fault in scenario.faults} - FAULTS)
+    if scenario.fleet is None:
+        return "it has no fleet"
+    if entry.method.name not in METHODS:
+        return f"{entry.name} cannot be split"
+    if tables:
+        return f"it records {', '.join(tables)}"
+    if faults:
+        return f"it has the fault {faults[0]}"
+    if scenario.under(entry).image_encoding != "raw":
+        return "images are encoded"
+    if build.own_plugins(scenario):
+        return "it runs code of its own"
+    if not window_ns(scenario):
+        return f"a message may take no time on the cars' link ({scenario.fleet.link.name})"
+    return ""
+
+
+def window_ns(scenario: Scenario) -> int:
+    """The least time that a message takes between a car of the fleet and an edge [ns]: for so long
+    processes need not know of each other. 0 where the link does not tell.
+    """
+    assert scenario.fleet is not None
+    return int(getattr(build.link_model(scenario.fleet.link), "min_delay_ns", 0))
+
+
+def owners(cars: Sequence[str], processes: int) -> dict[str, int]:
+    """The process of each car. The first one has the edges, too, so fewer cars."""
+    of_edges = max(0.0, (1 / processes - EDGES_SHARE) / (1 - EDGES_SHARE))
+    owner, due = {}, 0.0
+    for number, car in enumerate(cars):
+        due += of_edges
+        if due >= 1.0:
+            due -= 1.0
+            owner[car] = EDGES
+        else:
+            owner[car] = 1 + number % (processes - 1)
+    return owner
