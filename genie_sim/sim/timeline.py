@@ -14,15 +14,21 @@ class Timeline:
     """Calls by the instant at which they are due; ``now`` is the time since the run's start [ns].
 
     A heap holds the instants, and each instant has a list of calls, in the order in which they were
-    scheduled. ``path`` is the last span of the path that led to the current call; only
-    ``TracingClock`` sets it.
+    scheduled.
+
+    Where time ``is_traced``, every frame is followed, which changes neither the instants nor the
+    order of calls: a call that is scheduled with a label continues the path of the frame that is
+    handled then, and ``path`` is the last span of the path that led to the current call. Queues
+    keep the path of each message beside it and continue it with ``waited``. A span begins where the
+    one before it ends, so the spans of an answer add up to its response time.
     """
 
-    __slots__ = ("_calls", "_instants", "_urgent", "now", "path")
+    __slots__ = ("_calls", "_instants", "_is_traced", "_urgent", "now", "path")
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_traced: bool = False) -> None:
         self.now = 0
         self.path: Span | None = None
+        self._is_traced = is_traced
         self._instants: list[int] = []
         self._calls: dict[int, list[tuple[Callable[..., None], tuple[Any, ...]]]] = {}
         # what comes before all other calls of this instant; ``step`` carries it out
@@ -49,6 +55,8 @@ class Timeline:
             What the delay counts as on the path of the frame that is handled now; ``None``: the
             call has nothing to do with that frame.
         """
+        if self.path is not None and label is not None:
+            call, arguments = self._continue, (self.path, label, call, arguments)
         at_ns = self.now + index(delay_ns)
         calls = self._calls.get(at_ns)
         if calls is None:
@@ -58,12 +66,23 @@ class Timeline:
             calls.append((call, arguments))
 
     def begin(self, header: Header) -> None:
-        """A new frame is handled from now on; only ``TracingClock`` follows it."""
+        """A new frame is handled from now on."""
+        if self._is_traced:
+            self.path = Span(None, self.now, before=None, header=header)
 
     def waited(self, path: Span | None, label: SpanLabel) -> None:
-        """Continues the ``path`` of a message that has waited until now, as ``label`` says; only
-        ``TracingClock`` does.
-        """
+        """Continues the ``path`` of a message that has waited until now, as ``label`` says."""
+        if path is not None and path.end_ns != self.now:
+            path = Span(label, self.now, before=path, header=path.header)
+        self.path = path
+
+    def _continue(
+        self, path: Span, label: SpanLabel, call: Callable[..., None], arguments: tuple[Any, ...]
+    ) -> None:
+        """Carries out what was scheduled on the path of a frame."""
+        self.waited(path, label)
+        call(*arguments)
+        self.path = None
 
     def next_ns(self) -> int | None:
         """The instant of the next call [ns]; ``None`` if none is scheduled."""

@@ -18,7 +18,6 @@ from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
-from genie_sim.sim.tracing import TracingClock
 from genie_sim.sim.uplinks import CarUplink
 from genie_sim.units import NS_PER_S
 
@@ -39,7 +38,7 @@ class World:
     def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
         self.setup = setup
         self.monitor = monitor
-        self.clock = TracingClock() if monitor.wants_paths else Clock()
+        self.clock = Clock(is_traced=monitor.wants_paths)
         self.network = Network(
             self.clock,
             monitor,
