@@ -1,6 +1,6 @@
 """The observer interface of a simulation run."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol
 
@@ -39,18 +39,20 @@ class Span:
     before: "Span | None"
     header: Header
 
-    def since(self, begin_ns: int) -> Iterator[tuple[Part, str, int, int]]:
-        """Part, place, begin and end of each span from an instant on, this one first. Spans of one
-        label that follow one another are one.
+    def since(self, begin_ns: int) -> list[tuple[SpanLabel, int, int]]:
+        """Label, begin and end of each span from an instant on, in their order, up to this one.
+        Spans of one label that follow one another are one.
         """
+        spans: list[tuple[SpanLabel, int, int]] = []
         last: Span | None = self
         while last is not None and last.before is not None and last.end_ns > begin_ns:
             label, first = last.label, last.before
             while first.before is not None and first.label == label and first.end_ns > begin_ns:
                 first = first.before
             assert label is not None, "a span with another before it"
-            yield label.part, label.place, max(first.end_ns, begin_ns), last.end_ns
+            spans.append((label, max(first.end_ns, begin_ns), last.end_ns))
             last = first
+        return spans[::-1]
 
 
 class FaultSpan(NamedTuple):

@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.recording.near_pairs import near_pairs
+
 Array = np.ndarray[Any, Any]
 
 
@@ -31,41 +33,15 @@ class Pairs(NamedTuple):
         return Pairs(*(column[selection] for column in self))
 
 
-def repeated(begins: Array, counts: Array) -> tuple[Array, Array]:
-    """Returns the numbers of ranges and, beside each, the index of its range: ``counts[i]`` numbers
-    from ``begins[i]`` on.
-    """
-    index = np.repeat(np.arange(len(counts)), counts)
-    skipped = np.cumsum(counts) - counts
-    return np.arange(len(index)) - skipped[index] + begins[index], index
-
-
 def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
-    """All pairs of one group within reach, in no order that matters.
+    """All pairs of one group within reach, in no order that matters."""
+    return Pairs(*near_pairs(ours, theirs, reach_m))
 
-    Theirs are sorted by group and then from west to east, so those that may be near one of ours
-    stand beside one another.
-    """
-    if not len(ours.group) or not len(theirs.group):
-        none = np.zeros(0, dtype=np.int64)
-        return Pairs(none, none, np.zeros(0))
-    west_m = min(ours.east_m.min(), theirs.east_m.min())
-    width_m = max(ours.east_m.max(), theirs.east_m.max()) - west_m + 2.0 * reach_m + 1.0
-    our_keys = ours.group * width_m + (ours.east_m - west_m)
-    their_keys = theirs.group * width_m + (theirs.east_m - west_m)
-    order = np.argsort(their_keys, kind="stable")
-    their_keys = their_keys[order]
-    # The keys are rounded: a wider search finds all, and the distance decides.
-    search_m = reach_m + 4.0 * np.spacing(max(our_keys.max(), their_keys[-1]))
-    begins = np.searchsorted(their_keys, our_keys - search_m)
-    ends = np.searchsorted(their_keys, our_keys + search_m, side="right")
-    places, index = repeated(begins, ends - begins)
-    found = order[places]
-    east_m = theirs.east_m[found] - ours.east_m[index]
-    north_m = theirs.north_m[found] - ours.north_m[index]
-    distance_m2 = east_m * east_m + north_m * north_m
-    selection = (distance_m2 <= reach_m * reach_m) & (ours.group[index] == theirs.group[found])
-    return Pairs(index, found, distance_m2).rows(selection)
+
+def parts(column: Array, counts: Array) -> list[list[Any]]:
+    """The first so many values of a column, the next so many, and so on."""
+    values, ends = column.tolist(), np.cumsum(counts).tolist()
+    return [values[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
 
 
 def turns(codes: Array) -> Array:

@@ -1,3 +1,4 @@
+from genie_sim.monitor cimport Span
 from genie_sim.recording.open_frame cimport OpenFrame
 cimport cython
 
@@ -33,7 +34,7 @@ cdef class Log:
     @cython.locals(frame=OpenFrame)
     cpdef answered(self, answer, source, now_ns, path=*)
     @cython.locals(values=list)
-    cpdef _note_steps(self, path, OpenFrame frame, is_first, is_fresh)
+    cpdef _note_steps(self, Span path, OpenFrame frame, is_first, is_fresh)
     @cython.locals(frame=OpenFrame)
     cpdef dropped(self, message, where)
     cpdef observe(self, placement, node, record, now_ns)
@@ -41,6 +42,7 @@ cdef class Log:
     @cython.locals(frame=OpenFrame)
     cpdef _note_image_lookup(self, placement, genie, lookup, now_ns)
     cpdef _note_object_lookups(self, placement, genie, lookups, now_ns)
+    @cython.locals(values=list, numbers=dict)
     cpdef _note_changes(self, genie, changes, now_ns, forgotten=*)
     @cython.locals(values=list)
     cpdef sample(self, resources, now_ns)

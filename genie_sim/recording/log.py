@@ -28,11 +28,6 @@ from genie_sim.recording.records import (
     FaultRow,
     HostRow,
     LookRow,
-    LookupRow,
-    ObjectRow,
-    PoseRow,
-    ResourceRow,
-    StepRow,
     Tables,
 )
 from genie_sim.recording.tables import Value
@@ -55,6 +50,9 @@ SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last a
 
 class Log:
     """Writes the rows of one method's run; a ``monitor.Monitor``.
+
+    Rows of which there are many are plain tuples in the order of the columns (``records``): naming
+    the columns of each takes ten times as long.
 
     A frame's row is found by its header and completed as the frame moves on. Then it goes into the
     table, which is compact; if more becomes known after all, it is taken out again.
@@ -123,16 +121,17 @@ class Log:
         if self._agreement is not None:
             frame.image = image
         if self._poses is not None and car not in self._posed:
-            row = PoseRow(
-                method=self.method,
-                car=car,
-                stream=stream,
-                frame=number,
-                stamp_ns=stamp_ns,
-                east_m=image.pose.east_m,
-                north_m=image.pose.north_m,
-                heading_rad=image.pose.heading_rad,
-                horizontal_fov_rad=image.horizontal_fov_rad,
+            pose = image.pose
+            row = (
+                self.method,
+                car,
+                stream,
+                number,
+                stamp_ns,
+                pose.east_m,
+                pose.north_m,
+                pose.heading_rad,
+                image.horizontal_fov_rad,
             )
             self._poses.append(row)
 
@@ -240,17 +239,17 @@ class Log:
             return
         which = _WHICH[is_first, is_fresh]
         values: list[Value] = []  # all rows at once
-        for part, place, begin_ns, end_ns in reversed(list(path.since(frame.received_ns))):
-            values += StepRow(
-                method=self.method,
-                car=frame.car,
-                stream=frame.stream,
-                stamp_ns=frame.stamp_ns,
-                which=which,
-                part=part,
-                place=place,
-                begin_ns=begin_ns,
-                end_ns=end_ns,
+        for (part, place), begin_ns, end_ns in path.since(frame.received_ns):
+            values += (
+                self.method,
+                frame.car,
+                frame.stream,
+                frame.stamp_ns,
+                which,
+                part,
+                place,
+                begin_ns,
+                end_ns,
             )
         self._steps.append(values)
 
@@ -304,22 +303,22 @@ class Log:
         hit = lookup.outcome == "hit"
         if self._lookups is not None:
             stamp_ns, stream, car = lookup.header.original
-            row = LookupRow(
-                method=self.method,
-                t_ns=now_ns,
-                genie=genie,
-                placement=placement,
-                kind="image",
-                requester=lookup.requester,
-                car=car,
-                stream=stream,
-                stamp_ns=stamp_ns,
-                outcome=lookup.outcome,
-                requests=1,
-                hits=int(hit),
-                updates=0,
-                boost_sum=0.0,
-                entries=lookup.entries,
+            row = (
+                self.method,
+                now_ns,
+                genie,
+                placement,
+                "image",
+                lookup.requester,
+                car,
+                stream,
+                stamp_ns,
+                lookup.outcome,
+                1,  # request
+                int(hit),
+                0,  # objects changed
+                0.0,
+                lookup.entries,
             )
             self._lookups.append(row)
         if placement == "car" and lookup.requester == "client":
@@ -334,22 +333,22 @@ class Log:
         if self._lookups is None:
             return
         stamp_ns, stream, car = lookups.header.original
-        row = LookupRow(
-            method=self.method,
-            t_ns=now_ns,
-            genie=genie,
-            placement=placement,
-            kind=lookups.kind,
-            requester=None,
-            car=car,
-            stream=stream,
-            stamp_ns=stamp_ns,
-            outcome=None,
-            requests=lookups.requests,
-            hits=lookups.hits,
-            updates=lookups.updates,
-            boost_sum=lookups.boost_sum,
-            entries=lookups.objects,
+        row = (
+            self.method,
+            now_ns,
+            genie,
+            placement,
+            lookups.kind,
+            None,  # nobody's request
+            car,
+            stream,
+            stamp_ns,
+            None,  # neither hit nor miss
+            lookups.requests,
+            lookups.hits,
+            lookups.updates,
+            lookups.boost_sum,
+            lookups.objects,
         )
         self._lookups.append(row)
 
@@ -359,25 +358,29 @@ class Log:
         """Objects of a Genie's map are new, have another confidence, or none any more."""
         if self._objects is None:
             return
+        numbers = self._open_objects
+        values: list[Value] = []  # all rows at once
         for change in changes:
             # A Genie that lost its state counts its objects from 0 again; the table goes on.
             key = genie, change.number
-            if key not in self._open_objects:
-                self._open_objects[key] = self._object_counts[genie]
+            number = numbers.get(key)
+            if number is None:
+                numbers[key] = number = self._object_counts[genie]
                 self._object_counts[genie] += 1
-            row = ObjectRow(
-                method=self.method,
-                t_ns=now_ns,
-                genie=genie,
-                object=self._open_objects[key],
-                label=change.label,
-                east_m=change.location[0],
-                north_m=change.location[1],
-                confidence=None if forgotten else change.confidence,
+            location = change.location
+            values += (
+                self.method,
+                now_ns,
+                genie,
+                number,
+                change.label,
+                location[0],
+                location[1],
+                None if forgotten else change.confidence,
             )
-            self._objects.append(row)
             if forgotten:
-                del self._open_objects[key]
+                del numbers[key]
+        self._objects.append(values)
 
     def _note_expired(self, genie: str, request: Expired) -> None:
         """A client's request was forgotten before anybody answered it."""
@@ -395,16 +398,16 @@ class Log:
         self.close(now_ns - SETTLED_NS)
         values: list[Value] = []  # all rows at once: a fleet has thousands of resources
         for resource in resources:
-            values += ResourceRow(
-                method=self.method,
-                t_ns=now_ns,
-                resource=resource.name,
-                kind=resource.kind,
-                capacity=resource.capacity,
-                busy_ns=resource.busy_ns,
-                queue=resource.queued,
-                completed=resource.completed,
-                dropped=resource.drops,
-                bytes=resource.sent_bytes,
+            values += (
+                self.method,
+                now_ns,
+                resource.name,
+                resource.kind,
+                resource.capacity,
+                resource.busy_ns,
+                resource.queued,
+                resource.completed,
+                resource.drops,
+                resource.sent_bytes,
             )
         self._resources.append(values)

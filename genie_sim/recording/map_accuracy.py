@@ -8,7 +8,6 @@ Streaming Perception", ECCV 2020).
 During the run scenes and answers are only noted; a window of them is judged at once.
 """
 
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
@@ -16,12 +15,12 @@ import numpy as np
 
 from genie_sim.core.consumer import Consumer, Newest, Shown
 from genie_sim.messages import Detections, Image
-from genie_sim.recording.ages import NOT_YET_NS, FirstSeen, Given, Sights
+from genie_sim.recording.ages import NOT_YET_NS, FirstSeen, Given
 from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
 from genie_sim.recording.held_spans import HeldSpans, JudgedObjects
-from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, turns
+from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, parts, turns
 from genie_sim.recording.objects import UNKNOWN, Codes, Objects, ShownColumns
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
@@ -112,9 +111,8 @@ class MapAccuracy:
             self._spans = HeldSpans(
                 method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
             )
-        # of this window: scenes, how many instants of each car, answers in the consumers' hands
+        # of this window: scenes, and answers in the consumers' hands
         self._scenes: list[JudgedScene] = []
-        self._turns: Counter[int] = Counter()
         self._given: list[Given] = []
 
     def answered(self, answer: Detections, now_ns: int) -> None:
@@ -123,7 +121,7 @@ class MapAccuracy:
         if consumer is not None:
             consumer.on_answer(answer, now_ns)
             car = self._cars[answer.header.origin]
-            self._given.append(Given(car, self._turns[car], answer))
+            self._given.append(Given(len(self._scenes), car, answer))
 
     def published(self, image: Image) -> None:
         """A camera took a frame; the car is judged unless only its first camera's frames count."""
@@ -139,7 +137,6 @@ class MapAccuracy:
         if car not in self._judged_without_delay:
             detections = (Shown(image.content.detections),)
             self._scenes.append(JudgedScene(image, truth, detections, is_consumer=False))
-        self._turns[self._cars[car]] += 1
         if len(self._scenes) >= self._window:
             self._judge()
 
@@ -161,7 +158,6 @@ class MapAccuracy:
         if self._spans is not None:
             self._follow(self._spans, views, visible, compared)
         self._scenes, self._given = [], []
-        self._turns.clear()
 
     def _compare(self, views: SceneViews, visible: Visible) -> _Compared:
         """Judges each object in view, of a class that the truth knows."""
@@ -220,12 +216,12 @@ class MapAccuracy:
         # An object that has moved on is at a place of no answer.
         stays = (items.east_m == known.east_m) & (items.north_m == known.north_m)
         rows = np.flatnonzero(of_consumer & stays)
-        turn = np.zeros(len(views.car), dtype=np.int64)
-        turn[views.is_consumer] = turns(views.car[views.is_consumer])
-        scene = items.scene[rows]
-        sights = Sights(views.car[scene], turn[scene], known.sight[rows])
+        scenes = np.flatnonzero(views.is_consumer)
+        counts = np.bincount(items.scene[rows], minlength=len(views.car))[scenes]
+        sights = parts(known.sight[rows], counts)
+        held_sights = zip(scenes.tolist(), views.car[scenes].tolist(), sights, strict=True)
         seen_ns = np.full(len(items.scene), NOT_YET_NS)
-        seen_ns[rows] = self._first_seen.seen_ns(objects, self._given, sights, self._turns)
+        seen_ns[rows] = self._first_seen.seen_ns(objects, self._given, held_sights)
         seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
         age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
         age_s[~of_consumer] = 0.0

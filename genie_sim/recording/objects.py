@@ -1,5 +1,6 @@
 """The distinct objects of many answers, as columns."""
 
+from array import array
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -8,6 +9,7 @@ import numpy as np
 from genie_sim.classes import class_of
 from genie_sim.messages import Detection, Location
 from genie_sim.recording.joins import Array
+from genie_sim.recording.packed_rows import packed
 
 UNKNOWN = -1
 MAX_KEPT = 20_000  # objects and lists of them, at the begin of a window
@@ -44,7 +46,7 @@ class ShownColumns(NamedTuple):
         return ShownColumns(*(column[selection] for column in self))
 
 
-_KINDS = [np.int64] * 3 + [np.float64] * 4 + [np.int64] * 2
+_TYPECODES = "qqqddddqq"
 _NO_TRACK = 0.0, 0.0, UNKNOWN, UNKNOWN
 
 
@@ -82,10 +84,11 @@ class Objects:
     def _begin(self) -> None:
         self.sights: Codes = Codes()
         self._numbers: dict[int, int] = {}  # by the object's identity
-        self._of_lists: dict[int, list[int]] = {}  # by the list's identity
+        self._of_lists: dict[int, bytes] = {}  # by the list's identity
         self._kept: list[object] = []  # whose identities must not be given to others
-        self._new: list[tuple[Any, ...]] = []  # rows that are not in the columns yet
-        self._columns = ShownColumns(*(np.zeros(0, dtype=kind) for kind in _KINDS))
+        self._new: list[Any] = []  # of rows that are not in the columns yet, row by row
+        self._count = 0
+        self._columns = ShownColumns(*(np.zeros(0, dtype=code) for code in _TYPECODES))
 
     def numbers(self, shown: Sequence[Sequence[Detection]]) -> tuple[Array, Array]:
         """The numbers of those objects of some lists that have a place, list by list, and how many
@@ -93,45 +96,45 @@ class Objects:
         """
         of_lists = [self._of_list(objects) for objects in shown]
         counts = np.array([len(numbers) for numbers in of_lists], dtype=np.int64)
-        return np.array([one for numbers in of_lists for one in numbers], dtype=np.int64), counts
+        return np.frombuffer(b"".join(of_lists), dtype=np.int64), counts // np.int64().nbytes
 
     def columns(self) -> ShownColumns:
         """All that have been numbered."""
         if self._new:
-            new = zip(zip(*self._new, strict=True), _KINDS, strict=True)
-            parts = zip(self._columns, (np.array(of, dtype=kind) for of, kind in new), strict=True)
-            self._columns = ShownColumns(*(np.concatenate(part) for part in parts))
+            parts = []
+            for place, (column, code) in enumerate(zip(self._columns, _TYPECODES, strict=True)):
+                new = packed(self._new, place, len(_TYPECODES), code)
+                parts.append(np.append(column, np.frombuffer(new, dtype=code)))
+            self._columns = ShownColumns(*parts)
             self._new.clear()
         return self._columns
 
-    def _of_list(self, objects: Sequence[Detection]) -> list[int]:
+    def _of_list(self, objects: Sequence[Detection]) -> bytes:
+        """The numbers of the objects of a list, as the bytes of an array."""
         known = self._of_lists.get(id(objects))
         if known is not None:
             return known
-        numbers, add = self._numbers, self._add
-        of_list = []
+        numbers = []
         for detection in objects:
-            number = numbers.get(id(detection))
-            if number is None:
-                number = add(detection)
-            if number != UNKNOWN:
-                of_list.append(number)
+            if detection.location is not None:
+                number = self._numbers.get(id(detection))
+                numbers.append(self._add(detection) if number is None else number)
+        of_list = array("q", numbers).tobytes()
         self._kept.append(objects)
         self._of_lists[id(objects)] = of_list
         return of_list
 
     def _add(self, detection: Detection) -> int:
-        self._kept.append(detection)
+        """Numbers an object that has a place."""
         location, motion = detection.location, detection.motion
-        if location is None:
-            self._numbers[id(detection)] = UNKNOWN
-            return UNKNOWN
-        self._numbers[id(detection)] = number = len(self._columns.label) + len(self._new)
-        sight: Sight = (detection.label, location)
+        assert location is not None
         track = _NO_TRACK
         if motion is not None:
             track = (*motion.velocity_mps, self.cars[motion.seen.origin], motion.seen.stamp_ns)
         label, class_ = self.classes[detection.label]
-        row = label, class_, self.sights[sight], location[0], location[1], *track
-        self._new.append(row)
+        sight = self.sights[detection.label, location]
+        self._new += (label, class_, sight, location[0], location[1], *track)
+        self._kept.append(detection)
+        self._numbers[id(detection)] = number = self._count
+        self._count += 1
         return number

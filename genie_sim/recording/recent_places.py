@@ -67,17 +67,9 @@ class RecentPlaces:
 
     def _near(self, places: GroupedPlaces, reach_m: Array) -> tuple[Array, Array]:
         """Indices of places and codes of known ones within reach of them."""
-        max_reach_m = float(reach_m.max()) * (1.0 + 1e-9)
         classes, east_m, north_m = self._places.T
-        known = _in_rows(GroupedPlaces(classes, east_m, north_m), max_reach_m)
-        # What is near is in the same row of cells, or in the next.
-        wanted = _in_rows(places, max_reach_m)
-        found = [
-            near(wanted._replace(group=wanted.group + row), known, max_reach_m)
-            for row in (-1, 0, 1)
-        ]
-        asked = np.concatenate([pairs.ours for pairs in found])
-        code = np.concatenate([pairs.theirs for pairs in found])
+        known = GroupedPlaces(classes.astype(np.int64), east_m, north_m)
+        asked, code, _ = near(places, known, float(reach_m.max()) * (1.0 + 1e-9))
         away_m = np.hypot(
             east_m[code] - places.east_m[asked], north_m[code] - places.north_m[asked]
         )
@@ -93,9 +85,3 @@ class RecentPlaces:
             for code in np.flatnonzero(remembered).tolist():
                 self.codes[names[code]]
             self._places, self._last_ns = self._places[remembered], self._last_ns[remembered]
-
-
-def _in_rows(places: GroupedPlaces, side_m: float) -> GroupedPlaces:
-    """The same, grouped by class and by row of cells of a side."""
-    rows = np.floor(places.north_m / side_m)
-    return places._replace(group=(places.group + 1.0) * 2.0**32 + rows)

@@ -15,8 +15,8 @@ from genie_sim.sim.timeline import Timeline
 class Clock(Timeline, simpy.Environment):
     """The time of a run: ``now`` is in nanoseconds since its start."""
 
-    def __init__(self) -> None:
-        Timeline.__init__(self)
+    def __init__(self, *, is_traced: bool = False) -> None:
+        Timeline.__init__(self, is_traced=is_traced)
         simpy.Environment.__init__(self)
 
     def schedule(

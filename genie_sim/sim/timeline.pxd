@@ -1,3 +1,5 @@
+from genie_sim.monitor cimport Span
+
 cdef struct Due:
     long long at_ns
     long long scheduled_ns
@@ -9,8 +11,9 @@ cdef class Timeline:
     cdef public long long now
     cdef public long long scheduled_ns
     cdef public bint has_ties
+    cdef public Span path
+    cdef bint _is_traced
     cdef bint _is_foreign  # the current call
-    cdef public object path
     cdef public object _urgent
     cdef Due *_heap
     cdef Py_ssize_t _scheduled
@@ -22,7 +25,7 @@ cdef class Timeline:
     cpdef after(self, delay_ns, call, tuple arguments=*, label=*)
     cpdef from_elsewhere(self, long long at_ns, long long scheduled_ns, call, tuple arguments)
     cpdef begin(self, header)
-    cpdef waited(self, path, label)
+    cpdef waited(self, Span path, label)
     cdef _carry_out_next(self)
     cdef _push(self, Due due, call, tuple arguments)
     cdef Due _pop(self) noexcept

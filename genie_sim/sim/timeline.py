@@ -17,18 +17,33 @@ class Timeline:
     """Calls by the instant at which they are due; ``now`` is the time since the run's start [ns].
 
     A heap holds the instants, and each instant has a list of calls, in the order in which they were
-    scheduled. ``path`` is the last span of the path that led to the current call; only
-    ``TracingClock`` sets it. ``scheduled_ns`` is when the current call was scheduled, and
-    ``has_ties`` whether the order of any two calls is unknown (see ``from_elsewhere``).
+    scheduled. ``scheduled_ns`` is when the current call was scheduled, and ``has_ties`` whether the
+    order of any two calls is unknown (see ``from_elsewhere``).
+
+    Where time ``is_traced``, every frame is followed, which changes neither the instants nor the
+    order of calls: a call that is scheduled with a label continues the path of the frame that is
+    handled then, and ``path`` is the last span of the path that led to the current call. Queues
+    keep the path of each message beside it and continue it with ``waited``. A span begins where the
+    one before it ends, so the spans of an answer add up to its response time.
     """
 
-    __slots__ = ("_calls", "_instants", "_urgent", "has_ties", "now", "path", "scheduled_ns")
+    __slots__ = (
+        "_calls",
+        "_instants",
+        "_is_traced",
+        "_urgent",
+        "has_ties",
+        "now",
+        "path",
+        "scheduled_ns",
+    )
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_traced: bool = False) -> None:
         self.now = 0
         self.path: Span | None = None
         self.scheduled_ns = 0
         self.has_ties = False
+        self._is_traced = is_traced
         self._instants: list[int] = []
         # of each, when it was scheduled, what is called, and with what
         self._calls: dict[int, list[tuple[int, Callable[..., None], tuple[Any, ...]]]] = {}
@@ -56,6 +71,8 @@ class Timeline:
             What the delay counts as on the path of the frame that is handled now; ``None``: the
             call has nothing to do with that frame.
         """
+        if self.path is not None and label is not None:
+            call, arguments = self._continue, (self.path, label, call, arguments)
         at_ns = self.now + index(delay_ns)
         calls = self._calls.get(at_ns)
         if calls is None:
@@ -83,12 +100,23 @@ class Timeline:
         calls.insert(place, (scheduled_ns, call, arguments))
 
     def begin(self, header: Header) -> None:
-        """A new frame is handled from now on; only ``TracingClock`` follows it."""
+        """A new frame is handled from now on."""
+        if self._is_traced:
+            self.path = Span(None, self.now, before=None, header=header)
 
     def waited(self, path: Span | None, label: SpanLabel) -> None:
-        """Continues the ``path`` of a message that has waited until now, as ``label`` says; only
-        ``TracingClock`` does.
-        """
+        """Continues the ``path`` of a message that has waited until now, as ``label`` says."""
+        if path is not None and path.end_ns != self.now:
+            path = Span(label, self.now, before=path, header=path.header)
+        self.path = path
+
+    def _continue(
+        self, path: Span, label: SpanLabel, call: Callable[..., None], arguments: tuple[Any, ...]
+    ) -> None:
+        """Carries out what was scheduled on the path of a frame."""
+        self.waited(path, label)
+        call(*arguments)
+        self.path = None
 
     def next_ns(self) -> int | None:
         """The instant of the next call [ns]; ``None`` if none is scheduled."""

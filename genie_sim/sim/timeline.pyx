@@ -9,6 +9,8 @@ from math import ceil
 from cpython.long cimport PyLong_AsLongLong
 from libc.stdlib cimport free, realloc
 
+from genie_sim.monitor cimport Span
+
 cdef Py_ssize_t FIRST_ROOM = 64  # calls
 cdef long long NEVER_NS = 0x7FFFFFFFFFFFFFFF
 
@@ -24,9 +26,10 @@ cdef inline bint comes_before(const Due *one, const Due *other) noexcept:
 cdef class Timeline:
     """See ``timeline.py``. An instant that 64 bits do not hold never comes."""
 
-    def __init__(self):
+    def __init__(self, *, is_traced=False):
         self.now = 0
         self.path = None
+        self._is_traced = is_traced
         self._urgent = deque()
         self._calls, self._arguments, self._free = [], [], []
 
@@ -42,6 +45,8 @@ cdef class Timeline:
             delay = NEVER_NS
         if delay > NEVER_NS - self.now:
             delay = NEVER_NS - self.now
+        if self.path is not None and label is not None:
+            call, arguments = None, (self.path, label, call, arguments)
         due.at_ns, due.scheduled_ns, due.is_foreign = self.now + delay, self.now, False
         self._push(due, call, arguments)
 
@@ -51,10 +56,13 @@ cdef class Timeline:
         self._push(due, call, arguments)
 
     cpdef begin(self, header):
-        pass
+        if self._is_traced:
+            self.path = Span(None, self.now, None, header)
 
-    cpdef waited(self, path, label):
-        pass
+    cpdef waited(self, Span path, label):
+        if path is not None and path.end_ns != self.now:
+            path = Span(label, self.now, path, path.header)
+        self.path = path
 
     def next_ns(self):
         return self._heap[0].at_ns if self._scheduled else None
@@ -96,7 +104,13 @@ cdef class Timeline:
             self.has_ties |= due.is_foreign or self._is_foreign
         self.now, self.scheduled_ns = due.at_ns, due.scheduled_ns
         self._is_foreign = due.is_foreign
-        call(*arguments)
+        if call is None:  # on the path of a frame
+            path, label, call, arguments = arguments
+            self.waited(path, label)
+            call(*arguments)
+            self.path = None
+        else:
+            call(*arguments)
 
     cdef _push(self, Due due, call, tuple arguments):
         cdef Due *larger

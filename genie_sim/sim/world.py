@@ -19,7 +19,6 @@ from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.share import FarEdge, FarGraph, Share
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
-from genie_sim.sim.tracing import TracingClock
 from genie_sim.sim.uplinks import CarUplink
 from genie_sim.units import NS_PER_S
 
@@ -42,7 +41,7 @@ class World:
         self, setup: Setup, method: Method, monitor: Monitor, share: Share | None = None
     ) -> None:
         self.setup = setup
-        self.clock = TracingClock() if monitor.wants_paths else Clock()
+        self.clock = Clock(is_traced=monitor.wants_paths)
         self.monitor = monitor if share is None else share.observe(self.clock, monitor)
         self._share = share
         self.network = Network(

@@ -132,7 +132,7 @@ def test_places_where_nothing_has_been_visible_for_ten_seconds_are_forgotten():
         codes = np.array([places.codes[place] for place in seen])
         at = np.array([0, *range(len(window))])
         asked = GroupedPlaces(
-            np.zeros(2), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3])
+            np.zeros(2, dtype=int), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3])
         )
         there = places.were_there(
             asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window

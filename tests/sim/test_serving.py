@@ -26,7 +26,6 @@ from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Admission, Serving
-from genie_sim.sim.tracing import TracingClock
 
 MS = 1_000_000
 SERVICE_MS = 10
@@ -252,7 +251,7 @@ def test_every_picture_of_a_batch_has_the_time_of_a_slow_and_stalled_accelerator
     """Two pictures wait for a key that is computed, 4 ms, then take 3 times 14 ms, and 5 ms in
     which the accelerator stands still.
     """
-    bench = Bench(batch=2, wait_ns=MS, clock=TracingClock())
+    bench = Bench(batch=2, wait_ns=MS, clock=Clock(is_traced=True))
     accelerator = bench.host.accelerator
     accelerator.run(5 * MS, lambda: None)
     bench.clock.after(0, accelerator.slow, (3.0,))
@@ -261,8 +260,8 @@ def test_every_picture_of_a_batch_has_the_time_of_a_slow_and_stalled_accelerator
     bench.run([("a", 0, 0), ("b", 1, 1)])
     assert bench.answered == [("a@0", 52), ("b@1", 52)]
     for path, arrived_ms in zip(bench.paths, (0, 1), strict=True):
-        steps = [(part, (end_ns - begin_ns) // MS) for part, _, begin_ns, end_ns in path.since(0)][
-            ::-1
+        steps = [
+            (label.part, (end_ns - begin_ns) // MS) for label, begin_ns, end_ns in path.since(0)
         ]
         waited = [("queueing", 1)] if arrived_ms == 0 else []
         assert steps == [*waited, ("queueing", 4), ("inference", 47)]

@@ -1,0 +1,1 @@
+# No class here: the function is declared in the .pyx alone.
