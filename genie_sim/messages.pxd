@@ -1,3 +1,6 @@
+from genie_sim.header cimport Header as TypedHeader  # the .py hands on Header by its own name
+cimport cython
+
 cdef class Image:
     cdef public object header
     cdef public object size_bytes
@@ -53,3 +56,6 @@ cdef class ObjectLookups:
     cdef public object objects
     cdef public object changes
     cdef public object forgotten
+
+@cython.locals(item=Detection, header=TypedHeader)
+cpdef newest_look_ns(objects, newest_ns)

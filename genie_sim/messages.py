@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, NamedTuple, Protocol, Self
 
+from genie_sim.header import Header as Header
+
 Location = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 
@@ -28,23 +30,6 @@ LOOK_DETECTION_BYTES = 36
 ORIGIN_BYTES = 8
 SIGNATURE_BYTES = 64
 SHARED = "shared"  # the source of what an edge tells of others' looks
-
-
-class Header(NamedTuple):
-    """Who took a picture, with which camera, when.
-
-    ``origin`` (the car) is part of a request's identity because cars that replay the same drive can
-    share stamps.
-    """
-
-    stamp_ns: int
-    frame_id: str
-    origin: str
-
-    @property
-    def original(self) -> "Header":
-        """The header that the camera gave it, where clocks disagree (``sim.bends.Restamped``)."""
-        return self
 
 
 class CameraPose(NamedTuple):
@@ -274,12 +259,7 @@ class Detections:
         newest_ns: int | None = None
         if self.source != "map":
             newest_ns = (self.seen_in or self.header).original.stamp_ns
-        for item in self.objects:
-            if item.seen_in is not None:
-                stamp_ns = item.seen_in.original.stamp_ns
-                if newest_ns is None or newest_ns < stamp_ns:
-                    newest_ns = stamp_ns
-        return newest_ns
+        return newest_look_ns(self.objects, newest_ns)
 
     def restamped(self, header: Header) -> "Detections":
         return Detections(
@@ -328,6 +308,20 @@ class Detections:
             valid_ns=self.valid_ns,
             seen_in=self.seen_in or self.header,
         )
+
+
+def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int | None:
+    """When the newest frame was taken in which a detector saw one of the objects, or the
+    ``newest_ns`` known already.
+    """
+    for item in objects:
+        header = item.seen_in
+        if header is not None:
+            if type(header) is not Header:  # of a car whose clock is wrong
+                header = header.original
+            if newest_ns is None or newest_ns < header.stamp_ns:
+                newest_ns = header.stamp_ns
+    return newest_ns
 
 
 @dataclass(slots=True)

@@ -248,6 +248,7 @@ def test_little_is_written_twice():
     """Twins are structures of data, with no rule of Genie's inside."""
     assert set(TWINS) == {
         "genie_sim.recording.near_pairs",
+        "genie_sim.header",
         "genie_sim.recording.packed_rows",
         "genie_sim.sim.timeline",
     }

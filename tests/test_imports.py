@@ -24,6 +24,7 @@ BASE = (
     "version",
     "engine",
     "units",
+    "header",
     "messages",
     "classes",
     "grid",
@@ -108,6 +109,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 OF_CORE = (
     "errors",
     "units",
+    "header",
     "messages",
     "classes",
     "grid",

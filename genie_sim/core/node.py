@@ -22,8 +22,8 @@ What is here is what a Genie does by default. Other readings of the paper stand 
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, object_lookups
 from genie_sim.core.message_cache import (
@@ -62,7 +62,8 @@ class Request(Message, Protocol):
     def horizontal_fov_rad(self) -> float: ...
 
 
-class ArrivedMessage(NamedTuple):
+@dataclass(slots=True)
+class Arrival:
     """What arrives on one of a Genie's topics."""
 
     topic: str  # the encapsulated node's own, without a suffix
@@ -132,7 +133,7 @@ class GenieNode:
         self._names_changes = names_changes
         self._subscribed, self._published = tuple(subscribed), tuple(published)
         self._caches: dict[str, MessageCache] = {}  # H_DB: a hashmap for each topic of requests
-        self._arrivals: dict[str, ArrivedMessage] = {}  # by topic, with its suffix
+        self._arrivals: dict[str, Arrival] = {}  # by topic, with its suffix
         for topics, suffix, is_request in (
             (self._subscribed, "", True),
             (self._subscribed, self._remote, True),
@@ -141,7 +142,7 @@ class GenieNode:
         ):
             for topic in topics:
                 is_remote = suffix == self._remote
-                arrival = ArrivedMessage(
+                arrival = Arrival(
                     topic,
                     is_request,
                     is_remote,
@@ -277,7 +278,10 @@ class GenieNode:
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
-        return sum(map(len, self._caches.values()))
+        entries = 0
+        for cache in self._caches.values():
+            entries += len(cache)
+        return entries
 
     def _time_passes(self, now_ns: int) -> list[Effect]:
         """Forgets the objects of the map and the pending requests whose time is over."""
@@ -296,7 +300,7 @@ class GenieNode:
         return None if expiry_ns is None else now_ns + expiry_ns
 
     def _learn(
-        self, arrival: ArrivedMessage, answer: Answer, pending: PendingRequest | None, now_ns: int
+        self, arrival: Arrival, answer: Answer, pending: PendingRequest | None, now_ns: int
     ) -> EnhancedAnswer:
         """Line 9: the object map learns from the answer."""
         if not arrival.is_learned:
@@ -324,14 +328,15 @@ class GenieNode:
         cache.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, arrival: ArrivedMessage, answer: EnhancedAnswer, pending: PendingRequest
-    ) -> Iterator[Publish]:
+        self, arrival: Arrival, answer: EnhancedAnswer, pending: PendingRequest
+    ) -> list[Publish]:
         """The first answer to a request goes to everyone who waits for it, under the header of each
         one's own request.
         """
         topic, header = arrival.topic, answer.answer.header
+        released: list[Publish] = []
         if topic in pending.answered:
-            return
+            return released
         pending.answered.add(topic)
         if len(pending.answered) == len(self._published):
             self._pending.close(pending)
@@ -350,7 +355,8 @@ class GenieNode:
                 part = answer.to_clients
             if requester.header != header:
                 part = part.restamped(requester.header)
-            yield self._publication(topic, part, requester)
+            released.append(self._publication(topic, part, requester))
+        return released
 
     def _map_answers(self, viewer: Viewer, now_ns: int) -> list[Publish]:
         """What a client gets at once although its request missed: the map's confident objects in

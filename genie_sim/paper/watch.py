@@ -11,13 +11,14 @@ from genie_sim.messages import Detections, Message
 from genie_sim.paper.facts import Fact, Facts, placed
 from genie_sim.sim.method import OBJECTS, REMOTE
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
+from genie_sim.sim.ros_graph import Subscriber
 
 if TYPE_CHECKING:
     from genie_sim.core.rules import GenieRules
     from genie_sim.sim.world import World
 
 
-class WorldObserver:
+class WorldObserver(Subscriber):
     """Watches the worlds of one run, method by method; takes no simulated time.
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,

@@ -1,3 +1,5 @@
+from genie_sim.header cimport Header
+from genie_sim.messages cimport Detections, Image
 from genie_sim.monitor cimport Span
 from genie_sim.recording.open_frame cimport OpenFrame
 cimport cython
@@ -24,15 +26,17 @@ cdef class Log:
     cdef dict _open
     cdef dict _open_objects
     cdef object _object_counts
-    @cython.locals(frame=OpenFrame)
-    cpdef published(self, image, number, lap)
+    @cython.locals(frame=OpenFrame, header=Header)
+    cpdef published(self, Image image, number, lap)
     cpdef OpenFrame _frame(self, header)
     @cython.locals(frame=OpenFrame)
     cpdef received(self, header, now_ns)
+    @cython.locals(settled=list, values=list, header=Header, frame=OpenFrame)
+    cpdef close(self, before_ns=*)
     @cython.locals(frame=OpenFrame)
     cpdef carried(self, column, message)
     @cython.locals(frame=OpenFrame)
-    cpdef answered(self, answer, source, now_ns, path=*)
+    cpdef answered(self, Detections answer, source, now_ns, path=*)
     @cython.locals(values=list)
     cpdef _note_steps(self, Span path, OpenFrame frame, is_first, is_fresh)
     @cython.locals(frame=OpenFrame)

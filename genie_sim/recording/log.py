@@ -2,13 +2,12 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from itertools import takewhile
 
+from genie_sim.header import Header
 from genie_sim.messages import (
     Detections,
     Expired,
     Forgotten,
-    Header,
     Image,
     ImageLookup,
     LookEvent,
@@ -112,7 +111,6 @@ class Log:
     def published(self, image: Image, number: int, lap: int) -> None:
         """A camera took a frame. See ``monitor.Monitor`` for this and what follows."""
         header = image.header
-        stamp_ns, stream, car = header
         frame = OpenFrame(self.method, header, number, lap)
         self._open[header] = frame
         self.published_frames += 1
@@ -120,14 +118,14 @@ class Log:
             self._accuracy.published(image)
         if self._agreement is not None:
             frame.image = image
-        if self._poses is not None and car not in self._posed:
+        if self._poses is not None and header.origin not in self._posed:
             pose = image.pose
             row = (
                 self.method,
-                car,
-                stream,
+                header.origin,
+                header.frame_id,
                 number,
-                stamp_ns,
+                header.stamp_ns,
                 pose.east_m,
                 pose.north_m,
                 pose.heading_rad,
@@ -147,12 +145,15 @@ class Log:
 
     def close(self, before_ns: int | None = None) -> None:
         """Frames taken before this go into the table; ``None``: all do."""
-        settled: Iterable[Header] = self._open
-        if before_ns is not None:
-            settled = takewhile(lambda header: header.stamp_ns < before_ns, self._open)
+        settled: list[Header] = []
+        for header in self._open:
+            if before_ns is not None and header.stamp_ns >= before_ns:
+                break
+            settled.append(header)
         values: list[Value] = []  # all rows at once
-        for header in list(settled):
-            values += self._open.pop(header).values()
+        for header in settled:
+            frame = self._open.pop(header)
+            values += frame.values()
         self._frames.append(values)
         if before_ns is None:
             if self._accuracy is not None:

@@ -49,7 +49,9 @@ class OpenFrame:
 
     def __init__(self, method: str, header: Header, number: int = 0, lap: int = 0) -> None:
         self.method = method
-        self.stamp_ns, self.stream, self.car = header
+        self.car = header.origin
+        self.stream = header.frame_id
+        self.stamp_ns = header.stamp_ns
         self.frame = number
         self.lap = lap
         self.received_ns: int | None = None

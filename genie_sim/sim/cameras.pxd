@@ -1,3 +1,5 @@
+from genie_sim.header cimport Header
+from genie_sim.messages cimport Image
 from genie_sim.sim.ros_graph cimport Node
 cimport cython
 
@@ -14,4 +16,4 @@ cdef class CameraNode(Node):
     cpdef wait(self)
     cpdef _stamp_ns(self, lap, frame)
     cpdef _publish(self, image)
-    cpdef _image(self, header, frame)
+    cpdef Image _image(self, Header header, frame)

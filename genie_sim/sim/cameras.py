@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator, Sequence
 
-from genie_sim.messages import Frame, Header, Image
+from genie_sim.header import Header
+from genie_sim.messages import Frame, Image
 from genie_sim.sim.bends import Sense
 from genie_sim.sim.method import IMAGES
 from genie_sim.sim.ros_graph import Graph, Node

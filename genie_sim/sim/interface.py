@@ -30,7 +30,8 @@ class InterfaceUse:
         if self._transfers == 0:
             self._since_ns = now_ns
             if self._idle_since_ns is not None:
-                self.tail_ns += min(now_ns - self._idle_since_ns, self._tail_time_ns)
+                idle_ns = now_ns - self._idle_since_ns
+                self.tail_ns += min(idle_ns, self._tail_time_ns)
         self._transfers += 1
 
     def end(self, now_ns: int) -> None:

@@ -1,4 +1,5 @@
 from genie_sim.sim.interface cimport InterfaceUse
+from genie_sim.sim.ros_graph cimport Subscriber
 from genie_sim.sim.timeline cimport Timeline
 cimport cython
 
@@ -37,8 +38,7 @@ cdef class Link:
     cdef _transmit(self, Transfer transfer)
     cpdef lose(self, message, where)
 
-cdef class Bridge:
-    cdef public object address
+cdef class Bridge(Subscriber):
     cdef public Link link
     cdef object _codec
     cdef object _target

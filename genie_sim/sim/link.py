@@ -12,7 +12,7 @@ from genie_sim.sim.device import Arguments
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
-from genie_sim.sim.ros_graph import Dropped, ignore_drop
+from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
 # Takes a message to another process: when it arrives there [ns], and what it is delivered with.
@@ -229,7 +229,7 @@ class Link:
         self._dropped(message, where)
 
 
-class Bridge:
+class Bridge(Subscriber):
     """Carries a topic of one graph over a link to a topic of another.
 
     After ``take_down`` nothing gets across any more, neither what comes then nor what was on its

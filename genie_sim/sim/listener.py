@@ -6,10 +6,10 @@ from genie_sim.messages import Detections, Message
 from genie_sim.monitor import Monitor
 from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.method import IMAGES, OBJECTS
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 
 
-class CarListener:
+class CarListener(Subscriber):
     """Node Z, the consumer, which takes the answers to its car's frames from whichever node sends
     them. It reports each to the monitor, and each frame when it reaches the first node's queue.
 

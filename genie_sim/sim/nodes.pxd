@@ -1,3 +1,4 @@
+from genie_sim.messages cimport Publish
 from genie_sim.sim.ros_graph cimport Node
 cimport cython
 
@@ -20,5 +21,7 @@ cdef class InterceptorNode(Node):
     cpdef work(self, message, done, tuple arguments)
     cpdef handle(self, topic, message, sender)
     cpdef _carry_out(self, effects)
-    cpdef _is_own_answer(self, effect)
+    cpdef _publish_effect(self, Publish effect, path)
+    cpdef _is_own_answer(self, Publish effect)
+    cpdef _publish_own_answer(self, Publish effect)
     cpdef _set_timer(self)

@@ -142,16 +142,21 @@ class InterceptorNode(Node):
             if not isinstance(effect, Publish):
                 self._observe(self.name, effect, self.clock.now)
                 continue
+            self._publish_effect(effect, path)
+            self.clock.path = path
+
+    def _publish_effect(self, effect: Publish, path: Span | None) -> None:
+        """Publishes a message; ``path`` is that of the message that led to it."""
+        if path is not None:
             header = effect.message.header
-            if path is not None and header != path.header and header in self._paths:
+            if header != path.header and header in self._paths:
                 # another frame, which has waited here for this one
                 self.clock.waited(self._paths[header], self._pending)
-            if self._charges_answers and self._is_own_answer(effect):
-                self._in_service.append(effect.message)
-                self.host.serve_message(self._publish_own_answer, (effect,), self.work_label)
-            else:
-                self.graph.publish(self, effect.topic, effect.message, effect.to)
-            self.clock.path = path
+        if self._charges_answers and self._is_own_answer(effect):
+            self._in_service.append(effect.message)
+            self.host.serve_message(self._publish_own_answer, (effect,), self.work_label)
+        else:
+            self.graph.publish(self, effect.topic, effect.message, effect.to)
 
     def _is_own_answer(self, effect: Publish) -> bool:
         """Whether this is an answer of the node's own making on the original topic."""

@@ -2,6 +2,10 @@ from genie_sim.sim.device cimport Host
 from genie_sim.sim.timeline cimport Timeline
 cimport cython
 
+cdef class Subscriber:
+    cdef public object address
+    cpdef deliver(self, topic, message, sender)
+
 cdef class Graph:
     cdef public Host host
     cdef public Timeline clock
@@ -14,17 +18,19 @@ cdef class Graph:
     cdef public dict _bridges
     cdef public dict _nodes
     cdef public dict _remapped
+    @cython.locals(route=tuple, receivers=list)
     cpdef publish(self, Node node, topic, message, to=*)
     cpdef inject(self, topic, message, sender)
+    @cython.locals(receiver=Subscriber)
+    cpdef _arrive(self, receivers, topic, message, sender)
 
-cdef class Node:
+cdef class Node(Subscriber):
     cdef public object name
     cdef public Host host
     cdef public Graph graph
     cdef public Timeline clock
     cdef public tuple subscribes
     cdef public tuple publishes
-    cdef public object address
     cdef public long long drops
     cdef public long long completed
     cdef public long long queued

@@ -4,7 +4,7 @@ remappings.
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Literal, Protocol
+from typing import Literal
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Part, Span, SpanLabel
@@ -13,13 +13,14 @@ from genie_sim.sim.device import Arguments, Done, Host
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
 
 
-class Subscriber(Protocol):
+class Subscriber:
     """Anything that messages are delivered to; ``address`` is what a reply is sent to."""
 
-    @property
-    def address(self) -> str: ...
+    address: str
 
-    def deliver(self, topic: str, message: Message, sender: str) -> None: ...
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """A message of a topic comes from the node called ``sender``."""
+        raise NotImplementedError
 
 
 def ignore_drop(message: Message, where: str) -> None:
@@ -150,7 +151,7 @@ class Graph:
             receiver.deliver(topic, message, sender)
 
 
-class Node:
+class Node(Subscriber):
     """A ROS node: a queue for each topic that keeps the newest messages, and callback threads that
     serve them.
 

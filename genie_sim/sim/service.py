@@ -35,9 +35,7 @@ class ServiceTime:
             share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
             steps = np.arange(len(self.quantiles_ns))
             return round(float(np.interp(share * steps[-1], steps, self.quantiles_ns)))
-        return max(
-            1, round(self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma * z)))
-        )
+        return log_normal_ns(self.median_ns, self.loc, self.sigma, z)
 
     @property
     def mean_ns(self) -> float:
@@ -48,9 +46,19 @@ class ServiceTime:
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
         """Endless service times [ns]."""
-        # several normal numbers at once are the same ones, and cost little more than one
+        median_ns, loc, sigma = self.median_ns, self.loc, self.sigma
         while True:
-            yield from map(self.at, rng.standard_normal(16).tolist())
+            # several normal numbers at once are the same ones, and cost little more than one
+            normals = rng.standard_normal(16).tolist()
+            if self.quantiles_ns:
+                yield from map(self.at, normals)
+            else:
+                yield from [log_normal_ns(median_ns, loc, sigma, z) for z in normals]
+
+
+def log_normal_ns(median_ns: int, loc: float, sigma: float, z: float) -> int:
+    """The shifted log-normal time [ns] for a standard normal number, at least 1."""
+    return max(1, round(median_ns * (loc + (1.0 - loc) * math.exp(sigma * z))))
 
 
 @dataclass(frozen=True, slots=True)

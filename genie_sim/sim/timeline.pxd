@@ -17,15 +17,14 @@ cdef class Timeline:
     cdef public object _urgent
     cdef Due *_heap
     cdef Py_ssize_t _scheduled
-    cdef Py_ssize_t _room
     cdef long long _numbers
     cdef list _calls
     cdef list _arguments
-    cdef list _free
     cpdef after(self, delay_ns, call, tuple arguments=*, label=*)
     cpdef from_elsewhere(self, long long at_ns, long long scheduled_ns, call, tuple arguments)
     cpdef begin(self, header)
     cpdef waited(self, Span path, label)
     cdef _carry_out_next(self)
     cdef _push(self, Due due, call, tuple arguments)
+    cdef _grow(self)
     cdef Due _pop(self) noexcept

@@ -1,7 +1,9 @@
 """``timeline.py`` for the compiled engine: the same calls in the same order, out of a heap in C.
 
 The heap holds the instants; the calls themselves are in lists, where Python's collector sees them.
+Each entry of the heap has its place in these lists; those behind the heap's end are free.
 """
+# cython: boundscheck=False, wraparound=False
 
 from collections import deque
 from math import ceil
@@ -31,7 +33,7 @@ cdef class Timeline:
         self.path = None
         self._is_traced = is_traced
         self._urgent = deque()
-        self._calls, self._arguments, self._free = [], [], []
+        self._calls, self._arguments = [], []
 
     def __dealloc__(self):
         free(self._heap)
@@ -91,15 +93,16 @@ cdef class Timeline:
         return True
 
     def clear(self):
+        cdef Py_ssize_t place
+        for place in range(len(self._calls)):
+            self._calls[place] = self._arguments[place] = None
         self._scheduled = 0
-        self._calls, self._arguments, self._free = [], [], []
 
     cdef _carry_out_next(self):
         cdef Due due = self._pop()
         cdef tuple arguments = self._arguments[due.place]
         call = self._calls[due.place]
         self._calls[due.place] = self._arguments[due.place] = None
-        self._free.append(due.place)
         if due.at_ns == self.now and due.scheduled_ns == self.scheduled_ns:
             self.has_ties |= due.is_foreign or self._is_foreign
         self.now, self.scheduled_ns = due.at_ns, due.scheduled_ns
@@ -113,24 +116,14 @@ cdef class Timeline:
             call(*arguments)
 
     cdef _push(self, Due due, call, tuple arguments):
-        cdef Due *larger
-        cdef Py_ssize_t here, parent, room
-        if self._scheduled == self._room:
-            room = 2 * self._room if self._room else FIRST_ROOM
-            larger = <Due *>realloc(self._heap, room * sizeof(Due))
-            if larger == NULL:
-                raise MemoryError
-            self._heap, self._room = larger, room
+        cdef Py_ssize_t here, parent
+        if self._scheduled == len(self._calls):
+            self._grow()
         due.number = self._numbers
+        due.place = self._heap[self._scheduled].place
         self._numbers += 1
-        if self._free:
-            due.place = self._free.pop()
-            self._calls[due.place] = call
-            self._arguments[due.place] = arguments
-        else:
-            due.place = len(self._calls)
-            self._calls.append(call)
-            self._arguments.append(arguments)
+        self._calls[due.place] = call
+        self._arguments[due.place] = arguments
         here = self._scheduled
         self._scheduled += 1
         while here:
@@ -140,6 +133,18 @@ cdef class Timeline:
             self._heap[here] = self._heap[parent]
             here = parent
         self._heap[here] = due
+
+    cdef _grow(self):
+        """Makes room for twice as many calls."""
+        cdef Py_ssize_t place, room = len(self._calls), added = room if room else FIRST_ROOM
+        cdef Due *larger = <Due *>realloc(self._heap, (room + added) * sizeof(Due))
+        if larger == NULL:
+            raise MemoryError
+        self._heap = larger
+        for place in range(room, room + added):
+            larger[place].place = place
+        self._calls += [None] * added
+        self._arguments += [None] * added
 
     cdef Due _pop(self) noexcept:
         """Takes out the next call; there is one."""
@@ -159,4 +164,5 @@ cdef class Timeline:
             here = child
             child = 2 * here + 1
         self._heap[here] = last
+        self._heap[self._scheduled].place = first.place
         return first

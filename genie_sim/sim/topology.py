@@ -8,13 +8,13 @@ from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import OBJECTS, HostConfig
 from genie_sim.sim.network import Network
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Edge
 
 EDGES = "edges"  # the network between edges, in the names of links
 
 
-class EdgeServer:
+class EdgeServer(Subscriber):
     """An edge server: its ROS graph, what the method runs there, and the bridges down to the cars
     that it has served. An answer goes down the bridge to the car whose image it is about, found by
     the header's origin, however many cars there are.

@@ -1,10 +1,10 @@
 from genie_sim.sim.interface cimport InterfaceUse
 from genie_sim.sim.link cimport Bridge
+from genie_sim.sim.ros_graph cimport Subscriber
 cimport cython
 
-cdef class CarUplink:
+cdef class CarUplink(Subscriber):
     cdef public InterfaceUse interface
-    cdef public object address
     cdef public object car
     cdef public object edge
     cdef object _network

@@ -9,12 +9,12 @@ from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
 from genie_sim.sim.network import Network
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.share import FarEdge, FarGraph
 from genie_sim.sim.topology import EdgeServer
 
 
-class CarUplink:
+class CarUplink(Subscriber):
     """Connects a car and its edge to one virtual network: frames go up, the answers to them come
     down.
 

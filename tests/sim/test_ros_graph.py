@@ -19,7 +19,7 @@ from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.wire import Wire
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
-from genie_sim.sim.ros_graph import Graph, Node
+from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
 
 WORK_NS = 1000
@@ -51,7 +51,7 @@ class Clerk(Node):
         self.done.append((self.clock.now, message.header.stamp_ns, topic))
 
 
-class Listener:
+class Listener(Subscriber):
     """Writes down all that reaches it."""
 
     def __init__(self, address: str = "listener") -> None:

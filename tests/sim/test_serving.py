@@ -23,7 +23,7 @@ from genie_sim.sim import world
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.method import IMAGES, OBJECTS
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Admission, Serving
 
@@ -33,7 +33,7 @@ FIXED = 0.6  # a batch of 3 takes 0.6 + 0.4 * 3 = 1.8 times as long as one pictu
 POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
 
 
-class Bench:
+class Bench(Subscriber):
     """A detector that takes 10 ms for a picture, fed by hand; it notes what is answered and what is
     lost, and when [ms].
     """

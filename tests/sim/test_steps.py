@@ -4,7 +4,6 @@ there is.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -48,7 +47,7 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
 from genie_sim.sim.nodes import InterceptorNode
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 
 S = 1000 * MS
 
@@ -321,11 +320,14 @@ def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     )
     graph = Graph(host)
     node = InterceptorNode(InTwos, graph, lambda *_: None)
-    consumer = SimpleNamespace(address="consumer")
-    consumer.deliver = lambda topic, answer, sender: ways.setdefault(
-        answer.header.stamp_ns, clock.path
-    )
-    graph.subscribe(OBJECTS, consumer)
+
+    class Consumer(Subscriber):
+        address = "consumer"
+
+        def deliver(self, topic, answer, sender):
+            ways.setdefault(answer.header.stamp_ns, clock.path)
+
+    graph.subscribe(OBJECTS, Consumer())
     for stamp_ns in (MS, 5 * MS):
         clock.run(until=stamp_ns)
         header = Header(stamp_ns, "camera", "car1")

@@ -26,7 +26,7 @@ from genie_sim.sim.link import Link
 from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.nodes import DetectorNode
-from genie_sim.sim.ros_graph import Graph
+from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
 
@@ -214,7 +214,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     waits: list[int] = []
     dropped: list[int] = []
 
-    class Consumer:
+    class Consumer(Subscriber):
         address = "consumer"
 
         def deliver(self, topic: str, answer: Detections, sender: str) -> None:
@@ -382,7 +382,7 @@ def test_batches_match_the_queue_with_bulk_service(load: float, batch: int):
             integral += waiting * (env.now - last_ns)
             last_ns, waiting = env.now, detector.queued
 
-        class Consumer:
+        class Consumer(Subscriber):
             address = "consumer"
 
             def deliver(self, topic: str, answer: Detections, sender: str) -> None:

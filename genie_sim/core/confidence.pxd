@@ -1,0 +1,1 @@
+# No types: rules take whatever is a number.

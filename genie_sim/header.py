@@ -1,0 +1,20 @@
+"""The header of a message, by which everything that belongs to a frame is found."""
+
+from typing import NamedTuple
+
+
+class Header(NamedTuple):
+    """Who took a picture, with which camera, when.
+
+    ``origin`` (the car) is part of a request's identity because cars that replay the same drive can
+    share stamps.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    origin: str
+
+    @property
+    def original(self) -> "Header":
+        """The header that the camera gave it, where clocks disagree (``sim.bends.Restamped``)."""
+        return self
