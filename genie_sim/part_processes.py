@@ -21,6 +21,7 @@ from genie_sim.method_processes import MethodJob, Progress, Reporter, watched
 from genie_sim.parallel import in_processes
 from genie_sim.paths import atomic_write
 from genie_sim.recording.columns import Array, Columns, concat
+from genie_sim.recording.later_places import GHOSTS, VISIBLE, with_moved_away
 from genie_sim.recording.records import SCHEMAS, Tables, new_tables
 from genie_sim.recording.tables import Column, Schema, Table, Value, read
 from genie_sim.sim.share import EDGES, Exchange, OrderUnknown, Verdict
@@ -104,6 +105,8 @@ class PartTables:
         for name in BY_EVENT:
             spill = self._folder / f"{name}.rows"
             self.tables[name] = _EventTable(SCHEMAS[name], spill, scheduled_ns)
+        for schema in (GHOSTS, VISIBLE):
+            self.tables[schema.name] = Table(schema, self._folder / f"{schema.name}.rows")
         return self.tables
 
 
@@ -231,7 +234,12 @@ def _put_together(
             camera = rows["car"].codes_in(cars) * len(streams) + rows["stream"].codes_in(streams)
             rows = rows.rows(_by_camera(rows["stamp_ns"], camera))
         elif name == "held":
-            rows = rows.rows(_by_camera(rows["stamp_ns"], rows["car"].codes_in(cars)))
+            order = _by_camera(rows["stamp_ns"], rows["car"].codes_in(cars))
+            ghosts, visible = (
+                [read(job.folder / f"{schema.name}.parquet", schema) for job in jobs]
+                for schema in (GHOSTS, VISIBLE)
+            )
+            rows = with_moved_away(parts, ghosts, visible, order)
         elif name == "hosts":
             rows = rows.rows(np.argsort(rows["host"].codes_in(hosts)))
         elif name != "frames":  # which is sorted when it is written

@@ -22,6 +22,7 @@ from genie_sim.parallel import max_memory_bytes
 from genie_sim.part_processes import PartJob, PartTables, in_parts
 from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
+from genie_sim.recording.later_places import LaterPlaces
 from genie_sim.recording.log import Log
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
@@ -635,6 +636,7 @@ def accuracy_of(
         make_consumer=partial(setup.settings.consumer.new, setup.laws),
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.expanded.judged == "all",
+        later=LaterPlaces(tables["ghosts"], tables["visible"]) if "ghosts" in tables else None,
     )
 
 

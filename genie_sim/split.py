@@ -10,7 +10,7 @@ from genie_sim.sim.share import EDGES
 # Methods whose hosts share nothing but messages, of which a frame's detections are all that counts.
 METHODS = frozenset({"local", "remote", "paced_remote", "genie", "central", "deadline"})
 # Tables that can be put together from those of several processes.
-TABLES = frozenset({"lookups", "looks", "resources", "poses"})
+TABLES = frozenset({"lookups", "looks", "resources", "poses", "held"})
 FAULTS = frozenset({"hand_over"})  # which act on a car and its links alone
 # Of the processor time of a fleet under Genie, about what the edges take. A wrong share only makes
 # one process wait for another.
@@ -27,6 +27,8 @@ def obstacle(scenario: Scenario, entry: MethodEntry) -> str:
         return f"{entry.name} cannot be split"
     if tables:
         return f"it records {', '.join(tables)}"
+    if scenario.judged != "first":
+        return "every stream of a car is judged"
     if faults:
         return f"it has the fault {faults[0]}"
     if scenario.under(entry).image_encoding != "raw":

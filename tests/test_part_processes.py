@@ -18,6 +18,7 @@ from genie_sim import part_processes, runner, split
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.part_processes import PartJob, PartTables, _by_camera, _by_event, in_parts
+from genie_sim.recording import later_places
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import Tables
 from genie_sim.runner import prepare, simulate, simulate_with
@@ -26,7 +27,7 @@ from genie_sim.sim.share import EDGES, Exchange, OrderUnknown, Verdict
 from genie_sim.sim.timeline import Timeline
 from tests.test_method_processes import written
 
-OF_PARTS = ["lookups", "looks", "resources", "poses"]
+OF_PARTS = ["lookups", "looks", "resources", "poses", "held"]
 
 
 def fleet(methods: list[Any] | None = None, **settings: Any) -> Scenario:
@@ -97,6 +98,8 @@ def test_parts_together_write_the_tables_of_one_process(
     tables = simulate(prepared)
     frames, hosts = tables["frames"].to_frame(), tables["hosts"].to_frame()
     assert len(tables["faults"])
+    held = tables["held"].to_frame()
+    assert {"consumer", "zero_delay"} == set(held["what"]) and held["moved_away"].sum()
     if method == "remote":
         assert {"car", "edge"} <= set(frames["drop"].dropna().str.extract("^(car|edge)")[0])
         assert frames["drop"].dropna().str.contains("hand_over").any()
@@ -104,6 +107,7 @@ def test_parts_together_write_the_tables_of_one_process(
         assert hosts["bytes_down"].sum() and hosts["transfer_ns"].sum()
     one = written(tables, tmp_path / "one")
     monkeypatch.setattr(runner, "simulate", refuse_one_process)
+    monkeypatch.setattr(later_places, "INSTANTS_AT_ONCE", 50)  # of several hundred
     spill = tmp_path / "spill"
     spill.mkdir()
     parts = written(simulate_with(prepared, workers, spill=spill), tmp_path / "parts")
@@ -233,7 +237,8 @@ def test_frames_at_changing_intervals_have_no_known_order():
     ("settings", "reason"),
     [
         ({}, ""),
-        ({"record": ["lookups", "held", "answers"]}, "it records answers, held"),
+        ({"record": ["lookups", "steps", "answers"]}, "it records answers, steps"),
+        ({"judged": "all"}, "every stream of a car is judged"),
         ({"methods": ["sim_lru"]}, "sim_lru cannot be split"),
         ({"image_encoding": "jpeg90"}, "images are encoded"),
         (
@@ -283,4 +288,4 @@ def test_the_command_line_says_why_a_run_is_not_split(capsys):
     settings = ["--set", "perception.duration=1 s", "--set", "fleet.cars=3", "--no-report"]
     assert main(["run", "fleet_30", "--methods", "genie", "--workers", "2", *settings]) == 0
     line = capsys.readouterr().out.splitlines()[0]
-    assert line.startswith("fleet_30 runs in one process, because it records answers, held")
+    assert line.startswith("fleet_30 runs in one process, because it records answers, held_objects")

@@ -15,12 +15,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import CONSUMER
 from genie_sim.recording.results import Metric
 from genie_sim.units import NS_PER_S
 
 BITS_PER_MEGABIT = 10**6
 IDLE = ("idle", "port")  # what is always taken
-CONSUMER = "consumer"  # in the table ``held``
 Key = tuple[str, str, str]  # kind, name and part of a power
 End = Literal["value", "low", "high"]
 ENDS: tuple[End, ...] = ("value", "low", "high")

@@ -17,6 +17,7 @@ Car = Annotated[str, "", "the car whose camera took the frame"]
 Stream = Annotated[str, "", "camera stream of that car (frame_id)"]
 FrameNumber = Annotated[Int32, "", "running number in the stream, over all laps"]
 Stamp = Annotated[int, "ns", "when the camera took it"]
+CONSUMER, ZERO_DELAY = "consumer", "zero_delay"  # what is judged
 
 
 class FrameRow(NamedTuple):
