@@ -109,7 +109,9 @@ class RecordedTruth:
         self._places_m = np.array([place for of in places.values() for place in of]).reshape(-1, 2)
         counts = [len(of_class) for of_class in places.values()]
         begins = itertools.accumulate(counts, initial=0)
-        self._spans = dict(zip(places, zip(begins, counts, strict=False), strict=True))
+        self._spans: dict[tuple[str, int], dict[str, tuple[int, int]]] = {}
+        for (camera, frame, label), begin, count in zip(places, begins, counts, strict=False):
+            self._spans.setdefault((camera, frame), {})[label] = begin, count
 
     def knows(self, label: str) -> bool:
         return label in CANONICAL
@@ -125,14 +127,19 @@ class RecordedTruth:
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
         """``is_there`` of many places, each in its frame."""
-        asked = zip(frames, labels, strict=True)
-        spans = [self._spans.get((*_key(frame), label), (0, 0)) for frame, label in asked]
+        spans: list[int] = []
+        last: Frame | None = None
+        of_frame: Mapping[str, tuple[int, int]] = {}
+        for frame, label in zip(frames, labels, strict=True):
+            if frame is not last:  # many are about one frame
+                last, of_frame = frame, self._spans.get(_key(frame), {})
+            spans += of_frame.get(label, (0, 0))
         begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
-        index = np.repeat(np.arange(len(spans)), counts)
+        index = np.repeat(np.arange(len(counts)), counts)
         row = np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]
         there_m = self._places_m[row]
         away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
-        result = np.zeros(len(spans), dtype=bool)
+        result = np.zeros(len(counts), dtype=bool)
         result[index[away_m <= self.reach_m]] = True
         return result
 

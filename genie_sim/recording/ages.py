@@ -8,7 +8,7 @@ import numpy as np
 
 from genie_sim.messages import Detections
 from genie_sim.recording.joins import Array, parts
-from genie_sim.recording.objects import Codes, Objects
+from genie_sim.recording.objects import Objects, Sight
 
 NOT_YET_NS = 2**62
 
@@ -29,7 +29,7 @@ class FirstSeen:
     """
 
     def __init__(self) -> None:
-        self._sights = Codes()
+        self._sights: dict[Sight, int] = {}
         self._seen_ns: dict[int, dict[int, int]] = {}  # by car and code of the sight
 
     def seen_ns(
@@ -44,7 +44,7 @@ class FirstSeen:
         ``given`` are the answers of a window, ``held`` its scenes: the index, the number of the
         car, and codes of what is held there (``Objects.sights``). Both are in order.
         """
-        self._recode(objects.sights)
+        self._recode(objects)
         number, counts = objects.numbers([of.answer.objects for of in given])
         shown = parts(objects.columns().sight[number], counts)
         answers = deque(zip(given, shown, strict=True))
@@ -70,10 +70,12 @@ class FirstSeen:
         for sight in sights:
             seen_ns.setdefault(sight, stamp_ns)
 
-    def _recode(self, sights: Codes) -> None:
-        """Takes over other codes for the same sights."""
-        if sights is not self._sights:
-            names = list(self._sights)
+    def _recode(self, objects: Objects) -> None:
+        """Takes over new codes if the objects have forgotten theirs."""
+        if objects.sights is not self._sights:
+            names = {code: sight for sight, code in self._sights.items()}
             for car, seen_ns in self._seen_ns.items():
-                self._seen_ns[car] = {sights[names[code]]: seen_ns[code] for code in seen_ns}
-            self._sights = sights
+                self._seen_ns[car] = {
+                    objects.sight(*names[code]): stamp_ns for code, stamp_ns in seen_ns.items()
+                }
+            self._sights = objects.sights

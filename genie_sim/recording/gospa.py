@@ -81,7 +81,7 @@ def _max_gain(group: Sequence[Near], cut_m2: float) -> float:
     return math.fsum(gains[i][j] for i, j in enumerate(assigned(gains)))
 
 
-def assigned(gains: Sequence[Sequence[float]]) -> list[int]:
+def assigned(gains: list[list[float]]) -> list[int]:
     """The column of each row, no two alike, whose gains sum to the most; there are at least as many
     columns as rows.
 
@@ -89,30 +89,32 @@ def assigned(gains: Sequence[Sequence[float]]) -> list[int]:
     import as a run takes. Source: R. Jonker, A. Volgenant, Computing 38, 1987. Place 0 of the lists
     is the row that is being assigned.
     """
-    columns = range(1, len(gains[0]) + 1)
+    places = len(gains[0]) + 1
     # prices: none pays less than it costs
-    of_row, of_column = [0.0] * (len(gains) + 1), [0.0] * (len(columns) + 1)
-    owner = [0] * (len(columns) + 1)
+    of_row, of_column = [0.0] * (len(gains) + 1), [0.0] * places
+    owner = [0] * places
     for row in range(1, len(gains) + 1):
         owner[0], here = row, 0
-        least, came_from, done = [math.inf] * (len(columns) + 1), [0] * (len(columns) + 1), {0}
+        least, came_from, is_done = [math.inf] * places, [0] * places, [True] + [False] * places
         while owner[here]:
-            i = owner[here]
-            for j in columns:
+            i, step, following = owner[here], math.inf, 0
+            for j in range(1, places):
+                if is_done[j]:
+                    continue
                 cost = -gains[i - 1][j - 1] - of_row[i] - of_column[j]
-                if j not in done and cost < least[j]:
+                if cost < least[j]:
                     least[j], came_from[j] = cost, here
-            here = min((j for j in columns if j not in done), key=least.__getitem__)
-            step = least[here]
-            for j in (0, *columns):
-                if j in done:
+                if least[j] < step:
+                    step, following = least[j], j
+            for j in range(places):
+                if is_done[j]:
                     of_row[owner[j]] += step
                     of_column[j] -= step
                 else:
                     least[j] -= step
-            done.add(here)
+            is_done[following], here = True, following
         while here:
             owner[here] = owner[came_from[here]]
             here = came_from[here]
-    found = {owner[j]: j - 1 for j in columns if owner[j]}
+    found = {owner[j]: j - 1 for j in range(1, places) if owner[j]}
     return [found[row] for row in range(1, len(gains) + 1)]

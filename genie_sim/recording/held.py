@@ -94,11 +94,14 @@ def _decided(shown: Held, views: Sequence[tuple[int, int, Viewer]]) -> Array:
 
 def _drop_repeated(is_held: Array, rank: Array, places: GroupedPlaces) -> None:
     """Takes out of ``is_held`` what an earlier answer shows already."""
-    shown = np.flatnonzero(is_held)
-    pairs = near(places.rows(shown), places.rows(shown), NEAR_M)
-    first, second = shown[pairs.ours], shown[pairs.theirs]
-    repeats = (rank[first] < rank[second]) & (pairs.distance_m2 < NEAR_M * NEAR_M)
-    first, second = first[repeats], second[repeats]
-    for later in range(1, rank.max() + 1):
-        of_rank = rank[second] == later
-        is_held[second[of_rank & is_held[first]]] = False
+    first, later = (
+        np.flatnonzero(is_held & (rank < rank.max())),
+        np.flatnonzero(is_held & (rank > 0)),
+    )
+    pairs = near(places.rows(later), places.rows(first), NEAR_M)
+    later, first = later[pairs.ours], first[pairs.theirs]
+    repeats = (rank[first] < rank[later]) & (pairs.distance_m2 < NEAR_M * NEAR_M)
+    later, first = later[repeats], first[repeats]
+    for of_rank in range(1, rank.max() + 1):
+        rows = rank[later] == of_rank
+        is_held[later[rows & is_held[first]]] = False

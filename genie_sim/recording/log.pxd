@@ -2,6 +2,7 @@ from genie_sim.header cimport Header
 from genie_sim.messages cimport Detections, Image
 from genie_sim.monitor cimport Span
 from genie_sim.recording.open_frame cimport OpenFrame
+from genie_sim.recording.tables cimport Table
 cimport cython
 
 cdef class Log:
@@ -12,17 +13,17 @@ cdef class Log:
     cdef public object published_frames
     cdef object _accuracy
     cdef object _posed
-    cdef object _frames
-    cdef object _resources
-    cdef object _hosts
-    cdef object _faults
-    cdef object _attacks
-    cdef object _lookups
-    cdef object _looks
-    cdef object _poses
-    cdef object _objects
+    cdef Table _frames
+    cdef Table _resources
+    cdef Table _hosts
+    cdef Table _faults
+    cdef Table _attacks
+    cdef Table _lookups
+    cdef Table _looks
+    cdef Table _poses
+    cdef Table _objects
     cdef object _agreement
-    cdef object _steps
+    cdef Table _steps
     cdef dict _open
     cdef dict _open_objects
     cdef object _object_counts

@@ -238,9 +238,12 @@ class MapAccuracy:
     def _knows(self, car: Array, label: Array) -> Array:
         """Which labels the truths of the cars know."""
         truths, labels = list(self._truths.values()), list(self._labels)
-        codes, rows = np.unique(car * len(labels) + label, return_inverse=True)
-        flags = [truths[code // len(labels)].knows(labels[code % len(labels)]) for code in codes]
-        return np.array(flags, dtype=bool)[rows]
+        codes = car * len(labels) + label
+        flags = np.zeros(len(truths) * len(labels), dtype=bool)
+        for code in np.flatnonzero(np.bincount(codes)).tolist():
+            flags[code] = truths[code // len(labels)].knows(labels[code % len(labels)])
+        result: Array = flags[codes]
+        return result
 
     def _are_there(self, scene: Array, places: GroupedPlaces) -> Array:
         """Whether anything of a class, visible or not, is at each place in its scene."""

@@ -12,7 +12,7 @@ from genie_sim.recording.joins import Array
 from genie_sim.recording.packed_rows import packed
 
 UNKNOWN = -1
-MAX_KEPT = 20_000  # objects and lists of them, at the begin of a window
+MAX_KEPT = 20_000  # distinct objects and lists of them, at the begin of a window
 
 Sight = tuple[str, Location]  # an object's label and place
 
@@ -26,7 +26,7 @@ class Codes(dict[Any, int]):
 
 
 class ShownColumns(NamedTuple):
-    """One row per distinct object that has a place: codes of its label, of its class and of its
+    """One row per label and place, and one per track: codes of its label, of its class and of its
     label together with its place, where it is [m], and of a track its velocity [m/s] and the car
     and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
     """
@@ -64,7 +64,8 @@ class _Classes(dict[str, tuple[int, int]]):
 
 
 class Objects:
-    """Numbers the objects that answers show; one that several answers share has one number.
+    """Numbers the objects that answers show; those of one label at one place have one number, but
+    for tracks.
 
     ``labels`` are codes of labels and classes, ``classes`` gives both for a label, ``cars`` are the
     numbers of cars, ``sights`` codes of labels at places.
@@ -78,16 +79,15 @@ class Objects:
 
     def begin_window(self) -> None:
         """Forgets the objects, which may not be shown any more, if they are many."""
-        if len(self._kept) > MAX_KEPT:
+        if self._count + len(self._kept) > MAX_KEPT:
             self._begin()
 
     def _begin(self) -> None:
-        self.sights: Codes = Codes()
-        self._numbers: dict[int, int] = {}  # by the object's identity
-        self._of_lists: dict[int, bytes] = {}  # by the list's identity
-        self._kept: list[object] = []  # whose identities must not be given to others
-        self._new: list[Any] = []  # of rows that are not in the columns yet, row by row
+        self.sights: dict[Sight, int] = {}
         self._count = 0
+        self._of_lists: dict[int, bytes] = {}  # by the list's identity
+        self._kept: list[Sequence[Detection]] = []  # whose identities must not be given to others
+        self._new: list[Any] = []  # of rows that are not in the columns yet, row by row
         self._columns = ShownColumns(*(np.zeros(0, dtype=code) for code in _TYPECODES))
 
     def numbers(self, shown: Sequence[Sequence[Detection]]) -> tuple[Array, Array]:
@@ -109,32 +109,42 @@ class Objects:
             self._new.clear()
         return self._columns
 
+    def sight(self, label: str, location: Location) -> int:
+        """The code of a label at a place."""
+        code = self.sights.get((label, location))
+        if code is None:
+            self.sights[label, location] = code = self._count
+            self._add(label, location, code, _NO_TRACK)
+        return code
+
     def _of_list(self, objects: Sequence[Detection]) -> bytes:
         """The numbers of the objects of a list, as the bytes of an array."""
         known = self._of_lists.get(id(objects))
         if known is not None:
             return known
+        sights = self.sights
         numbers = []
         for detection in objects:
-            if detection.location is not None:
-                number = self._numbers.get(id(detection))
-                numbers.append(self._add(detection) if number is None else number)
+            label, location, motion = detection.label, detection.location, detection.motion
+            if location is None:
+                continue
+            number = sights.get((label, location))
+            if number is None:
+                number = self.sight(label, location)
+            if motion is not None:
+                seen_by = self.cars[motion.seen.origin]
+                track = (*motion.velocity_mps, seen_by, motion.seen.stamp_ns)
+                number = self._add(label, location, number, track)
+            numbers.append(number)
         of_list = array("q", numbers).tobytes()
         self._kept.append(objects)
         self._of_lists[id(objects)] = of_list
         return of_list
 
-    def _add(self, detection: Detection) -> int:
-        """Numbers an object that has a place."""
-        location, motion = detection.location, detection.motion
-        assert location is not None
-        track = _NO_TRACK
-        if motion is not None:
-            track = (*motion.velocity_mps, self.cars[motion.seen.origin], motion.seen.stamp_ns)
-        label, class_ = self.classes[detection.label]
-        sight = self.sights[detection.label, location]
-        self._new += (label, class_, sight, location[0], location[1], *track)
-        self._kept.append(detection)
-        self._numbers[id(detection)] = number = self._count
+    def _add(
+        self, label: str, location: Location, sight: int, track: tuple[float, float, int, int]
+    ) -> int:
+        """Adds a row; returns its number."""
+        self._new += (*self.classes[label], sight, location[0], location[1], *track)
         self._count += 1
-        return number
+        return self._count - 1

@@ -1,7 +1,9 @@
 """``packed_rows.py`` for the compiled engine: straight into the bytes."""
 
 from cpython.bytes cimport PyBytes_AS_STRING, PyBytes_FromStringAndSize
+from cpython.dict cimport PyDict_GetItemWithError
 from cpython.long cimport PyLong_AsLongLong
+from cpython.object cimport PyObject
 
 
 def packed(list values, Py_ssize_t first, Py_ssize_t step, str typecode, *, none=None, codes=None):
@@ -13,12 +15,14 @@ def packed(list values, Py_ssize_t first, Py_ssize_t step, str typecode, *, none
     cdef bint is_nullable = none is not None, is_text = codes is not None
     cdef Py_UCS4 code = typecode[0]
     cdef long long number
+    cdef PyObject *known
     for row in range(count):
         cell = values[first + row * step]
         if cell is None and is_nullable:
             cell = none
         elif is_text:
-            cell = codes[cell]
+            known = PyDict_GetItemWithError(codes, cell)
+            cell = codes[cell] if known == NULL else <object>known
         if code == "d":
             (<double *>room)[row] = cell
             continue
