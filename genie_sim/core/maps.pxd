@@ -19,3 +19,5 @@ cdef class EnhancedAnswer:
 
 cdef class Map:
     pass
+
+cpdef object_lookups(header, kind, LookupCounts counts, objects)

@@ -4,7 +4,7 @@ theirs.
 
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Viewer
@@ -116,9 +116,9 @@ class PendingRequest:
     key: Hashable
     deadline_ns: int | None
     forwarded: bool
-    requesters: list[Requester] = field(default_factory=list)
-    answered: set[str] = field(default_factory=set)  # the topics on which an answer came
-    viewer: Viewer | None = None
+    requesters: list[Requester]
+    answered: set[str]  # the topics on which an answer came
+    viewer: Viewer | None
 
     def serves(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""

@@ -1,4 +1,4 @@
-from genie_sim.core.maps cimport EnhancedAnswer
+from genie_sim.core.maps cimport EnhancedAnswer, LookupCounts, object_lookups
 from genie_sim.core.message_cache cimport MessageCache, PendingIndex, PendingRequest, Requester
 cimport cython
 
@@ -43,4 +43,4 @@ cdef class GenieNode:
     cpdef list _map_answers(self, viewer, now_ns)
     cpdef _publication(self, topic, answer, Requester requester)
     cpdef _image_lookup(self, Requester requester, outcome)
-    cpdef _object_lookups(self, header, kind, counts)
+    cpdef _object_lookups(self, header, kind, LookupCounts counts)

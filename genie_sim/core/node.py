@@ -232,6 +232,7 @@ class GenieNode:
                     deadline_ns=self._deadline_ns(now_ns),
                     forwarded=is_run,
                     requesters=[requester] if is_run else [],
+                    answered=set(),
                     viewer=viewer,
                 )
                 self._pending.open(header, opened)  # line 15

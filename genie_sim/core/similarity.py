@@ -7,6 +7,7 @@ in a scenario as ``package.module:Class``).
 
 import math
 from collections.abc import Callable, Hashable
+from math import floor
 from typing import Any, Protocol
 
 from genie_sim.messages import Image
@@ -75,11 +76,11 @@ class PoseGrid:
 
     def key(self, image: Image) -> Hashable:
         (east_m, north_m, _, heading_rad), cell_m = image.pose, self._cell_m
-        sector = math.floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
+        sector = floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
         return (
             image.header.frame_id,
-            math.floor(east_m / cell_m),
-            math.floor(north_m / cell_m),
+            floor(east_m / cell_m),
+            floor(north_m / cell_m),
             sector,
         )
 

@@ -1,5 +1,5 @@
 from genie_sim.header cimport Header
-from genie_sim.messages cimport Detections, Image
+from genie_sim.messages cimport Detections, Image, ImageLookup, ObjectLookups
 from genie_sim.monitor cimport Span
 from genie_sim.recording.open_frame cimport OpenFrame
 from genie_sim.recording.tables cimport Table
@@ -45,8 +45,8 @@ cdef class Log:
     cpdef observe(self, placement, node, record, now_ns)
     cpdef _note_look(self, genie, event, now_ns, looked_ns=*)
     @cython.locals(frame=OpenFrame)
-    cpdef _note_image_lookup(self, placement, genie, lookup, now_ns)
-    cpdef _note_object_lookups(self, placement, genie, lookups, now_ns)
+    cpdef _note_image_lookup(self, placement, genie, ImageLookup lookup, now_ns)
+    cpdef _note_object_lookups(self, placement, genie, ObjectLookups lookups, now_ns)
     @cython.locals(values=list, numbers=dict)
     cpdef _note_changes(self, genie, changes, now_ns, forgotten=*)
     @cython.locals(values=list)

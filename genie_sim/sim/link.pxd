@@ -35,6 +35,8 @@ cdef class Link:
     cdef object _last_arrival_ns
     @cython.locals(transfer=Transfer)
     cpdef send(self, flow, message, deliver, tuple arguments=*, carried=*)
+    @cython.locals(clock=Timeline, transfer=Transfer, following=Transfer, now_ns="long long", size_bytes="long long")
+    cpdef _transmitted(self)
     cdef _transmit(self, Transfer transfer)
     cpdef lose(self, message, where)
 

@@ -48,3 +48,5 @@ cdef class Node(Subscriber):
     cpdef work(self, message, done, tuple arguments)
     cpdef handle(self, topic, message, sender)
     cpdef _serve(self, topic, message, sender)
+    @cython.locals(oldest="long long", arrival="long long")
+    cpdef _next_topic(self)

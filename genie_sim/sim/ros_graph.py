@@ -220,7 +220,7 @@ class Node(Subscriber):
             queue = self._queues[topic] = deque()
         self.queued += 1
         if len(queue) >= self.graph.queue_length:
-            _, oldest, *_ = queue.popleft()
+            _, oldest, _, _ = queue.popleft()
             self.queued -= 1
             self.drops += 1
             self.graph.dropped(oldest, f"{self.name}:{topic}")
@@ -271,8 +271,17 @@ class Node(Subscriber):
             self._idle_threads += 1
             return
         self.queued -= 1
-        waiting = [name for name, queue in self._queues.items() if queue]
-        topic = min(waiting, key=lambda name: self._queues[name][0][0])
+        topic = self._next_topic()
         _, message, sender, path = self._queues[topic].popleft()
         self.clock.waited(path, self._queueing)
         self._serve(topic, message, sender)
+
+    def _next_topic(self) -> str:
+        """The topic of the message that has waited for longest; there is one."""
+        oldest, oldest_topic = self._arrivals, ""
+        for topic, queue in self._queues.items():
+            if queue:
+                arrival, _, _, _ = queue[0]
+                if arrival < oldest:
+                    oldest, oldest_topic = arrival, topic
+        return oldest_topic

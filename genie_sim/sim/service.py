@@ -5,6 +5,7 @@ another.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import exp
 from typing import Literal
 
 import numpy as np
@@ -58,7 +59,7 @@ class ServiceTime:
 
 def log_normal_ns(median_ns: int, loc: float, sigma: float, z: float) -> int:
     """The shifted log-normal time [ns] for a standard normal number, at least 1."""
-    return max(1, round(median_ns * (loc + (1.0 - loc) * math.exp(sigma * z))))
+    return max(1, round(median_ns * (loc + (1.0 - loc) * exp(sigma * z))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -180,8 +180,9 @@ def pending_index(identity=lambda header: header):
 
 
 def pending_request(deadline_ns=None, key="crossing", forwarded=True):
+    requesters = [Requester(HEADER, False, None)]
     return PendingRequest(
-        "/image_raw", key, deadline_ns, forwarded, [Requester(HEADER, False, None)]
+        "/image_raw", key, deadline_ns, forwarded, requesters, answered=set(), viewer=None
     )
 
 

@@ -4,6 +4,7 @@ cdef class WireChannel:
     cdef object _rng
     cdef object _delays_ns
     cdef dict _occupied_ns
+    cdef object _loss
     cdef object _losses
     cpdef occupied_ns(self, size_bytes, now_ns)
     cpdef delay_ns(self, size_bytes, now_ns)

@@ -28,6 +28,7 @@ class WireChannel:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
+        self._loss = wire.loss
         self._delays_ns = (
             chain.from_iterable(_delays_ns(wire, rng)) if wire.jitter_ns else repeat(wire.delay_ns)
         )
@@ -45,16 +46,16 @@ class WireChannel:
         return occupied_ns
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        wire = self._wire
-        if isinstance(wire.loss, BurstLoss):
-            return self._delay_in_bursts_ns(wire.loss, size_bytes)
-        if wire.loss:
-            if self._rng.random() < wire.loss:
-                return None
-            return wire.delay_ns + (
-                int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0
-            )
-        return next(self._delays_ns)
+        wire, loss = self._wire, self._loss
+        if not loss:
+            return next(self._delays_ns)
+        if isinstance(loss, BurstLoss):
+            return self._delay_in_bursts_ns(loss, size_bytes)
+        if self._rng.random() < loss:
+            return None
+        return wire.delay_ns + (
+            int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0
+        )
 
     def _delay_in_bursts_ns(self, loss: BurstLoss, size_bytes: int) -> int | None:
         assert self._losses is not None
