@@ -40,9 +40,10 @@ cdef class Host:
     cdef public object device
     cdef public Processor accelerator
     cdef public Processor cpu
-    cdef public object hop_ns
+    cdef dict _hops_ns
     cdef object _detector_times
     cdef object _message_times
+    cpdef hop_ns(self, size_bytes)
     cpdef infer(self, done, tuple arguments=*, label=*)
     @cython.locals(server=Processor)
     cpdef compute_key(self, name, done, tuple arguments=*, label=*)

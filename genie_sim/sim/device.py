@@ -3,7 +3,6 @@
 import math
 from collections import deque
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -209,10 +208,16 @@ class Host:
         self.device = device
         self.accelerator = Processor(clock, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(clock, f"{name}.cpu", "cpu", device.cores)
-        # how long a message takes to another process, by its size
-        self.hop_ns = cache(device.hop.of)
+        self._hops_ns: dict[int, int] = {}  # by the message's size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
+
+    def hop_ns(self, size_bytes: int) -> int:
+        """How long a message of this size takes to another process [ns]."""
+        hop_ns = self._hops_ns.get(size_bytes)
+        if hop_ns is None:
+            hop_ns = self._hops_ns[size_bytes] = self.device.hop.of(size_bytes)
+        return hop_ns
 
     def infer(self, done: Done, arguments: Arguments = (), label: SpanLabel | None = None) -> None:
         """Runs the detector on one image."""
