@@ -19,14 +19,18 @@ nox.options.reuse_existing_virtualenvs = True
 # Whole files go to one process; files that take long come first (tests/conftest.py).
 PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
 
-# What tells a compiled simulator from plain Python; runs in several processes among it.
+# What tells a compiled simulator from plain Python; runs in several processes among it. Tests that
+# replace methods of compiled classes run in plain Python alone.
 OF_ENGINES = (
     "tests/test_engine.py",
+    "tests/test_header.py",
     "tests/core",
     "tests/sim",
+    "tests/methods",
     "tests/conformance",
     "tests/recording",
-    "tests/study",
+    "tests/paper/test_watch.py",
+    "tests/paper/test_reproduce.py",
 )
 
 
@@ -74,13 +78,20 @@ def coverage(session: nox.Session) -> None:
     session.run("python", "tests/coverage_gate.py", str(report))
 
 
-@nox.session
-def compiled(session: nox.Session) -> None:
-    """Compiles the simulator in place, and runs its tests with the compiled engine."""
-    install(session, ".[test,dev]")
+@nox.session(name="compile")
+def compile_(session: nox.Session) -> None:
+    """Compiles the simulator in place: all tasks after it run with the compiled engine."""
+    install(session, ".[dev]")
     session.run("python", "compile_engine.py")
     check = "from genie_sim.engine import ENGINE; assert ENGINE.is_compiled, ENGINE.title"
     session.run("python", "-c", check)
+
+
+@nox.session
+def plain(session: nox.Session) -> None:
+    """The simulator's own tests in plain Python, even where it is compiled."""
+    install(session, ".[test]")
+    session.env["GENIE_SIM_PURE"] = "1"
     pytest(session, *OF_ENGINES)
 
 
