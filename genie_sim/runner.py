@@ -35,7 +35,6 @@ from genie_sim.settings import plain_data, read
 from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
-from genie_sim.town.source import TownDrives
 from genie_sim.units import NS_PER_S
 from genie_sim.version import VERSION
 
@@ -214,8 +213,12 @@ def facts(prepared: Prepared) -> dict[str, Any]:
 
 def _map_facts(prepared: Prepared) -> dict[str, Any]:
     """The borders of a fleet's map [m]; those of a town follow from its settings."""
+    if prepared.scenario.fleet is None:
+        return {}
+    from genie_sim.town.source import TownDrives
+
     frames = prepared.frames
-    if prepared.scenario.fleet is None or isinstance(frames, TownDrives):
+    if isinstance(frames, TownDrives):
         return {}
     return {"map": {"extent_m": [float(border_m) for border_m in cast(Any, frames).extent_m]}}
 

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, fields
+from dataclasses import fields
 from functools import partial
 from typing import NamedTuple
 
@@ -285,7 +285,7 @@ def table(run: Run | SeedRuns, format: str) -> str:
     """
     if format == "csv":
         names = [field.name for field in fields(Metric)]
-        rows = [astuple(metric) for metric in run.measured]
+        rows = [metric.row for metric in run.measured]
         if run.changed:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]

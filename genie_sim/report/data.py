@@ -3,7 +3,7 @@ resources.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, astuple
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,7 +60,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "about": _about(run),
         "methods": list(_methods(run)),
         "metrics": [
-            [finite(value) if isinstance(value, float) else value for value in astuple(metric)]
+            [finite(value) if isinstance(value, float) else value for value in metric.row]
             for metric in _shown(run.measured, notes)
         ],
         "parts": [{"name": name, "title": title} for name, (title, _) in PARTS.items()],
