@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -24,7 +24,14 @@ from genie_sim.recording import provenance
 from genie_sim.recording.log import Log
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
-from genie_sim.recording.results import FILES, MethodInfo, Run, changed_files, checked_label
+from genie_sim.recording.results import (
+    FILES,
+    METRIC_FIELDS,
+    MethodInfo,
+    Run,
+    changed_files,
+    checked_label,
+)
 from genie_sim.recording.tables import Table
 from genie_sim.recording.tables import write as write_columns
 from genie_sim.scenario.methods import MethodEntry
@@ -292,7 +299,8 @@ def _write_derived(
     from genie_sim import report
     from genie_sim.analysis import summary
 
-    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in run.measured])
+    metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
+    provenance.write_json(folder / "metrics.json", metrics)
     (folder / "summary.md").write_text(summary.markdown(run), encoding="utf-8")
     if figure_formats:
         from genie_sim.analysis import figures

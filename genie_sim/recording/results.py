@@ -69,7 +69,8 @@ class Metric:
         return _row_of(self)
 
 
-_row_of = attrgetter(*(field.name for field in fields(Metric)))
+METRIC_FIELDS = tuple(field.name for field in fields(Metric))
+_row_of = attrgetter(*METRIC_FIELDS)
 
 
 @dataclass(frozen=True, eq=False)

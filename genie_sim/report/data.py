@@ -26,7 +26,6 @@ from genie_sim.analysis.registry import (
 )
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
 from genie_sim.analysis.summary import energy_note
-from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.report.replay_pictures import Pictures
 from genie_sim.text import finite, natural_key
@@ -79,12 +78,21 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "use": list(_use(run, notes)),
         "faults": list(_faults(run, notes)),
         "replay": replay_data(run, start_ns, notes, pictures),
-        "fleet": fleet_data(run, notes),
+        "fleet": _fleet(run, notes),
         "energy_note": energy_note(
             [run.tables], {method.name: method.title for method in run.methods}
         ),
         "notes": list(dict.fromkeys(notes)),
     }
+
+
+def _fleet(run: "Run", notes: list[str]) -> dict[str, Any] | None:
+    """What the page draws of a fleet's map; ``None`` for cars and edges given one by one."""
+    if run.facts["scenario"].get("fleet") is None:
+        return None
+    from genie_sim.report.fleet_map import fleet_data
+
+    return fleet_data(run, notes)
 
 
 SHADED = (
