@@ -1,11 +1,17 @@
 """The program: ``genie-sim``, or ``python -m genie_sim``."""
 
+import gc
 import os
 import sys
+
+# Python looks for cyclic garbage whenever so many objects were added since it last did; its own 700
+# would have it look hundreds of times while modules are imported, which leave none.
+OBJECTS_BETWEEN_COLLECTIONS = 50_000
 
 
 def main() -> int:
     """Runs the command line; Ctrl-C ends it with one line also while its modules are imported."""
+    gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     try:
         from genie_sim.cli import main as command_line
 

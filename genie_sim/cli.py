@@ -225,14 +225,16 @@ def _simulate(
 def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
     """Prints the main table of a run, or of several seeds, and where the results are."""
     from genie_sim.analysis import screen
-    from genie_sim.analysis.compare import compared
-    from genie_sim.analysis.verdict import verdicts
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
     click.echo(screen.text(result, columns), nl=False)
-    for sentence in verdicts(compared([result])) if len(result.runs) > 1 else ():
-        click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
+    if len(result.runs) > 1:
+        from genie_sim.analysis.compare import compared
+        from genie_sim.analysis.verdict import verdicts
+
+        for sentence in verdicts(compared([result])):
+            click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
     if len(result.runs) > 1 and len(result.methods) > 2:
         others = ",".join(method.name for method in result.methods[1:])
         click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")

@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -26,7 +26,14 @@ from genie_sim.recording.later_places import LaterPlaces
 from genie_sim.recording.log import Log
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
-from genie_sim.recording.results import FILES, MethodInfo, Run, changed_files, checked_label
+from genie_sim.recording.results import (
+    FILES,
+    METRIC_FIELDS,
+    MethodInfo,
+    Run,
+    changed_files,
+    checked_label,
+)
 from genie_sim.recording.tables import Table
 from genie_sim.recording.tables import write as write_columns
 from genie_sim.scenario.methods import MethodEntry
@@ -38,7 +45,6 @@ from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.share import Exchange, Share, shared
 from genie_sim.sim.world import World
-from genie_sim.town.source import TownDrives
 from genie_sim.units import NS_PER_S
 from genie_sim.version import VERSION
 
@@ -217,8 +223,12 @@ def facts(prepared: Prepared) -> dict[str, Any]:
 
 def _map_facts(prepared: Prepared) -> dict[str, Any]:
     """The borders of a fleet's map [m]; those of a town follow from its settings."""
+    if prepared.scenario.fleet is None:
+        return {}
+    from genie_sim.town.source import TownDrives
+
     frames = prepared.frames
-    if prepared.scenario.fleet is None or isinstance(frames, TownDrives):
+    if isinstance(frames, TownDrives):
         return {}
     return {"map": {"extent_m": [float(border_m) for border_m in cast(Any, frames).extent_m]}}
 
@@ -292,7 +302,8 @@ def _write_derived(
     from genie_sim import report
     from genie_sim.analysis import summary
 
-    provenance.write_json(folder / "metrics.json", [asdict(metric) for metric in run.measured])
+    metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
+    provenance.write_json(folder / "metrics.json", metrics)
     (folder / "summary.md").write_text(summary.markdown(run), encoding="utf-8")
     if figure_formats:
         from genie_sim.analysis import figures

@@ -295,6 +295,15 @@ def test_a_scenario_is_read_without_heavy_libraries():
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.scenario")
 
 
+def test_an_evaluation_starts_without_matplotlib():
+    """Its workers import it, side by side, when there is something to draw."""
+    assert "matplotlib" not in _loaded_by("import genie_sim.paper.reproduce")
+
+
+def test_a_run_on_recorded_streets_needs_no_town():
+    assert "genie_sim.town" not in _loaded_by("import genie_sim.runner")
+
+
 def _loaded_by(statement: str) -> set[str]:
     """Every module that a fresh Python has loaded after a statement."""
     told = subprocess.run(

@@ -108,6 +108,16 @@ COMPARED: Mapping[str, Compared] = {
     "energy_per_fresh": Compared("J", None),
     "energy_per_right": Compared("J", None),
 }
+# those that figures and tables for papers show
+DRAWN = (
+    "first_answer_mean",
+    "fresh_answer_mean",
+    "under_deadline_share",
+    "streaming_f1",
+    "ghost_share",
+    "object_recall",
+)
+WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
 
 
 def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:

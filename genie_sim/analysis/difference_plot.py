@@ -6,20 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
-from genie_sim.analysis.compare import ComparedRuns, Difference
+from genie_sim.analysis.compare import DRAWN, WITHOUT_TRUTH, ComparedRuns, Difference
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.style import CHARACTER_IN, PAGE_IN
 
-DRAWN = (
-    "first_answer_mean",
-    "fresh_answer_mean",
-    "under_deadline_share",
-    "streaming_f1",
-    "ghost_share",
-    "object_recall",
-)
-WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
 MAX_COLUMNS = 3
 ROW_IN, MIN_PANEL_IN = 0.2, 0.76
 

@@ -9,8 +9,15 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
-from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference, as_metrics, compared
-from genie_sim.analysis.difference_plot import DRAWN, WITHOUT_TRUTH
+from genie_sim.analysis.compare import (
+    DRAWN,
+    SEEDS,
+    WITHOUT_TRUTH,
+    ComparedRuns,
+    Difference,
+    as_metrics,
+    compared,
+)
 from genie_sim.analysis.registry import METRICS, WINDOW_REQUESTS
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.summary import about_seeds, main_table

@@ -14,7 +14,6 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -94,10 +93,7 @@ def compute(
         )
     if "steps" in filled:
         metrics += _of_steps(filled["steps"], frames, names)
-    return [
-        replace(metric, value=_ten(metric.value), low=_ten(metric.low), high=_ten(metric.high))
-        for metric in metrics
-    ]
+    return [_rounded(metric) for metric in metrics]
 
 
 def with_fresh(frames: Columns, fresh: Fresh) -> Columns:
@@ -405,6 +401,15 @@ def _of_steps(steps: Columns, frames: Columns, methods: Sequence[str]) -> Iterat
                 if n and sum_ns:
                     mean_ms = float(sum_ns) / n / NS_PER_MS
                     yield Metric(metric, method, "all", part, value=mean_ms, unit="ms", n=n)
+
+
+def _rounded(metric: Metric) -> Metric:
+    """A metric with its numbers as they are written down."""
+    where = metric.method, metric.placement, metric.component
+    value, low, high = _ten(metric.value), _ten(metric.low), _ten(metric.high)
+    return Metric(
+        metric.metric, *where, value=value, unit=metric.unit, low=low, high=high, n=metric.n
+    )
 
 
 def _ten(value: float | None) -> float | None:

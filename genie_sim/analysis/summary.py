@@ -2,7 +2,6 @@
 
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import astuple, fields
 from functools import partial
 from typing import NamedTuple
 
@@ -19,7 +18,7 @@ from genie_sim.analysis.registry import (
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric, Run
+from genie_sim.recording.results import METRIC_FIELDS, Metric, Run
 from genie_sim.text import one_line
 
 MAX_RESOURCES = 12
@@ -284,8 +283,8 @@ def table(run: Run | SeedRuns, format: str) -> str:
     of the run were changed, if any was. For ``latex`` see ``analysis.latex``.
     """
     if format == "csv":
-        names = [field.name for field in fields(Metric)]
-        rows = [astuple(metric) for metric in run.measured]
+        names = [*METRIC_FIELDS]
+        rows = [metric.row for metric in run.measured]
         if run.changed:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]

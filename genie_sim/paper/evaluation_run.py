@@ -31,9 +31,11 @@ from genie_sim.recording.tables import Schema
 from genie_sim.runner import accuracy_of, gc_disabled, on_frames
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.settings import plain_data
+from genie_sim.sim.settings import Car
 from genie_sim.sim.world import World
 from genie_sim.study.setups import run_id_of
 from genie_sim.study.tasks import Shared
+from genie_sim.units import duration_ns
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
 STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
@@ -45,6 +47,7 @@ SERVERS = ("one", "all", "shared")
 
 EVERY_METHOD = tuple(method.name for method in METHODS)
 GENIE_ALONE = ("genie",)
+FIRST_SEED = 1
 FRAMES_A_RUN = 1000  # about, under all methods; all runs are alike
 KEPT_TABLES: dict[str, Schema] = {"frames": FRAMES, "lookups": LOOKUPS}
 
@@ -141,10 +144,10 @@ class EvaluationRun:
     def prepare(self) -> Prepared:
         """The scenario, devices and traces. Raises ``UserError``."""
         words, overrides = _split(self.settings)
-        expanded = _expanded(_plain(self.scenario), words, self.seed)
-        methods = f"methods=[{', '.join(self.methods)}]"
-        record = f"record=[{'held' if self.judged else ''}]"
-        scenario = load_scenario(self.scenario, [*expanded, methods, record, *overrides], self.seed)
+        if any(override.startswith("cars") for override in overrides):
+            scenario = _read(self)
+        else:
+            scenario = _with_seed(_of_first_seed(replace(self, seed=FIRST_SEED)), words, self.seed)
         recordings = _recordings(
             str(scenario.perception.parameters["trace"]),
             min_score=float(words.get("min_score", 0.0)),
@@ -192,7 +195,7 @@ def _setup_key(scenario: str, settings: tuple[str, ...]) -> SetupKey:
     """What makes one scenario with one seed makes one with every seed: all that a seed decides is
     where on the street the cars begin, and what is random.
     """
-    prepared = EvaluationRun(scenario, 1, settings).prepare()
+    prepared = EvaluationRun(scenario, FIRST_SEED, settings).prepare()
     written = plain_data(prepared.scenario)
     world = {key: written[key] for key in written if key not in ("genie", "methods")}
     digests = prepared.frames.digests()
@@ -208,6 +211,42 @@ def _in_numbers(rules: GenieRules) -> GenieRules:
     if rules.object_map.threshold != "range_60":
         return rules
     return replace(rules, object_map=replace(rules.object_map, threshold=RANGE_60))
+
+
+@functools.lru_cache(maxsize=1024)
+def _of_first_seed(run: EvaluationRun) -> Scenario:
+    """The scenario of a run that has the first seed, read and checked once for all seeds."""
+    return _read(run)
+
+
+def _read(run: EvaluationRun) -> Scenario:
+    words, overrides = _split(run.settings)
+    expanded = _expanded(_plain(run.scenario), words, run.seed)
+    methods = f"methods=[{', '.join(run.methods)}]"
+    record = f"record=[{'held' if run.judged else ''}]"
+    return load_scenario(run.scenario, [*expanded, methods, record, *overrides], run.seed)
+
+
+def _with_seed(scenario: Scenario, words: Mapping[str, str], seed: int) -> Scenario:
+    """The scenario of the first seed with another one, on whose windows cars then drive where they
+    drove on those of the first.
+    """
+    if "overlap" in words:
+        first, own = (_windows(scenario.cars, words, number) for number in (FIRST_SEED, seed))
+        windows = dict(zip(map(_in_ns, first), map(_in_ns, own), strict=True))
+        cars = [
+            replace(car, route=replace(car.route, window_ns=windows[car.route.window_ns]))
+            if car.route.window_ns in windows
+            else car
+            for car in scenario.cars
+        ]
+        scenario = replace(scenario, cars=tuple(cars))
+    return replace(scenario, seed=seed)
+
+
+def _in_ns(window: tuple[str, str]) -> tuple[int, int]:
+    begin, end = map(duration_ns, window)
+    return begin, end
 
 
 WORDS = (
@@ -247,7 +286,8 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
     """The evaluation's own words as overrides of the scenario."""
     cars = scenario.cars
     if "overlap" in words:
-        yield from _routes(scenario, float(words["overlap"]), words.get("order"), seed)
+        for index, (begin, end) in enumerate(_windows(cars, words, seed)):
+            yield f"cars[{index}].route.window=[{begin}, {end}]"
     for index in range(len(cars)):
         if "same_bag_s" in words:  # all of the drive, begun this much after the car before
             yield f"cars[{index}].route.window=null"
@@ -292,22 +332,22 @@ def _edges(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
             yield f"edges[{index}].device={quadro}"
 
 
-def _routes(scenario: Scenario, overlap: float, order: str | None, seed: int) -> Iterator[str]:
-    """Each car (1 - overlap) of a route ahead of the one before it; a car without cameras drives
-    behind the others.
+def _windows(cars: Sequence[Car], words: Mapping[str, str], seed: int) -> Iterator[tuple[str, str]]:
+    """When each car's part of the recording begins and ends: each drives (1 - overlap) of a route
+    ahead of the one before it; a car without cameras drives behind the others.
 
     Where on the recorded street the last car begins depends on the seed: multiples of the golden
     ratio spread evenly, however many seeds there are. So one car and three see, over the seeds, the
     same street.
     """
-    places = list(range(len(scenario.cars)))
-    if (order == "reversed") != any(not car.cameras for car in scenario.cars):
+    places = list(range(len(cars)))
+    if (words.get("order") == "reversed") != any(not car.cameras for car in cars):
         places.reverse()
-    step_s = (1.0 - overlap) * ROUTE_S
+    step_s = (1.0 - float(words["overlap"])) * ROUTE_S
     first_s = (STREET_S - ROUTE_S - step_s * (len(places) - 1)) * (seed * GOLDEN % 1.0)
-    for index, place in enumerate(places):
+    for place in places:
         begin_s = first_s + place * step_s
-        yield f"cars[{index}].route.window=[{begin_s:.3f} s, {begin_s + ROUTE_S:.3f} s]"
+        yield f"{begin_s:.3f} s", f"{begin_s + ROUTE_S:.3f} s"
 
 
 @functools.lru_cache(maxsize=32)

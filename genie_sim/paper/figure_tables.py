@@ -39,6 +39,16 @@ SCHEMAS = {
     for of_run, names in DRAWN.items()
 }
 FILES = {name: f"{name}.parquet" for name in SCHEMAS}
+FITTED, TRIED = "calibration.json", "sensitivity.json"  # not every evaluation has them
+FIGURES = (  # those that take longest come first
+    "latency_cdf",
+    "latency_cdf_of_published",
+    "confidence_boost",
+    "case_study",
+    "object_reuse",
+    "image_reuse",
+    "worth",
+)
 
 # by scenario, of each seed the tables by name
 Tables = Mapping[str, Sequence[Mapping[str, Columns]]]
@@ -57,6 +67,12 @@ def write(folder: Path, runs: Mapping[str, Sequence[Outcome]], seeds: Sequence[i
                 columns = Columns({column: table[column] for column in wanted})
                 parts.append(columns.assign(scenario=scenario, seed=np.full(len(table), seed)))
         tables.write(folder / FILES[name], schema, concat(parts))
+
+
+def figures(folder: Path) -> list[str]:
+    """The figures of an evaluation, by their file names; ``paper_figures`` draws them."""
+    more = {"sensitivity": TRIED, "calibration": FITTED}
+    return [*(name for name, file in more.items() if (folder / file).is_file()), *FIGURES]
 
 
 def read(folder: Path) -> Tables:

@@ -4,7 +4,7 @@ in the same style.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from genie_sim.paper import figure_tables
 from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.parallel import in_parallel
+from genie_sim.paper.figure_tables import FITTED, TRIED
 from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns, Text, concat
 
@@ -42,16 +42,21 @@ PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
 # a sweep whose largest value is this many times its smallest gets a logarithmic axis
 LOGARITHMIC_FROM = 10.0
 FORMATS = ("svg", "png", "pdf")
-FITTED, TRIED = "calibration.json", "sensitivity.json"  # not every evaluation has them
 
 Row = Mapping[str, Any]
 
 
-def draw(evaluation: Path, workers: int) -> None:
-    """Draws every figure of an evaluation into its folder ``figures``, as SVG, PNG and PDF, in so
-    many processes. Raises OSError if a file cannot be written.
+def save(evaluation: Path, name: str) -> None:
+    """Draws a figure of an evaluation into its folder ``figures``, as SVG, PNG and PDF. Raises
+    OSError if a file cannot be written.
     """
-    in_parallel(_save, [(evaluation, name) for name in _makers(evaluation)], workers)
+    figures.save(_kept_makers(evaluation)[name](), evaluation / "figures", name, FORMATS)
+
+
+@lru_cache(maxsize=1)
+def _kept_makers(evaluation: Path) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure: a process that draws several reads the tables once."""
+    return _makers(evaluation)
 
 
 def of_evaluation(
@@ -99,11 +104,6 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
         sweeps = provenance.read_json(tried)["sweeps"]
         makers["sensitivity"] = partial(_sweeps, sweeps, targets, footer, page_in)
     return makers
-
-
-def _save(job: tuple[Path, str]) -> None:
-    evaluation, name = job
-    figures.save(_makers(evaluation)[name](), evaluation / "figures", name, FORMATS)
 
 
 def _side_by_side(width_in: float, height_in: float, **options: Any) -> tuple[Figure, Any, Any]:

@@ -25,7 +25,7 @@ from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.evaluation_run import EVERY_METHOD, EvaluationRun
 from genie_sim.paper.evidence import Evidence, Values, interval, rounded
-from genie_sim.paper.facts import Fact, Facts
+from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import DEFAULT, Reading, load_readings
 from genie_sim.paper.runs import BatchProgress, EvaluationRuns, Outcome
 from genie_sim.parallel import in_parallel, workers_here
@@ -114,8 +114,6 @@ def reproduce(
         If ``out`` cannot be written, a reading does not fit the scenarios, or there are no such
         sequences.
     """
-    from genie_sim.paper import paper_figures
-
     provenance.check_writable(out.parent)
     provenance.check_replaceable(out)
     readings = load_readings(reading)
@@ -153,7 +151,7 @@ def reproduce(
         evaluation.write(folder)
         table = drives.write(folder, driven) if driven else ""
         (folder / "figures").mkdir()
-        paper_figures.draw(folder, workers)
+        in_parallel(_draw, [(folder, name) for name in figure_tables.figures(folder)], workers)
         wall_time_s = time.perf_counter() - tell.began_s
         about = {
             "quick": quick,
@@ -287,17 +285,7 @@ def _evaluate(
     ]
     outcomes = iter(runs(wanted, "claims"))
     grouped = [{place: [next(outcomes) for _ in seeds] for place in places} for _ in readings]
-    facts = [
-        {
-            definitions: {
-                place: [outcome.judged[definitions] for outcome in group]
-                for place, group in groups.items()
-            }
-            for definitions in (USUAL, reading.definitions)
-        }
-        for reading, groups in zip(readings, grouped, strict=True)
-    ]
-    judged = in_parallel(_judged, list(zip(readings, settings, facts, strict=True)), runs.workers)
+    judged = _judged(readings, settings, grouped, runs.workers)
     first = grouped[0].items()
     return judged, {scenario: group for (variant, scenario), group in first if variant == "base"}
 
@@ -327,19 +315,52 @@ def _run_of(
     )
 
 
-FactsOfPlaces = Mapping[Key, Sequence[Facts]]
-
-
 def _judged(
-    runs: tuple[Reading, tuple[str, ...], Mapping[Definitions, FactsOfPlaces]],
-) -> Judged:
-    """The verdicts under one reading, from its settings and what its runs gave."""
-    reading, settings, facts = runs
-    evidence = Evidence(facts[reading.definitions], reading.definitions)
-    fitted = bool(reading.fitted)
-    plain = judge(Evidence(facts[USUAL]), fitted) if reading.definitions != USUAL else None
-    verdicts = judge(evidence, fitted)
-    return Judged(reading, settings, evidence=evidence, verdicts=verdicts, plain=plain)
+    readings: Sequence[Reading],
+    settings: Sequence[tuple[str, ...]],
+    groups: Sequence[Mapping[Key, Sequence[Outcome]]],
+    workers: int,
+) -> list[Judged]:
+    """The verdicts under each reading, from its settings and what its runs gave."""
+    meant = [  # by each reading, and by all
+        (place, definitions)
+        for place, reading in enumerate(readings)
+        for definitions in dict.fromkeys((reading.definitions, USUAL))
+    ]
+    evidence = {key: _evidence(groups[key[0]], key[1]) for key in meant}
+    jobs = [(evidence[key], bool(readings[key[0]].fitted)) for key in meant]
+    verdicts = dict(zip(meant, in_parallel(_verdicts, jobs, workers), strict=True))
+    return [
+        Judged(
+            reading,
+            settings[place],
+            evidence=evidence[place, reading.definitions],
+            verdicts=verdicts[place, reading.definitions],
+            plain=verdicts[place, USUAL] if reading.definitions != USUAL else None,
+        )
+        for place, reading in enumerate(readings)
+    ]
+
+
+def _evidence(groups: Mapping[Key, Sequence[Outcome]], definitions: Definitions) -> Evidence:
+    """What the runs of one reading say, with the metrics as these definitions mean them."""
+    facts = {
+        place: [outcome.judged[definitions] for outcome in group] for place, group in groups.items()
+    }
+    return Evidence(facts, definitions)
+
+
+def _verdicts(job: tuple[Evidence, bool]) -> list[Verdict]:
+    """The verdicts on one reading's evidence, in a process of its own."""
+    evidence, fitted = job
+    return judge(evidence, fitted)
+
+
+def _draw(job: tuple[Path, str]) -> None:
+    """Draws one figure, in a process of its own: the first one does not wait for matplotlib."""
+    from genie_sim.paper import paper_figures
+
+    paper_figures.save(*job)
 
 
 def _rows(judged: Judged, arms: Arms | None) -> Iterator[dict[str, Any]]:

@@ -1,6 +1,5 @@
 """The runs of an evaluation: each is simulated once, whichever readings and variants ask for it."""
 
-import math
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -72,15 +71,16 @@ def run_parts(
 
 def facts_in(parts: Parts, keys: Collection[str]) -> dict[str, Facts]:
     """The facts that are kept under each of the keys."""
-    if not keys:
-        return {}
-    rows = parts.read(keys)
     facts: dict[str, Facts] = {key: {} for key in keys}
-    shared: dict[Fact, Fact] = {}  # one key for the same fact of all runs
-    names = (rows[name] for name in ("metric", "method", "placement", "component"))
-    for key, value, *parts_of_name in zip(rows["run_id"], rows["value"], *names, strict=True):
-        fact = Fact(*parts_of_name)
-        facts[key][shared.setdefault(fact, fact)] = math.nan if value is None else float(value)
+    shared: dict[tuple[str, ...], Fact] = {}  # one key for the same fact of all runs
+    for rows in parts.columns(keys):
+        names = zip(*(rows[field].tolist() for field in Fact._fields), strict=True)
+        values = rows.floats("value").tolist()
+        for key, name, value in zip(rows["run_id"].tolist(), names, values, strict=True):
+            fact = shared.get(name)
+            if fact is None:
+                fact = shared[name] = Fact(*name)
+            facts[key][fact] = value
     return facts
 
 

@@ -57,10 +57,12 @@ class WorldObserver(Subscriber):
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """Of the graph: what a Genie published."""
         assert isinstance(message, Detections)
-        self._shared += len(message.objects)
-        if self._threshold is not None:
-            for detection in message.objects:
-                self._unconfident += detection.confidence < self._threshold
+        objects, threshold = message.objects, self._threshold
+        self._shared += len(objects)
+        if threshold is not None:  # no sum of a generator: this runs for each object that is shared
+            for detection in objects:
+                if detection.confidence < threshold:
+                    self._unconfident += 1
 
     def after(self, world: "World") -> None:
         """Looks at the maps of a world that has run."""

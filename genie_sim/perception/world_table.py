@@ -103,4 +103,4 @@ def is_origin(values: Sequence[Any]) -> bool:
 
 def in_range(values: Sequence[Any], limit: float = MAX_M) -> bool:
     """Whether all values are numbers, neither infinite nor larger than ``limit``."""
-    return all(isinstance(value, int | float) and abs(value) <= limit for value in values)
+    return all(isinstance(value, (int, float)) and abs(value) <= limit for value in values)

@@ -3,7 +3,8 @@ result folder.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,15 @@ class Metric:
     low: float | None = None
     high: float | None = None
     n: int = 0
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        """The values of its fields, in their order."""
+        return _row_of(self)
+
+
+METRIC_FIELDS = tuple(field.name for field in fields(Metric))
+_row_of = attrgetter(*METRIC_FIELDS)
 
 
 @dataclass(frozen=True, eq=False)

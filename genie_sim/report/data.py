@@ -3,7 +3,7 @@ resources.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, astuple
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,6 @@ from genie_sim.analysis.registry import (
 )
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
 from genie_sim.analysis.summary import energy_note
-from genie_sim.report.fleet_map import fleet_data
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.report.replay_pictures import Pictures
 from genie_sim.text import finite, natural_key
@@ -60,7 +59,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "about": _about(run),
         "methods": list(_methods(run)),
         "metrics": [
-            [finite(value) if isinstance(value, float) else value for value in astuple(metric)]
+            [finite(value) if isinstance(value, float) else value for value in metric.row]
             for metric in _shown(run.measured, notes)
         ],
         "parts": [{"name": name, "title": title} for name, (title, _) in PARTS.items()],
@@ -79,12 +78,21 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "use": list(_use(run, notes)),
         "faults": list(_faults(run, notes)),
         "replay": replay_data(run, start_ns, notes, pictures),
-        "fleet": fleet_data(run, notes),
+        "fleet": _fleet(run, notes),
         "energy_note": energy_note(
             [run.tables], {method.name: method.title for method in run.methods}
         ),
         "notes": list(dict.fromkeys(notes)),
     }
+
+
+def _fleet(run: "Run", notes: list[str]) -> dict[str, Any] | None:
+    """What the page draws of a fleet's map; ``None`` for cars and edges given one by one."""
+    if run.facts["scenario"].get("fleet") is None:
+        return None
+    from genie_sim.report.fleet_map import fleet_data
+
+    return fleet_data(run, notes)
 
 
 SHADED = (

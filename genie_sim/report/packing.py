@@ -1,5 +1,6 @@
 """Columns of whole numbers that pack well as JSON."""
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,8 @@ def scaled(values: Column, scale: int) -> Column:
 
 def deltas(values: Column) -> list[int]:
     """The first value, then the differences: short numbers."""
-    differences: list[int] = np.diff(values, prepend=0).tolist()
-    return differences
+    # Most columns have a few values, with which numpy's own difference takes ten times as long.
+    return [after - before for before, after in pairwise([0, *values.tolist()])]
 
 
 def integers(values: Column) -> Column:

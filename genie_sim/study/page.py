@@ -227,12 +227,18 @@ def _values(
     ``None`` where not defined.
     """
     columns: dict[str, list[Any]] = {name: [None] * len(names) for name, names in series.items()}
-    groups: Any = means.dropna(subset=BY).groupby(BY, sort=False)
-    for (metric, *which), group in groups:
-        rows = group.set_index(key)[ENDS].reindex(places)
-        columns[metric][series[metric].index(tuple(which))] = [
-            [finite(value, 5) for value in rows[end]] for end in ENDS
-        ]
+    place_of = {place: number for number, place in enumerate(places)}
+    rows = means.dropna(subset=BY)
+    # Row by row: pandas would take as long for each of the many small groups as for a whole table.
+    for metric, *which, place, value, low, high in zip(
+        *(rows[name].tolist() for name in (*BY, key, *ENDS)), strict=True
+    ):
+        of_metric, number = columns[metric], series[metric].index(tuple(which))
+        if of_metric[number] is None:
+            of_metric[number] = [[None] * len(places) for _ in ENDS]
+        if place in place_of:
+            for column, end in zip(of_metric[number], (value, low, high), strict=True):
+                column[place_of[place]] = finite(end, 5)
     return columns
 
 

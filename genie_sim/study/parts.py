@@ -1,7 +1,7 @@
 """The finished runs of a study in its folder: what is there is not run again."""
 
 import contextlib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from genie_sim.errors import UserError
 from genie_sim.paths import PARTIAL, atomic_write
 from genie_sim.recording import tables
+from genie_sim.recording.columns import Columns
 from genie_sim.study.tasks import PART, DaskWorkers, Failure, LocalWorkers, Shared, StudyRun, Task
 
 if TYPE_CHECKING:
@@ -103,18 +104,18 @@ class Parts:
         """The metrics of these runs, each once: the columns of ``PART``."""
         import pandas as pd
 
-        remaining = set(run_ids)
-        pieces = []
-        for path in self._paths():
-            if remaining.isdisjoint(self._ids_in(path)):
-                continue
-            part = _part(path)
-            rows = part[part["run_id"].isin(remaining)]
-            if len(rows):
-                pieces.append(rows)
-                remaining -= set(rows["run_id"].unique())
         texts = {column.name: str for column in PART.columns if column.kind == "text"}
-        return pd.concat([part.astype(texts) for part in pieces])
+        return pd.concat([part.to_frame().astype(texts) for part in self.columns(run_ids)])
+
+    def columns(self, run_ids: Collection[str]) -> Iterator[Columns]:
+        """The same, part by part."""
+        remaining = set(run_ids)
+        for path in self._paths():
+            wanted = remaining & self._ids_in(path)
+            if wanted:
+                part = _part(path)
+                yield part.rows(part["run_id"].isin(wanted))
+                remaining -= wanted
 
     def tidy(self) -> None:
         """Removes what killed workers left, and reasons of failures that are mended."""
@@ -163,8 +164,8 @@ def tasks_of(runs: Sequence[StudyRun], workers: int, folder: Path) -> list[Task]
     return [Task(tuple(group), str(folder.absolute())) for group in groups]
 
 
-def _part(path: Path) -> "pd.DataFrame":
+def _part(path: Path) -> Columns:
     try:
-        return tables.read(path, PART).to_frame()
+        return tables.read(path, PART)
     except UserError as error:
         raise UserError(f"{error}; delete it, and its runs are made again") from error

@@ -122,18 +122,17 @@ def _scenario(point: Point, base: Scenario | None) -> Scenario:
 def runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[PointRun]:
     """A point's run with each seed; ``point`` names it where a run fails."""
     key = None if prepared.frames.seeded else _key(prepared)
-    frames = _frames(prepared)
+    frames, facts = _frames(prepared), runner.facts(prepared)
     for seed in seeds:
-        seeded = replace(prepared, scenario=replace(prepared.scenario, seed=seed))
+        scenario = replace(prepared.scenario, seed=seed)
         if prepared.frames.seeded:
-            seeded = replace(
-                seeded,
-                frames=runner.frame_source(seeded.scenario).open(seed, seeded.scenario.origin),
-            )
-        run_id = provenance.run_id(runner.facts(seeded))
+            source = runner.frame_source(scenario).open(seed, scenario.origin)
+            facts = runner.facts(replace(prepared, scenario=scenario, frames=source))
+        else:  # nothing else differs
+            facts["scenario"]["seed"] = seed
         yield PointRun(
-            run_id,
-            seeded.scenario,
+            provenance.run_id(facts),
+            scenario,
             source=key,
             frames=frames,
             place=", ".join(filter(None, [point, f"seed {seed}"])),

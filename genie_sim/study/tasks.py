@@ -11,7 +11,7 @@ import hashlib
 import pickle
 import traceback
 from collections.abc import Generator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -185,7 +185,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
             continue
         for key, metrics_of_run in judgements.items():
             for metric in metrics_of_run:
-                table.append((key, *astuple(metric)))
+                table.append((key, *metric.row))
     finished = Finished(len(task.runs) - len(failures), tuple(failures))
     if not finished.runs:
         return finished

@@ -15,6 +15,7 @@ from genie_sim.paper.definitions import CHOICES, USUAL, Definitions
 from genie_sim.paper.facts import highest_running_ratios, placed
 from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
 from genie_sim.paper.reproduce import _judged
+from genie_sim.paper.runs import Outcome
 from genie_sim.recording.columns import Columns, Text
 from tests.paper.notation import facts as facts_by_notation
 from tests.paper.test_reproduce import counts_table
@@ -165,11 +166,9 @@ def verdicts_of(name, usual, other=None):
     """
     reading = load_reading(name)
     judged = {USUAL: usual} | ({} if other is None else {reading.definitions: other})
-    facts = {
-        definitions: {("base", scenario): [facts_by_notation(values)] * 10 for scenario in ALL}
-        for definitions, values in judged.items()
-    }
-    return _judged((reading, (), facts))
+    run = Outcome({meant: facts_by_notation(values) for meant, values in judged.items()})
+    groups = {("base", scenario): [run] * 10 for scenario in ALL}
+    return _judged([reading], [()], [groups], workers=1)[0]
 
 
 def rows(judged):

@@ -12,7 +12,7 @@ import pytest
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError
 from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.paper.evaluation_run import EVERY_METHOD, EvaluationRun
+from genie_sim.paper.evaluation_run import EVERY_METHOD, EvaluationRun, _read
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import load_reading
 from genie_sim.paper.reproduce import check
@@ -195,3 +195,20 @@ def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(s
         check(wrong)
     assert str(told.value).startswith(f"{reading.path}: choices[0].set: ")
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        (),
+        BASE,
+        (*BASE, "order=reversed"),
+        (*BASE, "same_bag_s=1", "laps=2"),
+        (*BASE, "cars[0].route.window=[1 s, 6 s]"),
+        ("overlap=1",),
+    ],
+)
+def test_what_is_read_once_for_all_seeds_is_what_each_seed_would_read(settings):
+    for seed in (1, 2, 9):
+        run = EvaluationRun("3car_hetero", seed, settings)
+        assert run.prepare().scenario == _read(run)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,7 @@ from genie_sim.recording.records import (
     SCHEMAS,
     FrameRow,
 )
+from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 
 MS = 1_000_000
@@ -366,3 +368,8 @@ def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
     path = tmp_path / "objects.parquet"
     some_objects(Table(OBJECTS), at_once=30).write(path)
     assert len(tables.read(path, OBJECTS)) == 150_000
+
+
+def test_a_metric_s_row_has_its_fields_in_order():
+    metric = Metric("hops", "genie", "car", "", value=1.5, unit="1", low=1.0, high=2.0, n=3)
+    assert metric.row == astuple(metric)
