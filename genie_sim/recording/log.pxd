@@ -1,6 +1,8 @@
 from genie_sim.header cimport Header
 from genie_sim.messages cimport Detections, Image, ImageLookup, ObjectLookups
 from genie_sim.monitor cimport Span
+from genie_sim.recording.agreement cimport Agreement
+from genie_sim.recording.map_accuracy cimport MapAccuracy
 from genie_sim.recording.open_frame cimport OpenFrame
 from genie_sim.recording.tables cimport Table
 cimport cython
@@ -11,7 +13,7 @@ cdef class Log:
     cdef public object wants_changes
     cdef public object wants_paths
     cdef public object published_frames
-    cdef object _accuracy
+    cdef MapAccuracy _accuracy
     cdef object _posed
     cdef Table _frames
     cdef Table _resources
@@ -22,7 +24,7 @@ cdef class Log:
     cdef Table _looks
     cdef Table _poses
     cdef Table _objects
-    cdef object _agreement
+    cdef Agreement _agreement
     cdef Table _steps
     cdef dict _open
     cdef dict _open_objects
