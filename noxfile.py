@@ -78,8 +78,8 @@ def coverage(session: nox.Session) -> None:
     session.run("python", "tests/coverage_gate.py", str(report))
 
 
-@nox.session(name="compile")
-def compile_(session: nox.Session) -> None:
+@nox.session
+def compile_engine(session: nox.Session) -> None:
     """Compiles the simulator in place: all tasks after it run with the compiled engine."""
     install(session, ".[dev]")
     session.run("python", "compile_engine.py")

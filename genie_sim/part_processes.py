@@ -157,7 +157,8 @@ def in_parts(
     with tempfile.TemporaryDirectory(dir=spill) as scratch:
         meeting, key = Path(scratch), secrets.token_bytes()
         jobs = [
-            PartJob(number, meeting / str(number), parts, meeting, key) for number in range(parts)
+            PartJob(number, meeting / str(number), parts=parts, meeting=meeting, key=key)
+            for number in range(parts)
         ]
         for job in jobs:
             job.folder.mkdir()

@@ -19,7 +19,7 @@ TASKS = (
     "types",
     "test",
     "coverage",
-    "compile",
+    "compile_engine",
     "plain",
     "docs",
     "bench",

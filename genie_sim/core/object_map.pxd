@@ -1,7 +1,8 @@
-from genie_sim.core.maps cimport Map
-from genie_sim.grid cimport Grid
+from genie_sim.core.maps cimport EnhancedAnswer, Map
 from genie_sim.core.stored_object cimport StoredObject
 from genie_sim.core.view cimport ViewSector
+from genie_sim.messages cimport Detection
+from genie_sim.place_index cimport PlaceIndex
 cimport cython
 
 cdef class ObjectMap(Map):
@@ -9,22 +10,34 @@ cdef class ObjectMap(Map):
     cdef public object _boosted_confidence
     cdef public object _rate
     cdef public object _threshold
-    cdef public object _locations
+    cdef public bint _ranks_confidences
+    cdef public PlaceIndex _places
+    cdef public object _same_location
     cdef public bint _any_class
     cdef public bint _counts_origins
-    cdef public Grid _view_grid
-    cdef public object _count
-    cdef public object _numbers
+    cdef public long _count
+    cdef public long long _next_number
     cdef public list _to_forget
-    cdef public object _ties
+    cdef public long long _next_tie
     cdef public dict _boosted
+    @cython.locals(
+        seen=Detection, stored=StoredObject, is_of_map=bint, objects=list, stored_objects=list,
+        changes=list, requests=long, updates=long,
+    )
+    cpdef EnhancedAnswer _learn(self, answer, now_ns, bint names_changes, bint leaves)
     @cython.locals(stored=StoredObject)
-    cpdef sight(self, seen, now_ns=*, header=*)
+    cpdef sight(self, Detection seen, now_ns=*, header=*)
+    @cython.locals(detection=Detection, stored=StoredObject, at_location=list, other=StoredObject)
+    cpdef enhanced_cache_boost_data(self, answer, header, viewer, now_ns)
+    @cython.locals(detection=Detection, confident=list, keeps_back=bint)
     cpdef _confident_part(self, answer, stored_objects, to, now_ns)
+    @cython.locals(stored=StoredObject)
     cpdef forget(self, now_ns)
-    cpdef match(self, label, location)
-    cpdef at(self, location)
-    @cython.locals(sector=ViewSector, stored=StoredObject)
+    @cython.locals(stored=StoredObject, detections=list, keeps_back=bint)
+    cpdef visible(self, viewer, range_m, now_ns)
+    cpdef match(self, label, tuple location)
+    cpdef at(self, tuple location)
+    @cython.locals(sector=ViewSector, stored=StoredObject, objects=list)
     cpdef in_view(self, pose, horizontal_fov_rad, range_m)
-    cpdef _add(self, seen, location, now_ns, header)
+    cpdef _add(self, Detection seen, tuple location, now_ns, header)
     cpdef _remove(self, StoredObject stored)

@@ -2,26 +2,19 @@
 sighting.
 """
 
-import heapq
-import itertools
 from collections.abc import Iterator, Sequence
-from types import MappingProxyType
-from typing import Any
+from heapq import heappop, heappush, heapreplace
 
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
-from genie_sim.core.locations import Locations, SameLocation, WithinGate
+from genie_sim.core.locations import SameLocation
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, counts_again
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.view import ViewSector
-from genie_sim.grid import Grid
 from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange
-
-# What an object notes of the cars that saw it where no setting asks for it, as for most objects of
-# a fleet's maps.
-NO_NOTES: Any = MappingProxyType({})
+from genie_sim.place_index import PlaceIndex
 
 
 class ObjectMap(Map):
@@ -50,17 +43,16 @@ class ObjectMap(Map):
         self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
         self._rate = rules.rate  # lambda
         self._threshold = threshold_of(rules.threshold)
-        self._locations: Locations = (
-            SameLocation() if rules.location_key == "exact" else WithinGate(rules.gate_m)
-        )
+        self._ranks_confidences = self._threshold.ranks_confidences
+        self._places: PlaceIndex[StoredObject] = PlaceIndex(view_cell_m, rules.gate_m)
+        self._same_location = SameLocation() if rules.location_key == "exact" else None
         self._any_class = rules.one_per_location
         self._counts_origins = rules.confidence_source == "origins"
-        self._view_grid: Grid[StoredObject] = Grid(view_cell_m)
         self._count = 0
-        self._numbers = itertools.count()  # of objects
+        self._next_number = 0  # of an object
         # a heap: when to look at the object, and a tie-breaker
         self._to_forget: list[tuple[int, int, StoredObject]] = []
-        self._ties = itertools.count()
+        self._next_tie = 0
         # of stored answers, by identity: what EnhancedCacheBoostData made of them; holds as long as
         # the map does not change
         self._boosted: dict[int, tuple[Answer, EnhancedAnswer]] = {}
@@ -69,7 +61,7 @@ class ObjectMap(Map):
         return self._count
 
     def __iter__(self) -> Iterator[StoredObject]:
-        return iter(self._view_grid)
+        return iter(self._places)
 
     @property
     def threshold(self) -> float:
@@ -90,6 +82,12 @@ class ObjectMap(Map):
         """
         if answer.objects is None:  # line 2
             return EnhancedAnswer(answer, answer, answer)
+        return self._learn(answer, now_ns, names_changes, leaves)
+
+    def _learn(
+        self, answer: Answer, now_ns: int, names_changes: bool, leaves: bool
+    ) -> EnhancedAnswer:
+        """Lines 3 to 7 of Algorithm 2, and what of the answer goes where."""
         threshold = self.threshold
         header = answer.header if answer.source == "detector" else None
         looked_at = answer.seen_in or answer.header
@@ -98,13 +96,14 @@ class ObjectMap(Map):
         changes: list[MapChange] = []
         requests = hits = updates = 0
         boost_sum = 0.0
-        for seen in answer.objects:  # line 3
+        for seen in answer.objects or ():  # line 3
             stored = None
             if seen.location is not None:
                 requests += 1
-                frame = None if seen.method == "map" else header
-                before, stored = self.sight(seen, now_ns, frame)  # lines 4 to 7
-                stored.look(seen.seen_in if seen.method == "map" else looked_at)
+                is_of_map = seen.method == "map"
+                # lines 4 to 7
+                before, stored = self.sight(seen, now_ns, None if is_of_map else header)
+                stored.look(seen.seen_in if is_of_map else looked_at)
                 if before is not None:
                     hits += before >= threshold
                     updates += 1
@@ -141,7 +140,7 @@ class ObjectMap(Map):
         assert seen.location is not None
         self._boosted.clear()
         # line 4
-        stored = self._locations.nearest(None if self._any_class else seen.label, seen.location)
+        stored = self.match(seen.label, seen.location)
         if stored is None:
             return None, self._add(seen, seen.location, now_ns, header)  # line 7
         before = stored.confidence
@@ -149,8 +148,9 @@ class ObjectMap(Map):
             header is not None and counts_again(stored.counted_ns, header)
         ):
             # line 5
-            stored.confidence = self._boosted_confidence(before, seen.confidence, self._rate)
-            self._threshold.changed(before, stored.confidence)
+            stored.boost(self._boosted_confidence(before, seen.confidence, self._rate))
+            if self._ranks_confidences:
+                self._threshold.changed(before, stored.confidence)
         stored.seen_ns = now_ns
         stored.sightings += 1
         if header is not None and self._freshness.notes_sightings:
@@ -178,7 +178,7 @@ class ObjectMap(Map):
             stored = None
             if detection.location is not None:
                 requests += 1
-                at_location = self._locations.at(detection.location)  # line 11
+                at_location = self.at(detection.location)  # line 11
                 # line 12
                 confident = [other for other in at_location if other.confidence >= threshold]
                 hits += bool(confident)
@@ -212,18 +212,15 @@ class ObjectMap(Map):
         ``""``).
         """
         threshold, objects = self.threshold, answer.objects or ()
-        if not self._freshness.keeps_back:
-            confident = [detection for detection in objects if detection.confidence >= threshold]
-            return answer if len(confident) == len(objects) else answer.with_objects(confident)
-        serves = self._freshness.serves
-        return answer.with_objects(
-            [
-                detection
-                for detection, stored in zip(objects, stored_objects, strict=True)
-                if detection.confidence >= threshold
-                and (stored is None or serves(stored, to, now_ns))
-            ]
-        )
+        keeps_back, serves = self._freshness.keeps_back, self._freshness.serves
+        confident = []
+        for place, detection in enumerate(objects):
+            if detection.confidence < threshold:
+                continue
+            stored = stored_objects[place] if keeps_back else None
+            if stored is None or serves(stored, to, now_ns):
+                confident.append(detection)
+        return answer if len(confident) == len(objects) else answer.with_objects(confident)
 
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects whose time is over by the freshness policy."""
@@ -233,11 +230,12 @@ class ObjectMap(Map):
             due_ns, _, stored = waiting[0]
             expires_ns = self._freshness.expires_ns(stored)
             if expires_ns is None:
-                heapq.heappop(waiting)
+                heappop(waiting)
             elif expires_ns > due_ns:  # it has been seen since
-                heapq.heapreplace(waiting, (expires_ns, next(self._ties), stored))
+                heapreplace(waiting, (expires_ns, self._next_tie, stored))
+                self._next_tie += 1
             else:
-                heapq.heappop(waiting)
+                heappop(waiting)
                 forgotten.append(stored)
                 self._remove(stored)
         return forgotten
@@ -246,21 +244,29 @@ class ObjectMap(Map):
         self, viewer: Viewer, range_m: float, now_ns: int
     ) -> tuple[tuple[Detection, ...], int | None]:
         """The confident objects in view. See ``maps.Map``."""
-        objects = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
-        if self._freshness.keeps_back:
-            serves, car = self._freshness.serves, viewer.header.origin
-            objects = [stored for stored in objects if serves(stored, car, now_ns)]
-        return tuple([stored.as_detection() for stored in objects]), None
+        keeps_back, serves = self._freshness.keeps_back, self._freshness.serves
+        car = viewer.header.origin
+        detections = []
+        for stored in self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m):
+            if keeps_back and not serves(stored, car, now_ns):
+                continue
+            detections.append(stored.as_detection())
+        return tuple(detections), None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest
         that fits.
         """
-        return self._locations.nearest(None if self._any_class else label, location)
+        kind = None if self._any_class else label
+        if self._same_location is not None:
+            return self._same_location.nearest(kind, location)
+        return self._places.nearest(kind, location[0], location[1])
 
     def at(self, location: Location) -> list[StoredObject]:
         """``OBJECT_MAP[location]``: every stored object, of any class, at a location."""
-        return self._locations.at(location)
+        if self._same_location is not None:
+            return self._same_location.at(location)
+        return self._places.at(location[0], location[1])
 
     def in_view(
         self, pose: CameraPose, horizontal_fov_rad: float, range_m: float
@@ -270,37 +276,45 @@ class ObjectMap(Map):
         """
         threshold = self.threshold
         sector = ViewSector(pose, horizontal_fov_rad, range_m)
-        nearby = self._view_grid.inside(*sector.box())
-        return sector.inside([stored for stored in nearby if stored.confidence >= threshold])
+        in_sector = self._places.in_sector(
+            sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m
+        )
+        objects = []
+        for stored in in_sector:
+            if stored.confidence < threshold:
+                continue
+            objects.append(stored)
+        return objects
 
     def _add(
         self, seen: Detection, location: Location, now_ns: int, header: Header | None
     ) -> StoredObject:
         policy = self._freshness
-        stored = StoredObject(
-            next(self._numbers),
-            seen,
-            location,
-            now_ns,
-            origins={} if policy.keeps_back or policy.notes_sightings else NO_NOTES,
-            counted_ns={} if self._counts_origins else NO_NOTES,
-        )
-        if header is not None:
-            if self._counts_origins:
-                stored.counted_ns[header.origin] = header.stamp_ns
+        stored = StoredObject(self._next_number, seen, location, now_ns)
+        self._next_number += 1
+        if policy.keeps_back or policy.notes_sightings:
+            stored.origins = {}
+        if self._counts_origins:
+            stored.counted_ns = {} if header is None else {header.origin: header.stamp_ns}
+        if header is not None and policy.notes_sightings:
             policy.seen(stored, seen.score, header)
-        expires_ns = policy.expires_ns(stored)
+        expires_ns = policy.expires_ns(stored) if policy.forgets else None
         if expires_ns is not None:
-            heapq.heappush(self._to_forget, (expires_ns, next(self._ties), stored))
-        self._locations.add(stored)
-        self._view_grid.add(self._view_grid.cell(stored.east_m, stored.north_m), stored)
-        self._threshold.added(stored.score, stored.confidence)
+            heappush(self._to_forget, (expires_ns, self._next_tie, stored))
+            self._next_tie += 1
+        self._places.add(stored, stored.label, location[0], location[1])
+        if self._same_location is not None:
+            self._same_location.add(stored)
+        if self._ranks_confidences:
+            self._threshold.added(stored.score, stored.confidence)
         self._count += 1
         return stored
 
     def _remove(self, stored: StoredObject) -> None:
         self._boosted.clear()
-        self._locations.remove(stored)
-        self._view_grid.remove(self._view_grid.cell(stored.east_m, stored.north_m), stored)
-        self._threshold.removed(stored.confidence)
+        self._places.remove(stored, stored.label, stored.location[0], stored.location[1])
+        if self._same_location is not None:
+            self._same_location.remove(stored)
+        if self._ranks_confidences:
+            self._threshold.removed(stored.confidence)
         self._count -= 1

@@ -1,17 +1,18 @@
+from genie_sim.messages cimport Detection
+
 cdef class StoredObject:
-    cdef public object number
+    cdef public long long number
     cdef public object label
     cdef public object score
-    cdef public object confidence
+    cdef public double confidence
     cdef public object location
-    cdef public double east_m
-    cdef public double north_m
-    cdef public object first_ns
-    cdef public object seen_ns
-    cdef public object sightings
+    cdef public long long first_ns
+    cdef public long long seen_ns
+    cdef public long sightings
     cdef public object origins
     cdef public object counted_ns
     cdef public object seen_in
-    cdef object _detection
+    cdef Detection _detection
+    cpdef boost(self, double confidence)
     cpdef as_detection(self)
     cpdef look(self, header)

@@ -1,7 +1,14 @@
 """An object of the map of Algorithm 2."""
 
+from types import MappingProxyType
+from typing import Any
+
 from genie_sim.core.tracking import PARKED_NS
 from genie_sim.messages import Detection, Header, Location
+
+# What an object notes of the cars that saw it where no setting asks for it, as for most objects of
+# a fleet's maps.
+NO_NOTES: Any = MappingProxyType({})
 
 
 class StoredObject:
@@ -16,11 +23,9 @@ class StoredObject:
         "_detection",
         "confidence",
         "counted_ns",
-        "east_m",
         "first_ns",
         "label",
         "location",
-        "north_m",
         "number",
         "origins",
         "score",
@@ -29,43 +34,34 @@ class StoredObject:
         "sightings",
     )
 
-    def __init__(
-        self,
-        number: int,
-        seen: Detection,
-        location: Location,
-        now_ns: int,
-        *,
-        origins: dict[str, int],
-        counted_ns: dict[str, int],
-    ) -> None:
+    def __init__(self, number: int, seen: Detection, location: Location, now_ns: int) -> None:
         self.number = number
         self.label = seen.label
         self.score = seen.score
         self.confidence = seen.confidence
         self.location = location
-        self.east_m, self.north_m, _ = location
         self.first_ns = self.seen_ns = now_ns
         self.sightings = 1
-        self.origins = origins
-        self.counted_ns = counted_ns
+        self.origins: dict[str, int] = NO_NOTES
+        self.counted_ns: dict[str, int] = NO_NOTES
         self.seen_in: Header | None = None
-        self._detection: Detection | None = None  # as it was asked for last
+        self._detection: Detection | None = None  # as others get it, once they ask
 
     @property
     def parked(self) -> bool:
         """Whether it has been seen at its place for a second."""
         return self.seen_ns - self.first_ns >= PARKED_NS
 
+    def boost(self, confidence: float) -> None:
+        """A sighting changes its confidence."""
+        if confidence != self.confidence:
+            self.confidence = confidence
+            self._detection = None
+
     def as_detection(self) -> Detection:
         """The object as others get it."""
-        detection = self._detection
-        if (
-            detection is None
-            or detection.confidence != self.confidence
-            or detection.seen_in is not self.seen_in
-        ):
-            detection = self._detection = Detection(
+        if self._detection is None:
+            self._detection = Detection(
                 self.label,
                 self.score,
                 box=None,
@@ -74,7 +70,7 @@ class StoredObject:
                 method="map",
                 seen_in=self.seen_in,
             )
-        return detection
+        return self._detection
 
     def look(self, header: Header | None) -> None:
         """A detector saw it in a frame; ``None``: in one that nobody knows."""
@@ -82,3 +78,4 @@ class StoredObject:
             self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns
         ):
             self.seen_in = header
+            self._detection = None

@@ -1,26 +1,14 @@
-from genie_sim.core.stored_object cimport StoredObject
 cimport cython
 
 cdef class ViewSector:
-    cdef double _ahead_east
-    cdef double _ahead_north
-    cdef double _min_cosine
+    cdef public tuple ahead
     cdef public double half_rad
+    cdef public double min_cosine
     cdef public object pose
     cdef public double range_m
     cpdef distance_m(self, double east_m, double north_m)
     @cython.locals(
-        stored=StoredObject,
-        east_m=double,
-        north_m=double,
-        ahead_east=double,
-        ahead_north=double,
-        min_cosine=double,
-        range_m=double,
-        away_east_m=double,
-        away_north_m=double,
-        ahead_m=double,
-        distance_m=double,
+        east_m=double, north_m=double, range_m=double, cosine=double, sine=double,
+        ahead_east_m=double, ahead_north_m=double, tip_east_m=double, tip_north_m=double,
     )
-    cpdef list inside(self, objects)
-    cpdef box(self)
+    cpdef tuple box(self)

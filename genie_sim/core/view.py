@@ -1,9 +1,7 @@
 """What a camera sees: the sector of its field of view, and what nearer objects hide in it."""
 
 import math
-from collections.abc import Iterable
 
-from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.tracking import kind_of
 from genie_sim.messages import CameraPose, Look
 
@@ -16,74 +14,57 @@ Area = tuple[float, float, float, float]  # west, east, south, north [m]
 
 
 class ViewSector:
-    """The part of the ground plane in a camera's horizontal field of view, up to a range."""
+    """The part of the ground plane in a camera's horizontal field of view, up to a range.
 
-    __slots__ = ("_ahead_east", "_ahead_north", "_min_cosine", "half_rad", "pose", "range_m")
+    ``ahead`` is the direction of its axis, east and north; ``min_cosine`` is that of the angle from
+    there to its border.
+    """
+
+    __slots__ = ("ahead", "half_rad", "min_cosine", "pose", "range_m")
 
     def __init__(
         self, pose: CameraPose, horizontal_fov_rad: float, range_m: float = math.inf
     ) -> None:
         self.pose, self.range_m = pose, range_m
         self.half_rad = min(max(horizontal_fov_rad / 2, 0.0), math.pi)
-        self._ahead_east, self._ahead_north = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        # of the angle off the axis; a whole turn shall see everything, whatever is rounded
-        self._min_cosine = math.cos(self.half_rad) if self.half_rad < math.pi else -2.0
+        self.ahead = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
+        # a whole turn shall see everything, whatever is rounded
+        self.min_cosine = math.cos(self.half_rad) if self.half_rad < math.pi else -2.0
 
     def distance_m(self, east_m: float, north_m: float) -> float | None:
         """How far away from the camera a place in view is; ``None`` for a place out of view."""
-        pose = self.pose
+        pose, ahead = self.pose, self.ahead
         away_east_m, away_north_m = east_m - pose[0], north_m - pose[1]
-        ahead_m = away_east_m * self._ahead_east + away_north_m * self._ahead_north
-        if ahead_m < 0.0 <= self._min_cosine:
+        ahead_m = away_east_m * ahead[0] + away_north_m * ahead[1]
+        if ahead_m < 0.0 <= self.min_cosine:
             return None
         distance_m = math.hypot(away_east_m, away_north_m)
-        if distance_m > self.range_m or ahead_m < self._min_cosine * distance_m:
+        if distance_m > self.range_m or ahead_m < self.min_cosine * distance_m:
             return None
         return distance_m
-
-    def inside(self, objects: Iterable[StoredObject]) -> list[StoredObject]:
-        """Those of some objects that are in view: ``distance_m`` without a call for each."""
-        east_m, north_m = self.pose[:2]
-        ahead_east, ahead_north = self._ahead_east, self._ahead_north
-        min_cosine, range_m, hypot = self._min_cosine, self.range_m, math.hypot
-        visible = []
-        for stored in objects:
-            away_east_m, away_north_m = stored.east_m - east_m, stored.north_m - north_m
-            ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
-            if ahead_m < 0.0 <= min_cosine:
-                continue
-            distance_m = hypot(away_east_m, away_north_m)
-            if distance_m <= range_m and ahead_m >= min_cosine * distance_m:
-                visible.append(stored)
-        return visible
 
     def box(self) -> Area:
         """An upright rectangle around the sector: around the kite that touches its arc at the ends
         and the middle, or around the whole disc if the sector is wide.
         """
-        east_m, north_m, _, heading_rad = self.pose
-        range_m, half_rad = self.range_m, self.half_rad
-        if half_rad > WIDE_RAD:
+        east_m, north_m = self.pose[:2]
+        range_m = self.range_m
+        if self.half_rad > WIDE_RAD:
             return east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
-        left_rad, right_rad = heading_rad + half_rad, heading_rad - half_rad
-        tip_m = range_m / math.cos(half_rad)
-        easts = (
-            0.0,
-            range_m * math.cos(left_rad),
-            range_m * math.cos(right_rad),
-            tip_m * self._ahead_east,
-        )
-        norths = (
-            0.0,
-            range_m * math.sin(left_rad),
-            range_m * math.sin(right_rad),
-            tip_m * self._ahead_north,
-        )
+        # to where its axis and its borders lead
+        ahead_east_m, ahead_north_m = range_m * self.ahead[0], range_m * self.ahead[1]
+        cosine = self.min_cosine
+        sine = math.sqrt(1.0 - cosine * cosine)
+        left_east_m = ahead_east_m * cosine - ahead_north_m * sine
+        left_north_m = ahead_north_m * cosine + ahead_east_m * sine
+        right_east_m = ahead_east_m * cosine + ahead_north_m * sine
+        right_north_m = ahead_north_m * cosine - ahead_east_m * sine
+        tip_east_m, tip_north_m = ahead_east_m / cosine, ahead_north_m / cosine
         return (
-            east_m + min(easts),
-            east_m + max(easts),
-            north_m + min(norths),
-            north_m + max(norths),
+            east_m + min(0.0, left_east_m, right_east_m, tip_east_m),
+            east_m + max(0.0, left_east_m, right_east_m, tip_east_m),
+            north_m + min(0.0, left_north_m, right_north_m, tip_north_m),
+            north_m + max(0.0, left_north_m, right_north_m, tip_north_m),
         )
 
 

@@ -12,6 +12,8 @@ cdef class MapAccuracy:
     cdef object _labels
     cdef object _first_seen
     cdef object _recent_places
+    cdef object _later
+    cdef object _judged
     cdef object _spans
     cdef list _scenes
     cdef list _given

@@ -304,7 +304,7 @@ class Bridge(Subscriber):
             message = bent
         flow = (self.address, self._topic, message.header.frame_id)
         arguments = (message, sender, self._times_up)
-        self.link.send(flow, message, self.arrive, arguments, self._carried)
+        self.link.send(flow, message, self.arrive, arguments, carried=self._carried)
 
     def arrive(self, message: Message, sender: str, times_up: int) -> None:
         """A message reaches the far end; it left when the connection was up for the ``times_up``-th

@@ -112,7 +112,8 @@ class FrameBatch:
 
     def pose(self, place: int) -> CameraPose:
         """Where the camera is in one of the frames."""
-        east_m, north_m = (column.item(place) for column in self._view_poses[:2])
+        east_m = self._view_poses.east_m.item(place)
+        north_m = self._view_poses.north_m.item(place)
         return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings.item(place))
 
     @functools.cached_property

@@ -303,7 +303,7 @@ def test_the_view_of_a_map_is_that_of_each_of_its_objects(fov_deg):
         expected = {
             stored.number
             for stored in objects
-            if sector.distance_m(stored.east_m, stored.north_m) is not None
+            if sector.distance_m(*stored.location[:2]) is not None
         }
         assert {stored.number for stored in objects.in_view(*view)} == expected
 

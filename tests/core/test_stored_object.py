@@ -12,8 +12,8 @@ S = 1_000_000_000
 def test_what_is_seen_at_its_place_for_a_second_is_parked(seen_ns: int, parked: bool):
     place = (1.0, 2.0, 0.5)
     seen = Detection("car", 0.6, None, place, 0.7)
-    stored = StoredObject(3, seen, place, 5 * S, origins={}, counted_ns={})
+    stored = StoredObject(3, seen, place, 5 * S)
     assert (stored.number, stored.score, stored.confidence) == (3, 0.6, 0.7)
-    assert (stored.east_m, stored.north_m) == (1.0, 2.0) and not stored.parked
+    assert stored.location == place and not stored.parked
     stored.seen_ns += seen_ns
     assert stored.parked is parked
