@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from functools import partial
 
 import pytest
 
@@ -28,7 +29,7 @@ def in_town(record: list[str]) -> Scenario:
 
 def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
     """Those of some batches, and those that wait to be judged together."""
-    monkeypatch.setitem(MapAccuracy.__init__.__kwdefaults__, "window", BATCH_FRAMES // 2)
+    monkeypatch.setattr(runner, "MapAccuracy", partial(MapAccuracy, window=BATCH_FRAMES // 2))
     batches: weakref.WeakSet[FrameBatch] = weakref.WeakSet()
     alive: list[int] = []
     init = FrameBatch.__init__
