@@ -26,8 +26,9 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks import both_engines, genie_runs, peers, speed_page
+from benchmarks import both_engines, fleet_parts, genie_runs, peers, speed_page
 from benchmarks.both_engines import Engines
+from benchmarks.fleet_parts import FleetParts
 from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
 from benchmarks.station import ENGINES, Outcome, Station, station_of
 from genie_sim.build import Prepared
@@ -46,7 +47,8 @@ class Sizes:
     the cost curves, the first being what the others are compared with, each driving for ``curve_s``
     as often as gives ``curve_frames``, and none that would take longer than ``longest_s``;
     ``memory_laps``: the two lengths of run between which memory grows; ``engines``: the sizes of
-    what both engines run.
+    what both engines run; ``parts``: the cars of the fleet that several processes simulate, and how
+    long [s] they drive.
     """
 
     rounds: int
@@ -60,6 +62,7 @@ class Sizes:
     memory_laps: tuple[int, int]
     profile_entries: int
     engines: Mapping[str, float]
+    parts: tuple[int, float]
 
 
 FULL = Sizes(
@@ -74,6 +77,7 @@ FULL = Sizes(
     memory_laps=(60, 480),
     profile_entries=15,
     engines=both_engines.FULL,
+    parts=(3000, 3.0),
 )
 QUICK = Sizes(
     rounds=2,
@@ -87,6 +91,7 @@ QUICK = Sizes(
     memory_laps=(5, 20),
     profile_entries=8,
     engines=both_engines.QUICK,
+    parts=(300, 1.0),
 )
 
 
@@ -140,6 +145,7 @@ class Measured:
     command: str
     machine: Mapping[str, str]
     engines: Engines
+    parts: FleetParts
     races: Sequence[Race]
     skipped: Mapping[str, str]
     work: Mapping[str, Work]
@@ -154,6 +160,8 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
     """Runs the whole benchmark; ``tell`` is told what runs."""
     tell("both engines")
     engines = both_engines.measure(sizes.rounds, sizes.engines)
+    tell("a fleet in parts")
+    parts = fleet_parts.measure(*sizes.parts, sizes.rounds)
     tell("3 cars")
     skipped: dict[str, str] = {}
     versions: dict[str, str] = {}
@@ -208,6 +216,7 @@ def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str],
         command,
         machine(),
         engines,
+        parts,
         races,
         skipped,
         work,

@@ -54,6 +54,7 @@ TINY = Sizes(
     memory_laps=(1, 3),
     profile_entries=3,
     engines={"laps": 1, "lap_times": 1, "cars": 5, "fleet_s": 0.2},
+    parts=(4, 0.2),
 )
 
 
