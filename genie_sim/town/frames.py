@@ -197,6 +197,11 @@ class TownFrame:
         return self._batch.truth(self._place)
 
     @property
+    def scene_ns(self) -> int:
+        """When it is taken, on the clock of the scene."""
+        return self._batch.drive.start_ns + self.stamp_ns
+
+    @property
     def features(self) -> dict[str, bytes]:
         """Surrogates, by name: there are no pictures."""
         seed = self._batch.drive.scene.seed

@@ -2,20 +2,22 @@
 known.
 """
 
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from genie_sim.classes import VEHICLES
-from genie_sim.core.geometry import Geodetic
-from genie_sim.messages import Frame
+import numpy as np
+
+from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.town.objects import TownObject
 from genie_sim.town.rules import TownRules
 from genie_sim.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 
 if TYPE_CHECKING:
     from genie_sim.perception.sources import Extent, Progress
+    from genie_sim.town.frames import TownFrame
     from genie_sim.town.town import Town, TownDrive
 
 # Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a typing
@@ -103,9 +105,12 @@ class TownDrives:
 
     def truth_of(self, drive: "TownDrive") -> "TownTruth":
         drive.is_judged = True
-        return TownTruth(
-            self.town, drive.start_ns, self.settings.tolerance_m, self.settings.range_m
-        )
+        return self._truth
+
+    @functools.cached_property
+    def _truth(self) -> "TownTruth":
+        """One for all drives, so that it is asked about objects of many cars at once."""
+        return TownTruth(self.town, self.settings.tolerance_m, self.settings.range_m)
 
     def digests(self) -> Mapping[str, str]:
         return {self.town.name: self.town.digest}
@@ -116,10 +121,9 @@ class TownDrives:
 
 @dataclass(frozen=True)
 class TownTruth:
-    """What is there on the drive of a car that starts at ``start_ns`` of the town's clock."""
+    """What is there on all drives through a town."""
 
     town: "Town"
-    start_ns: int
     reach_m: float
     range_m: float
 
@@ -130,7 +134,15 @@ class TownTruth:
         truth: Sequence[TownObject] = frame.truth()
         return truth
 
-    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
-        t_ns = self.start_ns + frame.stamp_ns
-        labels = VEHICLES if label in VEHICLES else (label,)
-        return self.town.is_there(labels, (east_m, north_m), self.reach_m, t_ns)
+    def is_there(self, frame: "TownFrame", label: str, east_m: float, north_m: float) -> bool:
+        place = np.array([east_m]), np.array([north_m])
+        return bool(self.are_there([frame], [label], *place)[0])
+
+    def are_there(
+        self, frames: Sequence["TownFrame"], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        """``is_there`` of many places, each in its frame."""
+        t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
+        return self.town.real_places.are_there(
+            labels, east_m, north_m, t_s=t_s, range_m=self.reach_m
+        )

@@ -12,10 +12,8 @@ other end. So where they are at any time is one sum.
 from __future__ import annotations
 
 import functools
-import math
 from array import array
-from bisect import bisect_left
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,38 +40,10 @@ class VehicleStream(NamedTuple):
 
     labels: frozenset[str]
     movers: list[tuple[TownObject, ...]]
-    northbound: bool
     beside_m: float
     speed_mps: float
     length_m: float
     starts_m: array[float]
-
-    def between(self, low_m: float, high_m: float, t_s: float) -> list[TownObject]:
-        """All that are between two places along the street at a time.
-
-        Who has come to the end begins again as somebody else, with a number of its own.
-        """
-        starts_m, length_m = self.starts_m, self.length_m
-        gone_m = self.speed_mps * t_s
-        lap, begin_m = divmod(low_m - gone_m, length_m)
-        end_m = begin_m + high_m - low_m
-        k = bisect_left(starts_m, begin_m)
-        objects: list[TownObject] = []
-        while True:
-            if k == len(starts_m):
-                if end_m < length_m:
-                    return objects
-                k, end_m, lap = 0, end_m - length_m, lap + 1
-            if starts_m[k] > end_m:
-                return objects
-            along_m = starts_m[k] + (gone_m + lap * length_m)
-            east_m, north_m = (
-                (self.beside_m, along_m) if self.northbound else (along_m, self.beside_m)
-            )
-            for mover in self.movers[k]:
-                number = mover.number - int(lap) * len(starts_m)
-                objects.append(mover.at(number, east_m, north_m))
-            k += 1
 
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
@@ -194,22 +164,6 @@ class Street:
             pose=pose, row=row, number_offset=number_offset, east_m=east_m, north_m=north_m
         )
 
-    def between(
-        self, low_m: float, high_m: float, t_s: float, labels: Collection[str] = ()
-    ) -> list[TownObject]:
-        """All that is between two places along the street at a time, or only what may be of some
-        classes.
-        """
-        places_m = self.places_m
-        objects = self.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
-        low_m, high_m = max(low_m, 0.0), min(high_m, self.length_m)
-        if low_m >= high_m:
-            return objects
-        for stream in self.streams:
-            if not labels or not stream.labels.isdisjoint(labels):
-                objects += stream.between(low_m, high_m, t_s)
-        return objects
-
 
 class Layout(NamedTuple):
     """What all streets of a town are made from; ``seed_key`` are 64 bits of the town's seed."""
@@ -310,7 +264,6 @@ def _streams(
                 VehicleStream(
                     labels=frozenset(labels),
                     movers=movers,
-                    northbound=northbound,
                     beside_m=beside_m,
                     speed_mps=direction * speed_mps,
                     length_m=length_m,
@@ -360,34 +313,3 @@ class Streets:
         for street in (*east, *north):
             street.first = count
             count += len(street.objects)
-
-    def near(
-        self,
-        east_m: float,
-        north_m: float,
-        range_m: float,
-        t_s: float,
-        *,
-        labels: Collection[str] = (),
-    ) -> Iterator[TownObject]:
-        """All that is within a distance of a place at a time, seen or not, or only what is of some
-        classes.
-        """
-        for streets, across_m, along_m in (
-            (self.east, north_m, east_m),
-            (self.north, east_m, north_m),
-        ):
-            reach_m = range_m + self.half_m
-            for k in self._crossed(across_m - reach_m, across_m + reach_m, len(streets)):
-                near = streets[k].between(along_m - range_m, along_m + range_m, t_s, labels)
-                for item in near:
-                    if labels and item.label not in labels:
-                        continue
-                    if math.hypot(item.east_m - east_m, item.north_m - north_m) <= range_m:
-                        yield item
-
-    def _crossed(self, low_m: float, high_m: float, count: int) -> range:
-        block_m = self.block_m
-        return range(
-            max(0, math.ceil(low_m / block_m)), min(count - 1, math.floor(high_m / block_m)) + 1
-        )

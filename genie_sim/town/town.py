@@ -6,7 +6,7 @@ import functools
 import hashlib
 import json
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from genie_sim.core.geometry import Array, Geodetic
@@ -17,6 +17,7 @@ from genie_sim.town.detector import SyntheticDetector
 from genie_sim.town.frames import BASELINES_M, TownFrame, TownFrames
 from genie_sim.town.laws import FittedLaws, detector_laws
 from genie_sim.town.objects import ObjectColumns, TownObject
+from genie_sim.town.real_places import RealPlaces
 from genie_sim.town.rules import TownRules
 from genie_sim.town.streets import Layout, Street, Streets, lay_out
 from genie_sim.town.surrogate import LAWS
@@ -85,6 +86,11 @@ class Town:
         """What every camera in the town has in view."""
         return Visibility(self.streets, self.objects, self.rules.view_m)
 
+    @functools.cached_property
+    def real_places(self) -> RealPlaces:
+        """Where everything real is in the town."""
+        return RealPlaces(self.streets)
+
     def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
         """The objects that are visible from some poses, as they are then; a ghost is ``None``."""
         rows, offsets = visible.row.tolist(), visible.number_offset.tolist()
@@ -131,16 +137,6 @@ class Town:
         """Where a car is from ``start_ns`` to ``end_ns``."""
         random = stream(self.seed, STREAM, "car", car)
         return routes.drive(self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
-
-    def is_there(
-        self, labels: Collection[str], place: tuple[float, float], range_m: float, t_ns: int
-    ) -> bool:
-        """Whether anything of these classes really is within a distance of a place at a time.
-
-        ``place`` is east and north [m], ``t_ns`` is of the town's clock.
-        """
-        near = self.streets.near(*place, range_m, t_ns * 1e-9, labels=labels)
-        return any(item.real for item in near)
 
 
 class TownDrive:

@@ -26,7 +26,7 @@ from genie_sim.town.noise import mix, normals, smooth_normals
 from genie_sim.town.objects import HORIZONTAL_FOV_RAD
 from genie_sim.town.view import VisibleObjects
 from genie_sim.units import NS_PER_S
-from tests.town.town_truth import truth_near
+from tests.town.town_truth import near, truth_near
 
 VEHICLES, PERSONS = ("car", "truck", "bus"), ("person",)
 REPLICATIONS = 40
@@ -278,7 +278,7 @@ def test_ghosts_come_back_at_their_places(laws):
     object.
     """
     town = Town(TownRules(blocks=(3, 3)), 1)
-    everything = town.streets.near(225.0, 225.0, 500.0, 0.0)
+    everything = near(town, 225.0, 225.0, 500.0, 0.0)
     real = {item.number for item in truth_near(town, 225.0, 225.0, 500.0, 0)}
     ghosts = [item for item in everything if not item.real]
     assert real.isdisjoint(item.number for item in ghosts)

@@ -8,9 +8,11 @@ import math
 import numpy as np
 import pytest
 
+from genie_sim.classes import VEHICLES
 from genie_sim.town import Town, TownRules
 from genie_sim.town.routes import CYCLE_S, LEFT_MPS, Commuting, green_at
 from genie_sim.town.rules import JUNCTION_M, LANE_M
+from genie_sim.town.source import InTown
 from genie_sim.units import NS_PER_S
 from tests.town.town_truth import truth_near
 
@@ -141,19 +143,50 @@ def test_traffic_flows(town):
     assert {item.number for item in stay} <= after.keys()
 
 
-def test_what_is_there_is_found_by_its_class(town):
-    t_ns, (east_m, north_m) = 10 * NS_PER_S, (450.0, 375.0)
-    everything = truth_near(town, east_m, north_m, 150.0, t_ns)
-    labels = {item.label for item in everything}
-    assert {"car", "person", "bicycle"} <= labels
-    for step_m in range(-50, 50, 4):
-        at = east_m + step_m, north_m
-        for label in (*labels, "elephant"):
-            near = any(
-                item.label == label and math.dist(item.location[:2], at) <= 9.0
-                for item in everything
-            )
-            assert town.is_there((label,), at, 9.0, t_ns) == near
+LABELS = ("car", "truck", "bus", "person", "bicycle", "bench", "traffic light", "elephant")
+
+
+@pytest.mark.parametrize("blocks", [(6, 5), (1, 2)])
+@pytest.mark.parametrize("range_m", [2.0, 40.0])
+def test_what_is_there_is_found_by_its_class(blocks, range_m):
+    """At any places and times, on streets and beside them, within the town and outside."""
+    town = Town(TownRules(blocks=blocks), seed=3)
+    random = np.random.default_rng(5)
+    count = 1200
+    labels = [LABELS[k] for k in random.integers(0, len(LABELS), count)]
+    east_m, north_m = (random.uniform(-60.0, size_m + 60.0, count) for size_m in town.size_m)
+    on_street = slice(count // 2)
+    middle_m = np.rint(east_m[on_street] / RULES.block_m) * RULES.block_m
+    east_m[on_street] = middle_m + random.uniform(-9.0, 9.0, count // 2)
+    t_ns = random.integers(0, 3600 * NS_PER_S, count)
+    asked = zip(labels, east_m.tolist(), north_m.tolist(), t_ns.tolist(), strict=True)
+    expected = [
+        any(
+            label == item.label or {label, item.label} <= set(VEHICLES)
+            for item in truth_near(town, *place, range_m, at_ns)
+        )
+        for label, *place, at_ns in asked
+    ]
+    found = town.real_places.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, range_m=range_m)
+    assert found.tolist() == expected
+    assert 5 < sum(expected) < count
+
+
+def test_one_truth_is_asked_about_all_cars():
+    """Each at its own time of the town's clock."""
+    drives = InTown(town=RULES).open(3, None)
+    first, second = (drives.drive(car, None, start_ns) for car, start_ns in (("a", 0), ("b", 7)))
+    truth = drives.truth_of(first)
+    assert drives.truth_of(second) is truth and first.is_judged and second.is_judged
+    frames = [drive.frames["02"][30] for drive in (first, second)]
+    assert [frame.scene_ns for frame in frames] == [3 * NS_PER_S, 3 * NS_PER_S + 7]
+    seen = [(frame, item) for frame in frames for item in frame.truth()]
+    of_frames, items = zip(*seen, strict=True)
+    labels = [item.label for item in items]
+    east_m, north_m, _ = np.array([item.location for item in items]).T
+    assert truth.are_there(of_frames, labels, east_m, north_m).all()
+    assert not truth.are_there(of_frames, labels, east_m, north_m + 1e5).any()
+    assert truth.is_there(of_frames[0], labels[0], east_m[0], north_m[0])
 
 
 def test_nobody_has_the_number_of_another(town):
