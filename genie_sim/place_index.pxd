@@ -11,9 +11,13 @@ cdef class Block:
     cdef double column
     cdef double row
     cdef Place *places
+    cdef Py_ssize_t *eastward  # their indices, from west to east
     cdef Py_ssize_t count
     cdef Py_ssize_t room
+    cdef Py_ssize_t first(self, double west_m) noexcept
     cdef add(self, Place place)
+    cdef widen(self, Py_ssize_t room)
+    cdef remove(self, Py_ssize_t index)
 
 cdef class PlaceIndex:
     cdef double _cell_m

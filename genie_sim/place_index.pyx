@@ -1,6 +1,6 @@
 """``place_index.py`` for the compiled engine: the places of a cell stand side by side in memory.
 
-A search looks at all places of the large cells that it touches, which is as quick as small cells.
+Of the large cells that a search touches, it looks only at what is near enough from west to east.
 """
 
 import math
@@ -31,7 +31,7 @@ cdef inline double cell_of(double place_m, double side_m) noexcept:
 
 
 cdef class Block:
-    """The places of one cell, in the order in which they were added."""
+    """The places of one cell in the order in which they were added, and that from west to east."""
 
     def __dealloc__(self):
         cdef Py_ssize_t index
@@ -39,20 +39,57 @@ cdef class Block:
             Py_DECREF(<object>self.places[index].kind)
             Py_DECREF(<object>self.places[index].item)
         free(self.places)
+        free(self.eastward)
+
+    cdef Py_ssize_t first(self, double west_m) noexcept:
+        """Where in ``eastward`` the places begin that are not farther west."""
+        cdef Py_ssize_t low = 0, high = self.count, middle
+        while low < high:
+            middle = (low + high) // 2
+            if self.places[self.eastward[middle]].east_m < west_m:
+                low = middle + 1
+            else:
+                high = middle
+        return low
 
     cdef add(self, Place place):
-        cdef Place *larger
-        cdef Py_ssize_t room
+        cdef Py_ssize_t where = self.first(place.east_m)
         if self.count == self.room:
-            room = 2 * self.room if self.room else FIRST_ROOM
-            larger = <Place *>realloc(self.places, room * sizeof(Place))
-            if larger == NULL:
-                raise MemoryError
-            self.places, self.room = larger, room
+            self.widen(2 * self.room if self.room else FIRST_ROOM)
         Py_INCREF(<object>place.kind)
         Py_INCREF(<object>place.item)
+        memmove(
+            &self.eastward[where + 1],
+            &self.eastward[where],
+            (self.count - where) * sizeof(Py_ssize_t),
+        )
+        self.eastward[where] = self.count
         self.places[self.count] = place
         self.count += 1
+
+    cdef widen(self, Py_ssize_t room):
+        cdef Place *places = <Place *>realloc(self.places, room * sizeof(Place))
+        if places == NULL:
+            raise MemoryError
+        self.places = places
+        cdef Py_ssize_t *eastward = <Py_ssize_t *>realloc(self.eastward, room * sizeof(Py_ssize_t))
+        if eastward == NULL:
+            raise MemoryError
+        self.eastward, self.room = eastward, room
+
+    cdef remove(self, Py_ssize_t index):
+        cdef Py_ssize_t where, kept = 0
+        kind, item = <object>self.places[index].kind, <object>self.places[index].item
+        for where in range(self.count):
+            if self.eastward[where] != index:
+                self.eastward[kept] = self.eastward[where] - (self.eastward[where] > index)
+                kept += 1
+        self.count -= 1
+        memmove(
+            &self.places[index], &self.places[index + 1], (self.count - index) * sizeof(Place)
+        )
+        Py_DECREF(kind)
+        Py_DECREF(item)
 
 
 cdef class PlaceIndex:
@@ -96,13 +133,7 @@ cdef class PlaceIndex:
                 break
         else:
             raise ValueError(item)
-        kind = <object>block.places[index].kind
-        block.count -= 1
-        memmove(
-            &block.places[index], &block.places[index + 1], (block.count - index) * sizeof(Place)
-        )
-        Py_DECREF(kind)
-        Py_DECREF(item)
+        block.remove(index)
         if not block.count:
             self._last_touched = None
             del self._blocks[block.column + block.row * ROW]
@@ -113,12 +144,14 @@ cdef class PlaceIndex:
         cdef Place *nearest = NULL
         cdef Place *place
         cdef Block block
-        cdef Py_ssize_t index
+        cdef Py_ssize_t where
         for block in self._touched(
             east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
         ):
-            for index in range(block.count):
-                place = &block.places[index]
+            for where in range(block.first(east_m - reach_m), block.count):
+                place = &block.places[block.eastward[where]]
+                if place.east_m > east_m + reach_m:
+                    break
                 away_east_m, away_north_m = place.east_m - east_m, place.north_m - north_m
                 distance2_m2 = away_east_m * away_east_m + away_north_m * away_north_m
                 if not distance2_m2 <= nearest2_m2:
@@ -131,21 +164,25 @@ cdef class PlaceIndex:
 
     cpdef list at(self, double east_m, double north_m):
         cdef double reach_m = self._reach_m, away_east_m, away_north_m
-        cdef list places = []
+        cdef list items = [], numbers = []
         cdef Place *place
         cdef Block block
-        cdef Py_ssize_t index
+        cdef Py_ssize_t where, before
         for block in self._touched(
             east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
         ):
-            for index in range(block.count):
-                place = &block.places[index]
+            for where in range(block.first(east_m - reach_m), block.count):
+                place = &block.places[block.eastward[where]]
+                if place.east_m > east_m + reach_m:
+                    break
                 away_east_m, away_north_m = place.east_m - east_m, place.north_m - north_m
                 if away_east_m * away_east_m + away_north_m * away_north_m <= self._reach2_m2:
-                    places.append((place.number, <object>place.item))
-        if len(places) > 1:
-            places.sort()
-        return [item for _, item in places]
+                    before = len(numbers)
+                    while before and <long long>numbers[before - 1] > place.number:
+                        before -= 1
+                    numbers.insert(before, place.number)
+                    items.insert(before, <object>place.item)
+        return items
 
     cpdef list in_sector(
         self, tuple box, tuple tip, tuple ahead, double min_cosine, double range_m

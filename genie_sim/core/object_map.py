@@ -40,6 +40,8 @@ class ObjectMap(Map):
         freshness: Never | None = None,
     ) -> None:
         self._freshness = Never() if freshness is None else freshness
+        self._keeps_back = self._freshness.keeps_back
+        self._notes_sightings = self._freshness.notes_sightings
         self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
         self._rate = rules.rate  # lambda
         self._threshold = threshold_of(rules.threshold)
@@ -88,7 +90,7 @@ class ObjectMap(Map):
         self, answer: Answer, now_ns: int, names_changes: bool, leaves: bool
     ) -> EnhancedAnswer:
         """Lines 3 to 7 of Algorithm 2, and what of the answer goes where."""
-        threshold = self.threshold
+        threshold = self._threshold.value
         header = answer.header if answer.source == "detector" else None
         looked_at = answer.seen_in or answer.header
         objects: list[Detection] = []
@@ -124,7 +126,7 @@ class ObjectMap(Map):
         to_clients = to_neighbours = self._confident_part(
             answer, stored_objects, answer.header.origin, now_ns
         )
-        if self._freshness.keeps_back:
+        if self._keeps_back:
             to_neighbours = self._confident_part(answer, stored_objects, "", now_ns)
         return EnhancedAnswer(answer, to_clients, to_neighbours, counts)
 
@@ -138,7 +140,8 @@ class ObjectMap(Map):
         object.
         """
         assert seen.location is not None
-        self._boosted.clear()
+        if self._boosted:
+            self._boosted.clear()
         # line 4
         stored = self.match(seen.label, seen.location)
         if stored is None:
@@ -153,7 +156,7 @@ class ObjectMap(Map):
                 self._threshold.changed(before, stored.confidence)
         stored.seen_ns = now_ns
         stored.sightings += 1
-        if header is not None and self._freshness.notes_sightings:
+        if self._notes_sightings and header is not None:
             self._freshness.seen(stored, seen.score, header)
         return before, stored
 
@@ -165,7 +168,7 @@ class ObjectMap(Map):
         """
         if answer.objects is None:  # line 9
             return EnhancedAnswer(answer, answer, answer)
-        if not self._freshness.keeps_back:
+        if not self._keeps_back:
             remembered = self._boosted.get(id(answer))
             if remembered is not None:
                 return remembered[1]
@@ -173,19 +176,21 @@ class ObjectMap(Map):
         stored_objects: list[StoredObject | None] = []  # that ``objects`` show
         others: list[StoredObject] = []
         requests = hits = 0
-        threshold = self.threshold
+        threshold, any_class = self._threshold.value, self._any_class
         for detection in answer.objects:  # line 10
             stored = None
             if detection.location is not None:
                 requests += 1
-                at_location = self.at(detection.location)  # line 11
-                # line 12
-                confident = [other for other in at_location if other.confidence >= threshold]
-                hits += bool(confident)
-                others += confident  # line 13; added below, lest line 10 iterates over them
-                if len(at_location) == 1 and at_location[0].label == detection.label:
-                    stored = at_location[0]  # as nearly always
-                else:
+                candidates, is_hit = 0, False
+                for other in self.at(detection.location):  # line 11
+                    if other.confidence >= threshold:  # line 12
+                        is_hit = True
+                        others.append(other)  # line 13; added below, lest line 10 iterates over it
+                    if any_class or other.label == detection.label:
+                        candidates += 1
+                        stored = other
+                hits += is_hit
+                if candidates > 1:  # the nearest
                     stored = self.match(detection.label, detection.location)
                 if stored is not None:
                     detection = detection.with_confidence(stored.confidence)
@@ -200,7 +205,7 @@ class ObjectMap(Map):
         boosted = answer.with_objects(objects)
         part = self._confident_part(boosted, stored_objects, header.origin, now_ns)
         result = EnhancedAnswer(boosted, part, part, LookupCounts(requests, hits))
-        if not self._freshness.keeps_back:
+        if not self._keeps_back:
             self._boosted[id(answer)] = answer, result
         return result
 
@@ -211,14 +216,14 @@ class ObjectMap(Map):
         and those that the freshness policy keeps back from the car ``to`` (from other Genies:
         ``""``).
         """
-        threshold, objects = self.threshold, answer.objects or ()
-        keeps_back, serves = self._freshness.keeps_back, self._freshness.serves
+        threshold, objects = self._threshold.value, answer.objects or ()
+        keeps_back = self._keeps_back
         confident = []
         for place, detection in enumerate(objects):
             if detection.confidence < threshold:
                 continue
             stored = stored_objects[place] if keeps_back else None
-            if stored is None or serves(stored, to, now_ns):
+            if stored is None or self._freshness.serves(stored, to, now_ns):
                 confident.append(detection)
         return answer if len(confident) == len(objects) else answer.with_objects(confident)
 
@@ -244,11 +249,11 @@ class ObjectMap(Map):
         self, viewer: Viewer, range_m: float, now_ns: int
     ) -> tuple[tuple[Detection, ...], int | None]:
         """The confident objects in view. See ``maps.Map``."""
-        keeps_back, serves = self._freshness.keeps_back, self._freshness.serves
+        keeps_back = self._keeps_back
         car = viewer.header.origin
         detections = []
         for stored in self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m):
-            if keeps_back and not serves(stored, car, now_ns):
+            if keeps_back and not self._freshness.serves(stored, car, now_ns):
                 continue
             detections.append(stored.as_detection())
         return tuple(detections), None
@@ -274,7 +279,7 @@ class ObjectMap(Map):
         """The objects with C >= C_T inside a camera's horizontal field of view, up to ``range_m``
         away.
         """
-        threshold = self.threshold
+        threshold = self._threshold.value
         sector = ViewSector(pose, horizontal_fov_rad, range_m)
         in_sector = self._places.in_sector(
             sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m

@@ -19,7 +19,7 @@ from genie_sim.core.maps import Viewer
 from genie_sim.core.rules import Percentile
 from genie_sim.core.view import ViewSector
 from genie_sim.messages import CameraPose, Header
-from tests.core.worlds import S, object_map, seen
+from tests.core.worlds import S, answer, object_map, seen
 
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)
 scores = st.integers(0, 100).map(lambda percent: percent / 100)
@@ -229,6 +229,34 @@ def test_a_place_holds_every_object_within_the_gate_of_any_class():
     )
     objects = told(object_map(gate_m=1.0), near, nearer, far)
     assert {one.label for one in objects.at((20.0, 0.0, 0.0))} == {"car", "dog"}
+
+
+# Replays: lines 10 to 13
+
+
+@pytest.mark.parametrize("one_per_location", [False, True])
+def test_a_replay_shows_the_nearest_of_several_objects_and_adds_the_others(one_per_location):
+    objects = told(
+        object_map(one_per_location=one_per_location),
+        seen("car", 0.92, at=(21.1, 0.0)),
+        seen("car", 0.91, at=(20.0, 0.0)),
+        seen("dog", 0.93, at=(22.2, 0.0)),
+    )
+    stored = answer(Header(S, "02", "car1"), seen("car", 0.4, at=(21.0, 0.0)))
+    boosted = objects.enhanced_cache_boost_data(stored, stored.header, None, S).to_clients
+    assert [one.confidence for one in boosted.objects] == [0.92, 0.91]
+    assert boosted.objects[0].location == (21.0, 0.0, 0.0)
+
+
+def test_a_replay_shows_no_confidence_of_another_class_unless_any_object_is_it():
+    stored = answer(Header(S, "02", "car1"), seen("car", 0.4))
+    shown = []
+    for one_per_location in (False, True):
+        objects = told(object_map(one_per_location=one_per_location), seen("dog", 0.9))
+        boosted = objects.enhanced_cache_boost_data(stored, stored.header, None, S)
+        shown.append([(one.label, one.confidence) for one in boosted.answer.objects])
+        assert boosted.lookups.hits == 1
+    assert shown == [[("car", 0.4), ("dog", 0.9)], [("car", 0.9)]]
 
 
 # What is in view
