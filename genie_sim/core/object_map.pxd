@@ -9,6 +9,7 @@ cdef class ObjectMap(Map):
     cdef public object _freshness
     cdef public bint _keeps_back
     cdef public bint _notes_sightings
+    cdef public bint _forgets
     cdef public object _boosted_confidence
     cdef public object _rate
     cdef public object _threshold

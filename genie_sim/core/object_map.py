@@ -42,6 +42,7 @@ class ObjectMap(Map):
         self._freshness = Never() if freshness is None else freshness
         self._keeps_back = self._freshness.keeps_back
         self._notes_sightings = self._freshness.notes_sightings
+        self._forgets = self._freshness.forgets
         self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
         self._rate = rules.rate  # lambda
         self._threshold = threshold_of(rules.threshold)
@@ -297,13 +298,13 @@ class ObjectMap(Map):
         policy = self._freshness
         stored = StoredObject(self._next_number, seen, location, now_ns)
         self._next_number += 1
-        if policy.keeps_back or policy.notes_sightings:
+        if self._keeps_back or self._notes_sightings:
             stored.origins = {}
         if self._counts_origins:
             stored.counted_ns = {} if header is None else {header.origin: header.stamp_ns}
-        if header is not None and policy.notes_sightings:
+        if header is not None and self._notes_sightings:
             policy.seen(stored, seen.score, header)
-        expires_ns = policy.expires_ns(stored) if policy.forgets else None
+        expires_ns = policy.expires_ns(stored) if self._forgets else None
         if expires_ns is not None:
             heappush(self._to_forget, (expires_ns, self._next_tie, stored))
             self._next_tie += 1

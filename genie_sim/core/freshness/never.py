@@ -23,13 +23,16 @@ class Never:
     laws: DetectorLaws = ASSUMED  # what the detector is like; set by whoever makes the Genie
     keeps_back: ClassVar[bool] = False  # has a ``serves`` of its own, which may say no
     notes_sightings: ClassVar[bool] = False  # has a ``seen`` of its own
-    forgets: ClassVar[bool] = False  # has an ``expires_ns`` of its own
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         cls.keeps_back = cls.serves is not Never.serves
         cls.notes_sightings = cls.seen is not Never.seen
-        cls.forgets = cls.expires_ns is not Never.expires_ns
+
+    @property
+    def forgets(self) -> bool:
+        """Whether it has an ``expires_ns`` of its own."""
+        return type(self).expires_ns is not Never.expires_ns
 
     def expires_ns(self, stored: Any) -> int | None:
         """When to take out an object that nobody sees again; ``None``: never."""
