@@ -477,7 +477,7 @@ def _simulate_part(
     """A part of a method, in a process that knows nothing yet."""
     prepared = _prepared(packed)
     (entry,) = prepared.expanded.methods
-    owners = split.owners([car.name for car in prepared.expanded.cars], job.parts)
+    owners = split.owners(prepared.expanded, job.parts)
     share = Share(job.number, owners, split.window_ns(prepared.expanded), exchange)
     of_part = tables.begin(share.scheduled_ns)
     simulate_method(prepared, entry, of_part, driven=(), progress=progress, share=share)

@@ -1,6 +1,6 @@
 """Whether one method of a run can be split among processes, and which cars each of them gets."""
 
-from collections.abc import Sequence
+import itertools
 
 from genie_sim import build
 from genie_sim.scenario.methods import MethodEntry
@@ -12,9 +12,9 @@ METHODS = frozenset({"local", "remote", "paced_remote", "genie", "central", "dea
 # Tables that can be put together from those of several processes.
 TABLES = frozenset({"lookups", "looks", "resources", "poses", "held"})
 FAULTS = frozenset({"hand_over"})  # which act on a car and its links alone
-# Of the processor time of a fleet under Genie, about what the edges take. A wrong share only makes
-# one process wait for another.
-EDGES_SHARE = 0.4
+# Of the processor time of a fleet under Genie, about what the edges take; where cars are judged,
+# these take more. A wrong share only makes one process wait for another.
+EDGES_SHARE, EDGES_SHARE_JUDGED = 0.33, 0.2
 
 
 def obstacle(scenario: Scenario, entry: MethodEntry) -> str:
@@ -48,15 +48,17 @@ def window_ns(scenario: Scenario) -> int:
     return int(getattr(build.link_model(scenario.fleet.link), "min_delay_ns", 0))
 
 
-def owners(cars: Sequence[str], processes: int) -> dict[str, int]:
+def owners(scenario: Scenario, processes: int) -> dict[str, int]:
     """The process of each car. The first one has the edges, too, so fewer cars."""
-    of_edges = max(0.0, (1 / processes - EDGES_SHARE) / (1 - EDGES_SHARE))
+    edges = EDGES_SHARE_JUDGED if "held" in scenario.record else EDGES_SHARE
+    beside_edges = max(0.0, (1 / processes - edges) / (1 - edges))
     owner, due = {}, 0.0
-    for number, car in enumerate(cars):
-        due += of_edges
+    others = itertools.cycle(range(1, processes))
+    for car in scenario.cars:
+        due += beside_edges
         if due >= 1.0:
             due -= 1.0
-            owner[car] = EDGES
+            owner[car.name] = EDGES
         else:
-            owner[car] = 1 + number % (processes - 1)
+            owner[car.name] = next(others)
     return owner

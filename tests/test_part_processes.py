@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,7 @@ from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import Tables
 from genie_sim.runner import prepare, simulate, simulate_with
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.sim.settings import Car
 from genie_sim.sim.share import EDGES, Exchange, OrderUnknown, Verdict
 from genie_sim.sim.timeline import Timeline
 from tests.test_method_processes import written
@@ -271,14 +273,15 @@ def test_cars_that_are_no_fleet_are_not_split():
 
 
 @pytest.mark.parametrize("processes", [2, 3, 7])
-def test_each_process_gets_cars_and_the_one_with_the_edges_fewer(processes: int):
-    cars = [f"car{number}" for number in range(1000)]
-    owner = split.owners(cars, processes)
-    assert list(owner) == cars
+@pytest.mark.parametrize("record", [[], ["held"]])
+def test_each_process_gets_cars_and_the_one_with_the_edges_fewer(processes: int, record: list[str]):
+    cars = tuple(Car(f"car{number}", "orin_nano") for number in range(1000))
+    owner = split.owners(replace(fleet(record=record), cars=cars), processes)
+    assert list(owner) == [car.name for car in cars]
     counts = np.bincount(list(owner.values()), minlength=processes)
     others = counts[1:]
     assert others.min() > 0.9 * others.max() and counts[EDGES] < others.min()
-    share = split.EDGES_SHARE
+    share = split.EDGES_SHARE_JUDGED if record else split.EDGES_SHARE
     load = counts / 1000 * (1 - share) + share * (np.arange(processes) == EDGES)
     if share < 1 / processes:
         assert np.ptp(load) < 0.02
