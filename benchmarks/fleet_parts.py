@@ -1,6 +1,6 @@
 """One fleet in a town, simulated by one process and by several, which take turns.
 
-    python -m benchmarks.fleet_parts [--cars 2000] [--seconds 6] [--rounds 3] [--workers 2]
+    python -m benchmarks.fleet_parts [--cars 1000] [--seconds 6] [--rounds 3] [--workers 2]
 
 Each run is a process of its own, which prepares the fleet and then simulates it; the time of that
 counts. Wall time means something on an idle machine alone; where other programs run, the processor
@@ -103,7 +103,7 @@ def _busy_s() -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--cars", type=int, default=2000)
+    parser.add_argument("--cars", type=int, default=1000)
     parser.add_argument("--seconds", type=float, default=6.0, help="how long all drive")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--workers", type=int, nargs="+", default=[2])

@@ -77,7 +77,7 @@ FULL = Sizes(
     memory_laps=(60, 480),
     profile_entries=15,
     engines=both_engines.FULL,
-    parts=(2000, 6.0),
+    parts=(1000, 6.0),
 )
 QUICK = Sizes(
     rounds=2,
