@@ -6,13 +6,15 @@ Each part writes tables of its own; put together they are those of one process, 
 import pickle
 import secrets
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -24,7 +26,7 @@ from genie_sim.recording.columns import Array, Columns, concat
 from genie_sim.recording.later_places import GHOSTS, VISIBLE, with_moved_away
 from genie_sim.recording.records import SCHEMAS, Tables, new_tables
 from genie_sim.recording.tables import Column, Schema, Table, Value, read
-from genie_sim.sim.share import EDGES, Exchange, OrderUnknown, Verdict
+from genie_sim.sim.share import EDGES, Exchange, OrderUnknown
 
 # Rows in the order of events, of which only their parts know when they were scheduled.
 BY_EVENT = ("lookups", "looks")
@@ -52,40 +54,46 @@ class Connections:
 
     def __init__(self, connections: Mapping[int, Connection]) -> None:
         self._connections = connections
+        # Two that send each other more than a connection holds would wait for each other for ever.
+        self._senders = {number: _Sender(of) for number, of in connections.items()}
 
-    def swap(
-        self, parcels: Mapping[int, Any], verdict: Verdict
-    ) -> tuple[Mapping[int, Any], Verdict]:
-        # The one with the edges hears all before it speaks: its verdict is that of all. It packs
-        # before it listens, while the others do.
-        packed = {number: pickle.dumps(parcel, protocol=5) for number, parcel in parcels.items()}
+    def give(self, parcels: Mapping[int, Any]) -> None:
+        for number, sender in self._senders.items():
+            sender.put(pickle.dumps(parcels[number], protocol=5))
+
+    def take(self) -> Mapping[int, Any]:
         try:
-            if EDGES in self._connections:
-                self._speak(packed, verdict)
-                told = self._listen()
-            else:
-                told = self._listen()
-                said = [verdict, *(verdict for verdict, _ in told.values())]
-                verdict = Verdict(
-                    all(is_idle for is_idle, _ in said), any(ties for _, ties in said)
-                )
-                self._speak(packed, verdict)
+            return {
+                number: pickle.loads(of.recv_bytes()) for number, of in self._connections.items()
+            }
         except (EOFError, OSError) as error:
             raise PartLost from error
-        if EDGES in told:
-            verdict, _ = told[EDGES]
-        return {number: pickle.loads(parcel) for number, (_, parcel) in told.items()}, verdict
 
-    def _speak(self, packed: Mapping[int, bytes], verdict: Verdict) -> None:
-        for number, connection in self._connections.items():
-            connection.send_bytes(bytes(verdict) + packed[number])
+    def close(self) -> None:
+        """Waits until everything is sent."""
+        for sender in self._senders.values():
+            sender.close()
 
-    def _listen(self) -> dict[int, tuple[Verdict, bytes]]:
-        told = {}
-        for number, connection in self._connections.items():
-            message = connection.recv_bytes()
-            told[number] = Verdict(bool(message[0]), bool(message[1])), message[2:]
-        return told
+
+class _Sender:
+    """Sends over a connection from a thread of its own."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
+        self.put = self._waiting.put
+        self._thread = threading.Thread(target=self._send, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Ends when all is sent."""
+        self.put(None)
+        self._thread.join()
+
+    def _send(self) -> None:
+        with suppress(OSError):  # whoever takes from that process notices that it is lost
+            while (parcel := self._waiting.get()) is not None:
+                self._connection.send_bytes(parcel)
 
 
 # Adds the rows of a part to empty tables, which it begins.
@@ -212,7 +220,7 @@ def _connected(job: PartJob) -> Iterator[Exchange]:
             where = pickle.loads(address.read_bytes())
             connections[EDGES] = stack.enter_context(Client(where, authkey=job.key))
             connections[EDGES].send(job.number)
-        yield Connections(dict(sorted(connections.items())))
+        yield stack.enter_context(closing(Connections(dict(sorted(connections.items())))))
 
 
 def _put_together(

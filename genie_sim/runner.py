@@ -478,7 +478,7 @@ def _simulate_part(
     prepared = _prepared(packed)
     (entry,) = prepared.expanded.methods
     owners = split.owners(prepared.expanded, job.parts)
-    share = Share(job.number, owners, split.window_ns(prepared.expanded), exchange)
+    share = Share(job.number, owners, split.delay_ns(prepared.expanded), exchange)
     of_part = tables.begin(share.scheduled_ns)
     simulate_method(prepared, entry, of_part, driven=(), progress=progress, share=share)
 

@@ -6,12 +6,14 @@ from genie_sim import build
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.share import EDGES
+from genie_sim.units import NS_PER_MS, duration_text
 
 # Methods whose hosts share nothing but messages, of which a frame's detections are all that counts.
 METHODS = frozenset({"local", "remote", "paced_remote", "genie", "central", "deadline"})
 # Tables that can be put together from those of several processes.
 TABLES = frozenset({"lookups", "looks", "resources", "poses", "held"})
 FAULTS = frozenset({"hand_over"})  # which act on a car and its links alone
+MIN_DELAY_NS = NS_PER_MS // 10  # else processes would exchange more than they simulate
 # Of the processor time of a fleet under Genie, about what the edges take; where cars are judged,
 # these take more. A wrong share only makes one process wait for another.
 EDGES_SHARE, EDGES_SHARE_JUDGED = 0.33, 0.2
@@ -35,12 +37,14 @@ def obstacle(scenario: Scenario, entry: MethodEntry) -> str:
         return "images are encoded"
     if build.own_plugins(scenario):
         return "it runs code of its own"
-    if not window_ns(scenario):
-        return f"a message may take no time on the cars' link ({scenario.fleet.link.name})"
+    if delay_ns(scenario) < MIN_DELAY_NS:
+        shortest = duration_text(MIN_DELAY_NS)
+        link = scenario.fleet.link.name
+        return f"a message may take less than {shortest} on the cars' link ({link})"
     return ""
 
 
-def window_ns(scenario: Scenario) -> int:
+def delay_ns(scenario: Scenario) -> int:
     """The least time that a message takes between a car of the fleet and an edge [ns]: for so long
     processes need not know of each other. 0 where the link does not tell.
     """

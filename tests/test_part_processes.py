@@ -25,7 +25,7 @@ from genie_sim.recording.records import Tables
 from genie_sim.runner import prepare, simulate, simulate_with
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.sim.settings import Car
-from genie_sim.sim.share import EDGES, Exchange, OrderUnknown, Verdict
+from genie_sim.sim.share import EDGES, Exchange, OrderUnknown
 from genie_sim.sim.timeline import Timeline
 from tests.test_method_processes import written
 
@@ -133,18 +133,17 @@ def test_where_the_order_of_events_is_unknown_one_process_simulates_all(
 
 
 def connected(job: PartJob, tables: PartTables, exchange: Exchange, _: Any) -> None:
-    """Parts that only say what they are."""
+    """Parts that only say what they are, more than a connection holds, and listen later."""
     tables.begin(lambda: 0)
     others = range(1, job.parts) if job.number == EDGES else [EDGES]
-    for idle, ties in ((True, False), (False, True)):
-        verdict = Verdict(idle or job.number == 1, ties and job.number == 2)
-        parcels = {other: (job.number, other) for other in others}
-        told, said = exchange.swap(parcels, verdict)
-        assert told == {other: (other, job.number) for other in others}
-        assert said == (idle, ties)
+    much = b"x" * 3_000_000
+    for turn in range(3):
+        exchange.give({other: (turn, job.number, other, much) for other in others})
+    for turn in range(3):
+        assert exchange.take() == {other: (turn, other, job.number, much) for other in others}
 
 
-def test_parts_hear_what_others_tell_them_and_one_verdict_of_all(in_threads: None):
+def test_parts_hear_what_others_tell_them_in_its_order(in_threads: None):
     tables = in_parts(connected, 3, cars=["car1"], hosts=["car1"], streams=["camera"])
     assert tables is not None and not any(map(len, tables.values()))
 
@@ -153,9 +152,8 @@ def broken(job: PartJob, tables: PartTables, exchange: Exchange, _: Any) -> None
     tables.begin(lambda: 0)
     if job.number == 1:
         raise UserError("no such thing")
-    exchange.swap(
-        {1: None, 2: None} if job.number == EDGES else {EDGES: None}, Verdict(True, False)
-    )
+    exchange.give({1: None, 2: None} if job.number == EDGES else {EDGES: None})
+    exchange.take()
 
 
 def test_what_is_wrong_in_one_part_is_told_and_not_that_others_miss_it(in_threads: None):
@@ -166,7 +164,8 @@ def test_what_is_wrong_in_one_part_is_told_and_not_that_others_miss_it(in_thread
 def killed(job: PartJob, tables: PartTables, exchange: Exchange, _: Any) -> None:
     if job.number == 1:
         os._exit(3)
-    exchange.swap({1: None}, Verdict(True, False))
+    exchange.give({1: None})
+    exchange.take()
 
 
 def test_a_killed_part_is_told_in_one_line():
@@ -263,7 +262,7 @@ def test_what_cannot_be_split_says_why(settings: dict[str, Any], reason: str):
 def test_links_that_do_not_tell_their_delay_are_not_split(link: Any):
     scenario = fleet(fleet=fleet_settings(link=link))
     assert split.obstacle(scenario, scenario.methods[0]).startswith(
-        "a message may take no time on the cars' link"
+        "a message may take less than 100 us on the cars' link"
     )
 
 

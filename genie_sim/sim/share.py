@@ -2,14 +2,16 @@
 
 One process simulates all edges and some of the cars, each of the others some of the cars alone. A
 message between them takes at least the delay of a car's link, so no process needs to know what
-another did in the last ``window_ns``: all simulate such a window, then exchange what crosses from
-one to another (conservative synchronisation; R. M. Fujimoto, "Parallel discrete event simulation",
-CACM 33(10), 1990). Every event has the place among the others that it has in one process.
+another did in that time. Each simulates window after window, a part of that delay, gives what
+crosses to the others, and waits only where they are as many windows behind as make the whole delay
+(conservative synchronisation; R. M. Fujimoto, "Parallel discrete event simulation", CACM 33(10),
+1990). Every event has the place among the others that it has in one process.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from genie_sim.messages import Detections, Expired, Header, Message, Observation
 from genie_sim.monitor import Monitor, Placement
@@ -21,7 +23,9 @@ from genie_sim.sim.link_models import LinkEnds
 from genie_sim.sim.ros_graph import Subscriber
 from genie_sim.sim.setup import Setup
 
+Value = TypeVar("Value", bound=int)
 EDGES = 0  # the number of the process that simulates the edges
+WINDOWS = 4  # in the least delay of a message between processes
 
 
 class Parcel(NamedTuple):
@@ -47,24 +51,16 @@ class Parcel(NamedTuple):
     uses: list[tuple[int, str, bool]]
 
 
-class Verdict(NamedTuple):
-    """What all processes say together at the end of a window: whether nothing happens any more, and
-    whether the order of two events is unknown anywhere.
-    """
-
-    is_idle: bool
-    has_ties: bool
-
-
 class Exchange(Protocol):
     """Connects the processes that simulate one run. The one with the edges is connected to all
-    others, these to that one alone.
+    others, these to that one alone. What one gives comes in the order in which it was given.
     """
 
-    def swap(
-        self, parcels: Mapping[int, Any], verdict: Verdict
-    ) -> tuple[Mapping[int, Any], Verdict]:
-        """Gives each connected process its parcel; returns theirs, and the verdict of all."""
+    def give(self, parcels: Mapping[int, Any]) -> None:
+        """Sends each connected process its parcel, and does not wait until it takes it."""
+
+    def take(self) -> Mapping[int, Any]:
+        """Waits for the next parcel of each connected process."""
 
 
 class OrderUnknown(Exception):
@@ -82,23 +78,24 @@ class Share:
         Which process this is; ``EDGES`` has the edges.
     owners : mapping of str to int
         The process of each car.
-    window_ns : int
-        How long processes need not know of each other: no message between them takes less [ns].
+    delay_ns : int
+        No message between processes takes less [ns].
     exchange : Exchange
         Connects the processes.
     """
 
     def __init__(
-        self, number: int, owners: Mapping[str, int], window_ns: int, exchange: Exchange
+        self, number: int, owners: Mapping[str, int], delay_ns: int, exchange: Exchange
     ) -> None:
         self.has_edges = number == EDGES
-        self.window_ns = window_ns
+        self.window_ns = delay_ns // WINDOWS
         self._number = number
         self._owners = owners
         self._exchange = exchange
         others = sorted(set(owners.values()) - {EDGES}) if self.has_edges else [EDGES]
         self._parcels = {other: Parcel([], [], [], []) for other in others}
         self._here = Parcel([], [], [], [])  # losses and uses of this window
+        self._open: deque[Parcel] = deque()  # of windows of which others have not told
         self._bridges: dict[str, Bridge] = {}  # whose messages come from elsewhere, by the link
         self._uses: dict[str, NotedUse] = {}  # by the car
         self._carried_bytes: dict[str, int] = {}  # by links elsewhere, by the car
@@ -134,8 +131,7 @@ class Share:
         """The use of a car's interface, whose links may have their senders in two processes."""
         if self.has_edges and self.has(car):
             return InterfaceUse(tail_time_ns)
-        notes = self._here.uses if self.has(car) else self._parcels[self._owners[car]].uses
-        use = NotedUse(car, notes, tail_time_ns)
+        use = NotedUse(car, self._note_use, tail_time_ns)
         if self.has(car):
             self._uses[car] = use
         return use
@@ -171,35 +167,55 @@ class Share:
 
     def latest(self, instant_ns: int) -> int:
         """The latest of what all processes say."""
-        nothing = Verdict(is_idle=False, has_ties=False)
-        for _ in range(2):  # the process with the edges learns it, then it tells the others
-            told, _ = self._exchange.swap(dict.fromkeys(self._parcels, instant_ns), nothing)
-            instant_ns = max(instant_ns, *told.values())
-        return instant_ns
+        return self._agreed(instant_ns, max)
 
-    def exchange(self, is_idle: bool) -> bool:
-        """Ends a window; returns whether nothing happens any more in any process. Raises
-        ``OrderUnknown``.
+    def all_say(self, is_so: bool) -> bool:
+        """Whether all processes say so."""
+        return self._agreed(is_so, min)
+
+    def _agreed(self, value: Value, choose: Callable[[Iterable[Value]], Value]) -> Value:
+        for _ in range(2):  # the process with the edges learns it, then it tells the others
+            self._exchange.give(dict.fromkeys(self._parcels, value))
+            value = choose([value, *self._exchange.take().values()])
+        return value
+
+    def end_window(self) -> None:
+        """Gives others what this window has for them, and waits for what must be known before the
+        next. Raises ``OrderUnknown``.
         """
-        is_idle = is_idle and not any(parcel.crossings for parcel in self._parcels.values())
-        verdict = Verdict(is_idle, self.clock.has_ties)
-        parcels, verdict = self._exchange.swap(self._parcels, verdict)
-        if verdict.has_ties:
+        if self.clock.has_ties:
             raise OrderUnknown
+        self._exchange.give(self._parcels)
         for parcel in self._parcels.values():
             for facts in parcel:
                 facts.clear()
-        for parcel in parcels.values():
+        self._open.append(self._here)
+        self._here = Parcel([], [], [], [])
+        while len(self._open) >= WINDOWS:
+            self._close_window()
+
+    def catch_up(self) -> None:
+        """Waits until all windows are known that have ended here."""
+        while self._open:
+            self._close_window()
+
+    def _close_window(self) -> None:
+        """Takes what others have for this process from the oldest open window."""
+        here = self._open.popleft()
+        for parcel in self._exchange.take().values():
             self._deliver(parcel.crossings)
-            self._here.losses.extend(parcel.losses)
-            self._here.uses.extend(parcel.uses)
+            here.losses.extend(parcel.losses)
+            here.uses.extend(parcel.uses)
             for header, size_bytes in parcel.carried:
                 answer = CarriedAnswer(Header(*header), size_bytes)
                 self.monitor.carried("bytes_down", answer)
                 car = answer.header.origin
                 self._carried_bytes[car] = self.carried_bytes(car) + size_bytes
-        self._settle()
-        return verdict.is_idle
+        self._settle(here)
+
+    def _note_use(self, now_ns: int, car: str, is_begin: bool) -> None:
+        parcel = self._here if self.has(car) else self._parcels[self._owners[car]]
+        parcel.uses.append((now_ns, car, is_begin))
 
     def _deliver(
         self, crossings: Iterable[tuple[str, int, int, tuple[Any, ...], str, int]]
@@ -211,19 +227,15 @@ class Share:
                 arrives_ns, scheduled_ns, self._bridges[link].arrive, arguments
             )
 
-    def _settle(self) -> None:
-        """Tells what happened in the window, in the order in which it did."""
-        self._here.losses.sort(key=lambda loss: loss[:2])
-        for now_ns, _, header, where, node in self._here.losses:
+    def _settle(self, window: Parcel) -> None:
+        """Tells what happened in a window, in the order in which it did."""
+        for now_ns, _, header, where, node in sorted(window.losses, key=lambda loss: loss[:2]):
             if node is None:
                 self.monitor.dropped(Detections(Header(*header), ()), where)
             else:
                 self.monitor.observe("edge", node, Expired(Header(*header)), now_ns)
-        self._here.losses.clear()
-        self._here.uses.sort()
-        for now_ns, car, is_begin in self._here.uses:
+        for now_ns, car, is_begin in sorted(window.uses):
             self._uses[car].settle(now_ns, is_begin=is_begin)
-        self._here.uses.clear()
 
 
 def shared(setup: Setup, share: Share) -> Setup:
@@ -245,16 +257,16 @@ class CarriedAnswer(NamedTuple):
 class NotedUse(InterfaceUse):
     """The use of an interface that two processes note; it counts when both are known."""
 
-    def __init__(self, car: str, notes: list[tuple[int, str, bool]], tail_time_ns: int) -> None:
+    def __init__(self, car: str, note: Callable[[int, str, bool], None], tail_time_ns: int) -> None:
         super().__init__(tail_time_ns)
         self._car = car
-        self._notes = notes
+        self._note = note
 
     def begin(self, now_ns: int) -> None:
-        self._notes.append((now_ns, self._car, True))
+        self._note(now_ns, self._car, True)
 
     def end(self, now_ns: int) -> None:
-        self._notes.append((now_ns, self._car, False))
+        self._note(now_ns, self._car, False)
 
     def settle(self, now_ns: int, *, is_begin: bool) -> None:
         """Counts what was noted."""

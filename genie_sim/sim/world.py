@@ -96,12 +96,11 @@ class World:
         if share is None:
             clock.run(until=until_ns)
             return clock.waits_only_for(self._sample)
-        is_idle = False
         while clock.now < until_ns:
             clock.run(until=min(clock.now + share.window_ns, until_ns))
-            is_over = clock.now == until_ns
-            is_idle = share.exchange(is_over and clock.waits_only_for(self._sample))
-        return is_idle
+            share.end_window()
+        share.catch_up()
+        return share.all_say(clock.waits_only_for(self._sample))
 
     def dismantle(self) -> None:
         """Takes everything apart after the run, so that it is freed at once and not by Python's
