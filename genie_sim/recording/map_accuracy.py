@@ -292,22 +292,19 @@ class MapAccuracy:
         items, judgement, pairs = compared.held, compared.judgement, compared.pairs
         scenes = len(views.now_ns)
 
-        def counts(scene: Array, selection: Array) -> Array:
-            return np.bincount(scene[selection], minlength=scenes)
-
-        def judged(*judgements: int) -> Array:
-            return counts(items.scene, np.isin(judgement, judgements))
-
+        judged = [
+            _counts(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
+        ]
         # What is there and cannot be seen is neither right nor wrong.
         is_held = judgement != HIDDEN
-        held_ = counts(items.scene, is_held)
+        held_ = _counts(items.scene, is_held, scenes)
         of_pairs = items.scene[pairs.ours]
         moving = visible.moving == 1
         compares = (pairs.distance_m2 <= GOSPA_CUT_M**2) & is_held[pairs.ours]
         found = np.zeros(len(moving), dtype=bool)
         found[pairs.theirs[compared.is_match]] = True
         errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
-        right = judged(RIGHT)
+        right = judged[RIGHT]
         with np.errstate(invalid="ignore"):
             age_s = (
                 np.bincount(items.scene[is_held], weights=compared.age_s[is_held], minlength=scenes)
@@ -323,20 +320,20 @@ class MapAccuracy:
             "stamp_ns": views.now_ns,
             "held": held_,
             "right": right,
-            "moved_away": judged(MOVED_AWAY),
-            "never_there": judged(NEVER_THERE),
-            "duplicate": judged(DUPLICATE),
-            "shared": counts(items.scene, is_held & compared.is_shared),
-            "shared_right": counts(items.scene, compared.is_shared & (judgement == RIGHT)),
-            "hidden": judged(HIDDEN),
-            "visible_static": counts(visible.scene, ~moving),
-            "found_static": counts(visible.scene, found & ~moving),
-            "visible_moving": counts(visible.scene, moving),
-            "found_moving": counts(visible.scene, found & moving),
+            "moved_away": judged[MOVED_AWAY],
+            "never_there": judged[NEVER_THERE],
+            "duplicate": judged[DUPLICATE],
+            "shared": _counts(items.scene, is_held & compared.is_shared, scenes),
+            "shared_right": _counts(items.scene, compared.is_shared & (judgement == RIGHT), scenes),
+            "hidden": judged[HIDDEN],
+            "visible_static": _counts(visible.scene, ~moving, scenes),
+            "found_static": _counts(visible.scene, found & ~moving, scenes),
+            "visible_moving": _counts(visible.scene, moving, scenes),
+            "found_moving": _counts(visible.scene, found & moving, scenes),
             "gospa_m": gospa_m(
                 pairs.rows(compares),
                 of_pairs[compares],
-                held_ + counts(visible.scene, moving | True),
+                held_ + _counts(visible.scene, moving | True, scenes),
             ),
             "age_s": age_s,
             "error_m": error_m,
@@ -372,3 +369,8 @@ class MapAccuracy:
             judgement=np.append(compared.judgement[is_held], np.full(len(missed.scene), MISSED)),
         )
         spans.add(judged, camera[instants], turn[instants], views.now_ns[instants])
+
+
+def _counts(scene: Array, selection: Array, scenes: int) -> Array:
+    """How many are selected in each scene."""
+    return np.bincount(scene[selection], minlength=scenes)
