@@ -152,18 +152,16 @@ class Share:
         """A message about a frame is lost, or expires at a ``node``. What came last counts, so the
         frame's car hears of it when the window is over.
         """
-        owner = self._owners.get(header.origin, self._number)
-        losses = self._here.losses if owner == self._number else self._parcels[owner].losses
-        losses.append((self.clock.now, self.clock.scheduled_ns, tuple(header), where, node))
+        loss = self.clock.now, self.clock.scheduled_ns, tuple(header), where, node
+        self._parcel(header.origin).losses.append(loss)
 
     def take(self, column: str, message: Message) -> None:
         """A link of a car has carried a message; see ``monitor.Monitor.carried``."""
-        owner = self._owners.get(message.header.origin, self._number)
-        if owner == self._number:
+        parcel = self._parcel(message.header.origin)
+        if parcel is self._here:
             self.monitor.carried(column, message)
         else:
-            carried = tuple(message.header), message.size_bytes
-            self._parcels[owner].carried.append(carried)
+            parcel.carried.append((tuple(message.header), message.size_bytes))
 
     def latest(self, instant_ns: int) -> int:
         """The latest of what all processes say."""
@@ -214,8 +212,12 @@ class Share:
         self._settle(here)
 
     def _note_use(self, now_ns: int, car: str, is_begin: bool) -> None:
-        parcel = self._here if self.has(car) else self._parcels[self._owners[car]]
-        parcel.uses.append((now_ns, car, is_begin))
+        self._parcel(car).uses.append((now_ns, car, is_begin))
+
+    def _parcel(self, car: str) -> Parcel:
+        """What this window has for the process of a car, which may be this one."""
+        owner = self._owners.get(car, self._number)
+        return self._here if owner == self._number else self._parcels[owner]
 
     def _deliver(
         self, crossings: Iterable[tuple[str, int, int, tuple[Any, ...], str, int]]
