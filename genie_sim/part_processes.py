@@ -9,7 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing.connection import Client, Connection, Listener
@@ -220,7 +220,9 @@ def _connected(job: PartJob) -> Iterator[Exchange]:
             where = pickle.loads(address.read_bytes())
             connections[EDGES] = stack.enter_context(Client(where, authkey=job.key))
             connections[EDGES].send(job.number)
-        yield stack.enter_context(closing(Connections(dict(sorted(connections.items())))))
+        exchange = Connections(dict(sorted(connections.items())))
+        yield exchange
+        exchange.close()  # not after an error: perhaps nobody takes any more
 
 
 def _put_together(
