@@ -15,8 +15,6 @@ from genie_sim.sim.link_models import Sender
 from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
-# Takes a message to another process: when it arrives there [ns], and what it is delivered with.
-Across = Callable[[int, Arguments], None]
 OnMessage = Callable[[Message], None]
 
 
@@ -70,8 +68,6 @@ class Link:
         How many messages of each flow wait at most.
     dropped : callable
         Called with each message that is lost, and what lost it.
-    across : callable or None
-        Takes messages on, where another process simulates the other end of the link.
     """
 
     kind = "link"
@@ -86,7 +82,6 @@ class Link:
         part: Part = "edges",
         queue_length: int = 1,
         dropped: Dropped = ignore_drop,
-        across: Across | None = None,
     ) -> None:
         self.clock = clock
         self.name = name
@@ -101,7 +96,6 @@ class Link:
         self._queueing = SpanLabel("queueing", name)
         self._queue_length = queue_length
         self._dropped = dropped
-        self._across = across
         self._waiting: deque[Transfer] = deque()
         self._flows: Counter[Hashable] = Counter()  # how many messages of each wait
         self._on_wire: Transfer | None = None
@@ -184,11 +178,8 @@ class Link:
         else:
             self.completed += 1
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
-            if self._across is None:
-                until_ns = self._last_arrival_ns - now_ns
-                clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
-            else:
-                self._across(self._last_arrival_ns, transfer.arguments)
+            until_ns = self._last_arrival_ns - now_ns
+            clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
         if self._waiting:
             following = self._waiting.popleft()
             self._flows[following.flow] -= 1

@@ -1,16 +1,13 @@
 """The calls of a run, each due at an instant of simulated time."""
 
-from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
-from operator import index, itemgetter
+from operator import index
 from typing import Any
 
 from genie_sim.messages import Header
 from genie_sim.monitor import Span, SpanLabel
-
-_when_scheduled = itemgetter(0)
 
 
 class Timeline:
@@ -32,21 +29,17 @@ class Timeline:
         "_instants",
         "_is_traced",
         "_urgent",
-        "has_ties",
         "now",
         "path",
-        "scheduled_ns",
     )
 
     def __init__(self, *, is_traced: bool = False) -> None:
         self.now = 0
         self.path: Span | None = None
-        self.scheduled_ns = 0
-        self.has_ties = False
         self._is_traced = is_traced
         self._instants: list[int] = []
         # of each, when it was scheduled, what is called, and with what
-        self._calls: dict[int, list[tuple[int, Callable[..., None], tuple[Any, ...]]]] = {}
+        self._calls: dict[int, list[tuple[Callable[..., None], tuple[Any, ...]]]] = {}
         # what comes before all other calls of this instant; ``step`` carries it out
         self._urgent: deque[Any] = deque()
 
@@ -76,28 +69,10 @@ class Timeline:
         at_ns = self.now + index(delay_ns)
         calls = self._calls.get(at_ns)
         if calls is None:
-            self._calls[at_ns] = [(self.now, call, arguments)]
+            self._calls[at_ns] = [(call, arguments)]
             heappush(self._instants, at_ns)
         else:
-            calls.append((self.now, call, arguments))
-
-    def from_elsewhere(
-        self, at_ns: int, scheduled_ns: int, call: Callable[..., None], arguments: tuple[Any, ...]
-    ) -> None:
-        """Schedules a call at an instant that has not come yet; a timeline of another process
-        scheduled it at an instant that has passed.
-
-        It has its place among the calls of its instant as if it had been scheduled here, then. If
-        another one of them was scheduled at that very instant, nobody knows which comes first.
-        """
-        calls = self._calls.get(at_ns)
-        if calls is None:
-            calls = self._calls[at_ns] = []
-            heappush(self._instants, at_ns)
-        place = bisect_right(calls, scheduled_ns, key=_when_scheduled)
-        if place and calls[place - 1][0] == scheduled_ns:
-            self.has_ties = True
-        calls.insert(place, (scheduled_ns, call, arguments))
+            calls.append((call, arguments))
 
     def begin(self, header: Header) -> None:
         """A new frame is handled from now on."""
@@ -125,7 +100,7 @@ class Timeline:
     def step(self) -> None:
         """Carries out the next call. Raises IndexError if there is none."""
         self.now = self._instants[0]
-        self.scheduled_ns, call, arguments = self._calls[self.now].pop(0)
+        call, arguments = self._calls[self.now].pop(0)
         if not self._calls[self.now]:
             del self._calls[heappop(self._instants)]
         call(*arguments)
@@ -137,7 +112,7 @@ class Timeline:
             self.step()
         while instants and instants[0] < until_ns:
             self.now = at_ns = heappop(instants)
-            for self.scheduled_ns, call, arguments in take(at_ns):
+            for call, arguments in take(at_ns):
                 call(*arguments)
                 while urgent:
                     self.step()
@@ -146,7 +121,7 @@ class Timeline:
     def waits_only_for(self, call: Callable[..., None]) -> bool:
         """Whether no other call is scheduled."""
         for calls in self._calls.values():
-            for _, scheduled, _ in calls:
+            for scheduled, _ in calls:
                 if scheduled != call:
                     return False
         return True

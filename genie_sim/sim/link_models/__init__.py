@@ -39,9 +39,6 @@ class Channel(Protocol):
 class LinkModel(Protocol):
     """What a scenario says about a link. ``up`` leads from a car to its edge, or from an edge into
     the edge network.
-
-    One with an attribute ``min_delay_ns`` promises that its channels' ``delay_ns`` is never less,
-    so that several processes can simulate a fleet.
     """
 
     def channel(self, up: bool, rng: np.random.Generator) -> Channel:
