@@ -83,10 +83,25 @@ class Network:
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
         self.forgeries = Forgeries()
         self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+        self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
     def stream(self, *names: str | int) -> np.random.Generator:
-        """The random generator of these names: the same under every method."""
-        return seeds.stream(self._seed, *names)
+        """The random generator of these names, one a run: its draws are the same under every
+        method.
+        """
+        stream = self._streams.get(names)
+        if stream is None:
+            stream = self._streams[names] = seeds.stream(self._seed, *names)
+        return stream
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a message is queued, handled or on its way anywhere."""
+        return (
+            self.clock.in_flight > 0
+            or any(graph.is_busy for graph in self.graphs.values())
+            or any(link.is_busy for link in self.links.values())
+        )
 
     def add_host(self, name: str, device: Device) -> Graph:
         """A new host with an empty graph."""

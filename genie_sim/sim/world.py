@@ -8,7 +8,7 @@ from genie_sim.errors import UserError, as_user_error
 from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim import fault, wiring
 from genie_sim.sim.cameras import CameraNode
-from genie_sim.sim.clock import Clock
+from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
 from genie_sim.sim.network import Network
@@ -63,26 +63,22 @@ class World:
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
             timed = fault.recorded(timed, self._faults)
-            fault.start(timed, self.network, self.last_frame_ns)
+            self.clock.process(fault.run(timed, self.network, self.last_frame_ns))
         for camera in self._cameras:
-            camera.wait()
+            self.clock.process(camera.run())
 
     def run(self, progress: Progress | None = None) -> None:
         """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
-        self._sample(progress)
+        self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
-            if self._pass_time(self.last_frame_ns + drained_ns):
+            self.clock.run(until=self.last_frame_ns + drained_ns)
+            if not self.network.is_busy:
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(self._usage())
         self.monitor.failed(self._faults)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
-
-    def _pass_time(self, until_ns: int) -> bool:
-        """Lets time pass; returns whether nothing happens any more."""
-        self.clock.run(until=until_ns)
-        return self.clock.waits_only_for(self._sample)
 
     def dismantle(self) -> None:
         """Takes everything apart after the run, so that it is freed at once and not by Python's
@@ -137,12 +133,14 @@ class World:
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
 
-    def _sample(self, progress: Progress | None) -> None:
-        now_ns = self.clock.now
-        self.monitor.sample(self._sampled, now_ns)
-        if progress is not None:
-            progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
-        self.clock.after(SAMPLE_NS, self._sample, (progress,))
+    def _sample(self, progress: Progress | None) -> Steps:
+        """The process that samples resources."""
+        while True:
+            now_ns = self.clock.now
+            self.monitor.sample(self._sampled, now_ns)
+            if progress is not None:
+                progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
+            yield self.clock.timeout(SAMPLE_NS)
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
