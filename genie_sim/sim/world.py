@@ -145,7 +145,8 @@ class World:
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
         servers: dict[str, EdgeServer] = {}
-        blind_edges, neighbours_of = setup.blind_edges, neighbours(setup.edges)
+        blind_edges = setup.blind_edges
+        neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
             name = edge.name
             context = self._context(name, name not in blind_edges, has_edge=True, genie=True)
