@@ -74,7 +74,7 @@ def _near(edges: Sequence[Edge], count: int) -> dict[str, set[str]]:
     for number, edge in enumerate(edges):
         distances_m = np.hypot(*(points - points[number]).T)
         distances_m[number] = np.inf
-        for other in np.argsort(distances_m, kind="stable")[:count]:
+        for other in np.argsort(distances_m, kind="stable")[: min(count, len(edges) - 1)]:
             near[edge.name].add(edges[other].name)
             near[edges[other].name].add(edge.name)
     return near
