@@ -21,6 +21,7 @@ PACKAGE = REPOSITORY / "genie_sim"
 # Modules that any other may import; they import one another only.
 BASE = (
     "errors",
+    "removed",
     "version",
     "engine",
     "units",
@@ -109,6 +110,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 OF_CORE = (
     "errors",
+    "removed",
     "units",
     "header",
     "messages",
