@@ -22,7 +22,7 @@ from genie_sim.arguments import (
     scheduler_option,
     seeds_option,
 )
-from genie_sim.cli_compare import compare, figures, table, write_article
+from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_files import copy, show
 from genie_sim.cli_import import import_tables
 from genie_sim.cli_links import links
@@ -400,7 +400,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, write_article, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive, truth, import_tables):
     app.add_command(_command)
 
 

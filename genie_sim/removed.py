@@ -8,7 +8,12 @@ which drops them.
 import re
 from fnmatch import fnmatchcase
 
-NAMES: dict[str, str] = {}
+NAMES: dict[str, str] = {
+    "command article": (
+        "Write 'genie-sim table FOLDER --format latex' and 'genie-sim figures FOLDER --format pdf' "
+        "for an article of your own."
+    ),
+}
 """What a name stands for and the name, as the error line says them: ``command article``,
 ``record held_objects``, ``metric car_load``, ``scenario fleet_10000``.
 """

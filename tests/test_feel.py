@@ -413,6 +413,7 @@ def test_help_is_there_before_anything_heavy(arguments):
         "genie_sim.errors",
         "genie_sim.paths",
         "genie_sim.plugins",
+        "genie_sim.removed",
         "genie_sim.header",
         "genie_sim.messages",
         "genie_sim.text",

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim import api, article
+from genie_sim import api, outputs
 from genie_sim.analysis import seed_runs
 from genie_sim.recording import results
 from genie_sim.scenario.scenario import Scenario
@@ -21,7 +21,7 @@ def default(call: Callable[..., Any], name: str) -> Any:
     return inspect.signature(call).parameters[name].default
 
 
-@pytest.mark.parametrize("module", [api, article, results, seed_runs, printed])
+@pytest.mark.parametrize("module", [api, outputs, results, seed_runs, printed])
 def test_changed_results_are_refused_unless_they_are_allowed(module: ModuleType):
     readers = [
         call

@@ -1,15 +1,13 @@
-"""Figures, tables and articles of the committed evaluation."""
+"""Figures and tables of the committed evaluation."""
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
-from pathlib import Path
 
 import pytest
 
-from genie_sim import article
+from genie_sim import outputs
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.paper import figure_tables, paper_figures
@@ -49,23 +47,10 @@ def test_figures_are_not_drawn_from_changed_data(tmp_path):
     quality = folder / "quality.json"
     quality.write_text(quality.read_text(encoding="utf-8").replace("0.1", "0.2"))
     with pytest.raises(UserError, match=r"quality\.json"):
-        article.figures([folder])
+        outputs.figures([folder])
     (folder / "frames.parquet").unlink()
     with pytest.raises(UserError, match=r"frames\.parquet: no such file"):
-        article.figures([folder])
-
-
-def test_an_article_about_an_evaluation_says_what_was_run_and_found(tmp_path, monkeypatch):
-    monkeypatch.setattr(paper_figures, "_makers", _only("worth"))
-    assert main(["article", str(PAPER), "--out", str(tmp_path)]) == 0
-    text = (tmp_path / article.NAME).read_text(encoding="utf-8")
-    rows = json.loads((PAPER / "verdicts.json").read_text(encoding="utf-8"))
-    claims = {row["id"] for row in rows}
-    assert f"of {len(claims)} claims" in text and "10 seeds" in text
-    assert r"Table~\ref{tab:claims}" in text and "figures/worth.pdf" in text
-    assert Path(tmp_path / "figures" / "worth.pdf").is_file()
-    tables = (tmp_path / "tables.tex").read_text(encoding="utf-8")
-    assert all(f"{claim} & " in tables for claim in claims)
+        outputs.figures([folder])
 
 
 def test_an_evaluation_s_table_is_of_claims_and_not_of_methods(capsys):
