@@ -66,8 +66,6 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )
-@completion.install_option
-@completion.show_option
 @click.pass_context
 def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:

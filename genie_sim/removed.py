@@ -18,7 +18,11 @@ NAMES: dict[str, str] = {
 ``record held_objects``, ``metric car_load``, ``scenario fleet_10000``.
 """
 
-OPTIONS: dict[str, str] = {}
+_COMPLETION = "Put 'eval \"$(_GENIE_SIM_COMPLETE=bash_source genie-sim)\"' in your ~/.bashrc."
+OPTIONS: dict[str, str] = {
+    "--install-completion": _COMPLETION,
+    "--show-completion": _COMPLETION,
+}
 """The command and the option, ``run --workers``; those of ``genie-sim`` itself alone, ``--colour``.
 """
 
