@@ -13,13 +13,21 @@ NAMES: dict[str, str] = {
         "Write 'genie-sim table FOLDER --format latex' and 'genie-sim figures FOLDER --format pdf' "
         "for an article of your own."
     ),
+    "scenario fleet_10000": (
+        "Run fleet_1000 with --set fleet.cars=10000 --set perception.duration='60 s' "
+        "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
+        "--set record=[resources]."
+    ),
 }
 """What a name stands for and the name, as the error line says them: ``command article``,
 ``record held_objects``, ``metric car_load``, ``scenario fleet_10000``.
 """
 
+_PICTURES = "Run the trace and see its frames in the page of 'genie-sim report --pictures DIR'."
 _COMPLETION = "Put 'eval \"$(_GENIE_SIM_COMPLETE=bash_source genie-sim)\"' in your ~/.bashrc."
 OPTIONS: dict[str, str] = {
+    "perceive --frames": _PICTURES,
+    "perceive --video": _PICTURES,
     "--install-completion": _COMPLETION,
     "--show-completion": _COMPLETION,
 }

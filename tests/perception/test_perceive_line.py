@@ -1,29 +1,13 @@
-"""``perceive`` on the command line: a trace, its evaluation, and pictures to look at."""
+"""``perceive`` on the command line: a trace and its evaluation."""
 
 from __future__ import annotations
 
-import math
-
-import cv2
 import numpy as np
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.rules import ObjectMapRules
-from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.pictures import (
-    COLOURS,
-    INK,
-    PANEL_PX,
-    VIEW_M,
-    _from_camera,
-    _map,
-    drawn,
-)
 from genie_sim.perception.trace import read_trace
 from tests.kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
-from tests.perception.test_trace import frame, trace
 
 
 @pytest.fixture
@@ -63,22 +47,6 @@ def test_a_trace_is_the_same_with_and_without_its_evaluation(street, run_cli, tm
     assert "| vehicles | 6 of 6 |" in judged.stdout
 
 
-def test_pictures_and_a_video_are_drawn(street, run_cli, tmp_path):
-    done = run_cli(*street, "--cameras", "02", "--frames", "pictures", "--video", "drive.mp4")
-    assert done.returncode == 0, done.stderr
-    names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
-    assert names == [f"camera_02_{index:06d}.png" for index in range(3)]
-    picture = cv2.imread(str(tmp_path / "pictures" / names[0]))
-    assert picture.shape[0] == HEIGHT + PANEL_PX
-    blue_box = (picture[:HEIGHT] == (178, 114, 0)).all(axis=2)
-    assert blue_box[80:120, 280:290].any(), "the car's box is drawn in the picture"
-    assert (picture[HEIGHT:] == (178, 114, 0)).all(axis=2).any(), (
-        "the car is in the bird's-eye view"
-    )
-    video = cv2.VideoCapture(str(tmp_path / "drive.mp4"))
-    assert int(video.get(cv2.CAP_PROP_FRAME_COUNT)) == 3
-
-
 def test_origin_and_missing_scans(street, run_cli, tmp_path):
     (
         tmp_path
@@ -109,7 +77,6 @@ def test_origin_and_missing_scans(street, run_cli, tmp_path):
         (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4': expected latitude"),
         (("--out", "x.parquet", "--size", "640:192"), "--size: '640:192'"),
         (("--out", "x.parquet", "--providers", "TPU"), "unknown provider 'TPU'"),
-        (("--video", "x.avi"), "x.avi: a video's name must end in .mp4"),
         (("--evaluate", "--labels", "tracking/0000"), "unknown labelled drive 'tracking/0000'"),
     ],
 )
@@ -118,11 +85,6 @@ def test_mistakes_are_one_line(street, run_cli, arguments, message):
     assert done.returncode == 1
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
-
-
-def test_right_and_ahead_are_the_camera_s():
-    pose = CameraPose(10.0, 20.0, 0.0, math.pi / 2)  # looks north
-    assert _from_camera(pose, (13.0, 25.0, 0.0)) == pytest.approx((3.0, 5.0))
 
 
 @pytest.mark.parametrize(
@@ -139,8 +101,6 @@ def test_right_and_ahead_are_the_camera_s():
         ("--size=x", "--size: 'x': expected WIDTHxHEIGHT in pixels, for example 832x256"),
         ("--size=640x192x3", "--size: '640x192x3': expected WIDTHxHEIGHT in pixels"),
         ("--size=640x-32", "--size: '640x-32': expected WIDTHxHEIGHT in pixels"),
-        ("--threads=0", "--threads: '0' is neither auto nor a number from 1 to 1024"),
-        ("--batch=many", "--batch: 'many' is neither auto nor a number from 1 to 1024"),
     ],
 )
 def test_a_value_that_cannot_be_gets_one_line(option, message, capsys):
@@ -148,36 +108,3 @@ def test_a_value_that_cannot_be_gets_one_line(option, message, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
-
-
-def test_a_bag_s_pictures_go_one_at_a_time(capsys):
-    assert main(["perceive", "--bag", "drive.bag", "--out", "x.parquet", "--batch", "2"]) == 1
-    assert "a bag's pictures go one at a time" in capsys.readouterr().err
-
-
-def test_a_frame_without_its_picture_is_drawn_on_grey():
-    whole = trace()
-    shown = [(empty, picture) for empty, picture in drawn(whole, {}) if not empty.detections]
-    assert len(shown) == 3, "of seven frames these show nothing"
-    for empty, picture in shown:
-        assert picture.shape[1] >= empty.width and picture.shape[0] > empty.height
-        camera = picture[empty.height // 4 : empty.height * 3 // 4, : empty.width]
-        assert (camera == 90).all()
-
-
-def test_the_map_shows_objects_around_the_car_and_where_it_heads():
-    """North is up: an object 3 m east and 6 m north of the car, which heads 30 degrees north of
-    east.
-    """
-    made = ObjectMap(ObjectMapRules())
-    made.sight(Detection("car", 0.9, None, (13.0, 26.0, 0.0), 0.9, "scan"))
-    pose = CameraPose(10.0, 20.0, 1.6, math.radians(30.0))
-    panel = _map(frame(pose=pose), made, 600)
-    pixels_per_m = PANEL_PX / (2 * VIEW_M)
-    east_px, up_px = round(3 * pixels_per_m), round(6 * pixels_per_m)
-    assert tuple(panel[PANEL_PX // 2 - up_px, 300 + east_px]) == COLOURS["car"]
-    tip_px = round(14 * math.cos(math.radians(30.0))), round(14 * math.sin(math.radians(30.0)))
-    arrow = (panel == INK).all(axis=2)
-    assert arrow[PANEL_PX // 2 - tip_px[1], 300 + tip_px[0]]
-    assert not arrow[PANEL_PX // 2 + tip_px[1], 300 + tip_px[0]]
-    assert not arrow[PANEL_PX // 2 - tip_px[1], 300 - tip_px[0]]
