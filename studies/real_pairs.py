@@ -134,10 +134,10 @@ def wide(table: pd.DataFrame) -> pd.DataFrame:
         table["metric"].isin(SHOWN) & (table["component"] == "") & (table["placement"] == "all")
     ]
     keys = ["recording", "hardware", "sharing", "method"]
-    metrics = pd.DataFrame(rows.pivot_table("value", keys, "metric", sort=False).reset_index())
+    metrics = rows.pivot_table("value", keys, "metric", sort=False).reset_index()
     recording = metrics.pop("recording").str.rsplit(" ", n=1)
     metrics["sequence"], metrics["score"] = recording.str[0], recording.str[1].astype(float)
-    return metrics
+    return pd.DataFrame(metrics)
 
 
 def chosen(metrics: pd.DataFrame) -> pd.DataFrame:
@@ -148,7 +148,8 @@ def chosen(metrics: pd.DataFrame) -> pd.DataFrame:
     means = tuning.groupby(["hardware", "method", "score"])["streaming_f1"].mean()
     best = means.groupby(["hardware", "method"]).idxmax().map(lambda key: key[2])
     keys = pd.MultiIndex.from_frame(metrics[["hardware", "method"]])
-    return metrics[metrics["score"].to_numpy() == best.reindex(keys).to_numpy()]
+    is_best = metrics["score"].to_numpy() == best.reindex(keys).to_numpy()
+    return metrics.loc[is_best]
 
 
 def report(metrics: pd.DataFrame) -> None:
