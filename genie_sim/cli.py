@@ -456,9 +456,6 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
-@click.option(
-    "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
-)
 def profile(
     *,
     out: Path,
@@ -467,7 +464,6 @@ def profile(
     model: str | None,
     weights: Path | None,
     runs: int,
-    empirical: bool,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
@@ -484,7 +480,7 @@ def profile(
             assert detector is not None
             measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
     fit = device_fit.fit(measured.latencies_ns)
-    device_fit.write(out, measured, fit, empirical)
+    device_fit.write(out, measured, fit)
     click.echo(f"{out}: {measured.model}: {fit}")
 
 

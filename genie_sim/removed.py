@@ -28,13 +28,16 @@ _COMPLETION = "Put 'eval \"$(_GENIE_SIM_COMPLETE=bash_source genie-sim)\"' in yo
 OPTIONS: dict[str, str] = {
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
+    "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
     "--install-completion": _COMPLETION,
     "--show-completion": _COMPLETION,
 }
 """The command and the option, ``run --workers``; those of ``genie-sim`` itself alone, ``--colour``.
 """
 
-SETTINGS: dict[str, str] = {}
+SETTINGS: dict[str, str] = {
+    "models.*.quantiles": "Leave it out; times follow the law of 'median' and 'spreads'.",
+}
 """The path of a setting in its file, without the indexes of lists and with ``*`` for a name of the
 user's own: ``genie.looks.edge``, ``cars.link.rate``, ``axes.*.field``. Settings of one method
 (``methods[0].genie.looks.edge``) are found by the same path.
