@@ -21,6 +21,7 @@ PACKAGE = REPOSITORY / "genie_sim"
 # Modules that any other may import; they import one another only.
 BASE = (
     "errors",
+    "removed",
     "version",
     "units",
     "header",
@@ -77,8 +78,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "cli_files": ("completion", "arguments"),
     "cli_import": ("perception", "arguments"),
     "cli_ros": ("scenario", "ros", "arguments"),
-    "article": (*_RUN, "study", "paper"),
-    "cli_compare": ("recording", "analysis", "report", "article", "completion", "arguments"),
+    "outputs": (*_RUN, "study", "paper"),
+    "cli_compare": ("recording", "analysis", "report", "outputs", "completion", "arguments"),
     "cli_links": ("core", "sim", "arguments"),
     "cli_search": ("study", "tuning", "completion", "arguments"),
     "cli": (
@@ -96,7 +97,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "cli_import",
         "cli_ros",
         "cli_links",
-        "article",
+        "outputs",
         "cli_compare",
         "cli_search",
         "tuning",
@@ -106,6 +107,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 OF_CORE = (
     "errors",
+    "removed",
     "units",
     "header",
     "messages",
