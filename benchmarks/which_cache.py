@@ -5,7 +5,7 @@
 Declared before any of it was run:
 
 - **Conditions** are those of ``conditions``, run in this order. Each is a search of its own
-  (``genie_sim.tuning``), so every method is tuned to the condition that it is judged in. Two of
+  (``genie-sim search``), so every method is tuned to the condition that it is judged in. Two of
   them are tuned on some drives and reported on others; the others have one street, or one town a
   seed. If computing time ends, the last ones are left out, and the page says which.
 - **Methods**: ``EVERY`` in the first condition, on the two cameras of the scenario ``baselines``;
@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,12 +49,9 @@ import pandas as pd
 from benchmarks import real_pairs, where_it_pays
 from genie_sim import files
 from genie_sim.scenario.yaml_input import dump, read_mapping
+from genie_sim.study.search import Search
+from genie_sim.study.search_design import Objectives, Point, SearchDesign, Target, load
 from genie_sim.study.tasks import LocalWorkers
-from genie_sim.tuning.design import SearchDesign, Target, load
-from genie_sim.tuning.evaluation import Candidate, DesignRuns
-from genie_sim.tuning.front import means, replicates
-from genie_sim.tuning.search import Search
-from genie_sim.tuning.searcher import ROWS
 
 OUT = Path("results/which_cache")
 POINTS, LONG_POINTS = 16, 60
@@ -82,14 +79,14 @@ STREETS_TUNING, STREETS_HELD_OUT = ("0003", "0005", "0014"), where_it_pays.HELD_
 PAIRS_TUNING = ("train/0012", "train/0015")
 PAIRS_HELD_OUT, PAIR_SCORE = real_pairs.HELD_OUT[:4], 0.3
 COSTS = ("bytes_up_per_frame", "accelerator_time/edge")
-F1 = Target("streaming_f1")
-WARM_F1 = Target("lap_f1", component="lap 2")
+F1 = "streaming_f1"
+WARM_F1 = "lap_f1/all/lap 2"
 SHOWN = {
-    "bytes": Target("bytes_up_per_frame"),
-    "edge": Target("accelerator_time", "edge"),
-    "first_ms": Target("first_answer_mean"),
-    "ghosts": Target("ghost_share"),
-    "energy": Target("energy_per_frame"),
+    "bytes": "bytes_up_per_frame",
+    "edge": "accelerator_time/edge",
+    "first_ms": "first_answer_mean",
+    "ghosts": "ghost_share",
+    "energy": "energy_per_frame",
 }
 
 
@@ -136,7 +133,7 @@ class Condition:
             "scenario": self.scenario,
             "set": {"record": ["held"], **self.settings},
             "methods": {name: space(name, self.settings) for name in (*self.methods, LOOKS)},
-            "objectives": {"maximize": self.accuracy.text, "minimize": list(COSTS)},
+            "objectives": {"maximize": self.accuracy, "minimize": list(COSTS)},
             "points": self.points,
             "seeds": {"tuning": list(self.tuning), "held_out": [2] if self.drives else [2, 3, 4]},
         }
@@ -247,39 +244,38 @@ def run(scratch: Path) -> None:
 def searched(condition: Condition, folder: Path) -> pd.DataFrame:
     """A row for each design of each front and each of its replicates."""
     design, workers = condition.design(), LocalWorkers(1)
-    search = Search(design, folder)
-    search.run(workers)
+    search = Search(design, folder, workers)
+    search.run()
+    front = search.front()
     targets = condition.shown
-    evaluation = DesignRuns(list(targets.values()), search.plans, search.parts, workers)
+    shown = replace(design, objectives=Objectives(minimize=tuple(targets.values())))
+    judge = Search(shown, folder, workers)
     part = design.held_out
-    names = list(part.drives) if len(part.drives) > 1 else list(part.seeds)
-    front = [(method, trial) for method in search.searches for trial in method.front()]
-    candidates = [method.candidate(trial.number, method.values(trial)) for method, trial in front]
-    measured = evaluation.measure(candidates, part, part.cases)
+    measured = judge.measured({point: judge.planned(point, part) for point in front})
+    by_replicate = ["design", "seed", "metric"]
+    numbers = measured.groupby(by_replicate, sort=False)["value"].mean().unstack()
     rows = []
-    for (method, trial), candidate, of_cases in zip(front, candidates, measured, strict=True):
-        assert not isinstance(of_cases, str), of_cases
-        tuned = dict(zip(("f1", "bytes", "edge"), means(trial.user_attrs[ROWS]), strict=True))
-        for name, values in zip(names, replicates(of_cases, part), strict=True):
+    for point, tuned in front.items():
+        for name, values in numbers.loc[point.name].iterrows():
             rows.append(
                 {
                     "condition": condition.name,
-                    "method": method.method,
-                    "design": candidate.name,
-                    **{f"tuning_{key}": value for key, value in tuned.items()},
+                    "method": point.method,
+                    "design": point.name,
+                    **dict(zip(("tuning_f1", "tuning_bytes", "tuning_edge"), tuned, strict=True)),
                     "replicate": name,
-                    **dict(zip(targets, values, strict=True)),
-                    "settings": text_of(candidate),
+                    **{key: values.get(target) for key, target in targets.items()},
+                    "settings": text_of(point),
                 }
             )
     return pd.DataFrame(rows)
 
 
-def text_of(candidate: Candidate) -> str:
+def text_of(point: Point) -> str:
     """The values of a design's parameters."""
     return ", ".join(
         f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}"
-        for name, value in candidate.values.items()
+        for name, value in point.values.items()
     )
 
 

@@ -5,7 +5,7 @@ python -m benchmarks.which_cache_page
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +16,8 @@ from benchmarks.speed_page import DOCS, filled, table
 from benchmarks.which_cache import LOOKS, OUT, TITLES
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import in_style
-from genie_sim.tuning.front import Interval, interval
-from genie_sim.tuning.picks import WITHIN
+from genie_sim.analysis.statistics import over_seeds, wilson
+from genie_sim.study.search_report import WITHIN
 
 PAGE = DOCS / "which-cache.md"
 FIGURE = DOCS / "images" / "which_cache.png"
@@ -50,6 +50,21 @@ HEADS = (
     "J a frame",
     "cheapest: kB, F1",
 )
+
+
+class Interval(NamedTuple):
+    """A mean with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def interval(values: Sequence[float], is_share: bool = False) -> Interval:
+    """Mean and 95 % t interval, to ten digits; of a share Wilson's, which stays within 0 and 1."""
+    mean, half = over_seeds(values)
+    low, high = wilson(mean, half) if is_share else (mean - half, mean + half)
+    return Interval(*(float(f"{number:.10g}") for number in (mean, low, high)))
 
 
 def read() -> pd.DataFrame:
