@@ -538,7 +538,7 @@ def search(
         workers = LocalWorkers(jobs or parallel.workers_here())
         work = Search(design, expanded(out or scratch), workers)
         work.run(progress)
-        return work.finish(pictures=out is not None)[0]
+        return work.finish(progress, pictures=out is not None)[0]
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:

@@ -98,7 +98,7 @@ def search(
         work = Search(design, out, workers)
         try:
             work.run(progress)
-            _, picks = work.finish()
+            _, picks = work.finish(progress)
         except KeyboardInterrupt:
             text = f"interrupted; the same command goes on with what is in {work.folder}"
             click.echo(f"genie-sim: {text}", err=True)

@@ -102,7 +102,9 @@ class Search:
                 with _quiet():
                     self._try(study, space, min(self.design.batch, points - tried))
 
-    def finish(self, pictures: bool = True) -> "tuple[pd.DataFrame, list[report.Pick]]":
+    def finish(
+        self, progress: Progress | None = None, pictures: bool = True
+    ) -> "tuple[pd.DataFrame, list[report.Pick]]":
         """Runs the front on the held-out set. Writes the tables, the designs in words, and with
         ``pictures`` the figures; returns the table of designs, and the designs in words. Raises
         ``UserError``, also where the scenario or a file was edited since the search began.
@@ -119,6 +121,9 @@ class Search:
         if not front:
             raise UserError(f"{self.folder}: {self._why_none(points)}")
         designs = [*self.references(), *front]
+        if progress is not None:
+            total = len(self._points)
+            progress(total, total, f"reporting {len(designs)} designs")
         part = self.design.held_out
         numbers = self.measured({point: self.planned(point, part) for point in designs})
         differences = report.of_differences(numbers)

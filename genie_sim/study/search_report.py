@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from optuna.trial import FrozenTrial
 
 WITHIN = 0.01  # of the best accuracy: what the cheapest design may lose of it
+SLICES = 6  # parameters side by side in a figure
 
 Front = Mapping[Point, Sequence[float]]
 Studies = Mapping[str, "optuna.Study"]
@@ -195,12 +196,13 @@ def of_importances(design: SearchDesign, studies: Studies) -> "pd.DataFrame":
 
 
 def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
-    """Writes Optuna's figures of the tuning set: how the first objective goes along each parameter,
-    which parameters decide it, and the front of it and each other objective.
+    """Writes Optuna's figures of the tuning set: which parameters decide the first objective, how
+    it goes along those that do most, and the front of it and each other objective.
     """
     import numpy as np
     from matplotlib import pyplot
     from matplotlib.ticker import NullFormatter
+    from optuna.importance import get_param_importances
     from optuna.visualization import matplotlib as plots
 
     from genie_sim.analysis import figures
@@ -214,8 +216,9 @@ def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
     for method, study in studies.items():
         with in_style():
             signed = _value(0, design.objectives.signs[0])
+            most = list(get_param_importances(study, target=signed))[:SLICES]
             drawn = {
-                "slices": plots.plot_slice(study, target=first, target_name=label),
+                "slices": plots.plot_slice(study, most, target=first, target_name=label),
                 "importances": plots.plot_param_importances(
                     study, target=signed, target_name=label
                 ),
@@ -228,8 +231,8 @@ def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
                 panels = np.ravel(np.asarray(axes))
                 for panel in panels:
                     panel.xaxis.set_minor_formatter(NullFormatter())
-                panels[0].set_title(f"{method}, tuning set")
                 figure = panels[0].figure
+                figure.suptitle(f"{method}, tuning set")
                 figure.set_layout_engine("constrained")
                 figures.save(figure, folder, f"{method}_{name}")
                 pyplot.close(figure)
