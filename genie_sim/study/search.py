@@ -226,22 +226,31 @@ class Search:
         raise UserError(f"objectives: {target}: no run records it; {text}")
 
     def _check(self) -> str:
-        """Prepares points that together use every value of every list and the ends of every range;
-        returns a digest of all that decides their outcome. Raises ``UserError``.
+        """Prepares points that together use every value of every list, the ends of every range and
+        every drive; returns a digest of all that decides their outcome. Raises ``UserError``.
         """
         part = self.design.tuning._replace(seeds=self.design.tuning.seeds[:1])
-        planned = [self.planned(point, part) for point in self.references()]
+        references = self.references()
+        with self._at("set"):
+            planned = [self.planned(point, part) for point in references]
+        for drive, settings in self.design.held_out.drives.items():
+            with self._at(f"drives.held_out.{drive}"):
+                SharedFrames().prepare(self.scenario(references[0], settings))
         for method, space in self.design.methods.items():
             for parameter, values in space.samples(self.design.settings):
-                try:
+                with self._at(f"methods.{method}.space.{parameter}"):
                     planned.append(self.planned(Point(method, method, values), part))
-                except UserError as error:
-                    text = str(error).removeprefix("--set ")
-                    raise UserError(
-                        f"{self.design.name}: methods.{method}.space.{parameter}: {text}"
-                    ) from error
         run_ids = [run.run_id for of_point in planned for _, run in of_point]
         return hashlib.sha256(" ".join(run_ids).encode()).hexdigest()
+
+    @contextmanager
+    def _at(self, field: str) -> Iterator[None]:
+        """Names a field of the search in front of what is wrong with a setting."""
+        try:
+            yield
+        except UserError as error:
+            text = str(error).removeprefix("--set ")
+            raise UserError(f"{self.design.name}: {field}: {text}") from error
 
     def _tell_of_changes(self) -> None:
         """Once, if runs in the folder are of other settings, scenario or files."""

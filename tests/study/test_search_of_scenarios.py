@@ -303,6 +303,14 @@ MISTAKES = {
         {"drives": {"tuning": {"a": {"x": 1}}, "held_out": {"b": {"x": 1}}}},
         "s.yaml: drives.held_out.b: is a tuning drive, too",
     ),
+    "a held-out drive that cannot be, before anything is run": (
+        {"drives": {"tuning": {"a": {"seed": 1}}, "held_out": {"b": {"queue_lenth": 1}}}},
+        "s: drives.held_out.b: queue_lenth=1: queue_lenth: unknown field; did you mean",
+    ),
+    "a setting of all designs": (
+        {"set": {"cars[0].rout.window": ["0 s", "1 s"]}},
+        "cars[0].rout: unknown field; did you mean 'route'?",
+    ),
     "an unknown scenario": ({"scenario": "1car_homos"}, "unknown scenario '1car_homos'"),
     "a column's name": (
         {"methods": {"m": {**SPACE, "space": {"state": SPACE["space"]["queue"]}}}},
