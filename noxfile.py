@@ -19,20 +19,6 @@ nox.options.reuse_existing_virtualenvs = True
 # Whole files go to one process; files that take long come first (tests/conftest.py).
 PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
 
-# What tells a compiled simulator from plain Python; runs in several processes among it. Tests that
-# replace methods of compiled classes run in plain Python alone.
-OF_ENGINES = (
-    "tests/test_engine.py",
-    "tests/test_header.py",
-    "tests/core",
-    "tests/sim",
-    "tests/methods",
-    "tests/conformance",
-    "tests/recording",
-    "tests/paper/test_watch.py",
-    "tests/paper/test_reproduce.py",
-)
-
 
 def install(session: nox.Session, *requirements: str) -> None:
     """Installs into the session's own environment; the active one (``--no-venv``) has it all."""
@@ -79,23 +65,6 @@ def coverage(session: nox.Session) -> None:
 
 
 @nox.session
-def compile_engine(session: nox.Session) -> None:
-    """Compiles the simulator in place: all tasks after it run with the compiled engine."""
-    install(session, ".[dev]")
-    session.run("python", "compile_engine.py")
-    check = "from genie_sim.engine import ENGINE; assert ENGINE.is_compiled, ENGINE.title"
-    session.run("python", "-c", check)
-
-
-@nox.session
-def plain(session: nox.Session) -> None:
-    """The simulator's own tests in plain Python, even where it is compiled."""
-    install(session, ".[test]")
-    session.env["GENIE_SIM_PURE"] = "1"
-    pytest(session, *OF_ENGINES)
-
-
-@nox.session
 def docs(session: nox.Session) -> None:
     """Builds the documentation into ``site/``; a broken link is an error."""
     install(session, ".[docs]")
@@ -104,7 +73,7 @@ def docs(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Times both engines, fleets and peers; prints the tables of docs/speed.md."""
+    """Times the simulator, fleets and peers; prints the tables of docs/speed.md."""
     install(session, ".[test]")
     session.run("python", "-m", "benchmarks.speed", *session.posargs)
 

@@ -22,14 +22,13 @@ from genie_sim.arguments import (
     scheduler_option,
     seeds_option,
 )
-from genie_sim.cli_compare import compare, figures, table, write_article
+from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_files import copy, show
 from genie_sim.cli_import import import_tables
 from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_search import search
-from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -59,15 +58,13 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
     context_settings={"show_default": True},
 )
 @click.version_option(
-    f"{VERSION}\nengine: {ENGINE.title}",
+    VERSION,
     message="genie-sim %(version)s",
-    help="Print the version and the engine, compiled or plain Python, and exit.",
+    help="Print the version and exit.",
 )
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )
-@completion.install_option
-@completion.show_option
 @click.pass_context
 def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:
@@ -152,7 +149,7 @@ def run(
     if methods is not None:
         names = arguments.listed("--methods", methods)
         setting = with_methods(setting, names, f"--methods {methods}")
-    from genie_sim import build, runner, split
+    from genie_sim import build, runner
     from genie_sim.recording.results import checked_label
 
     label = checked_label(label, "--label")
@@ -160,10 +157,6 @@ def run(
         click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
     for note in build.notes(setting):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
-    if (workers or 1) > 1 and len(setting.methods) == 1:
-        why_whole = split.obstacle(setting, setting.methods[0])
-        if why_whole:
-            click.echo(f"{setting.name} runs in one process, because {why_whole}.")
     formats = ("svg",) if figures else ()
     if several is not None:
         return _run_seeds(
@@ -396,7 +389,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, write_article, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive, truth, import_tables):
     app.add_command(_command)
 
 
@@ -454,9 +447,6 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
-@click.option(
-    "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
-)
 def profile(
     *,
     out: Path,
@@ -465,7 +455,6 @@ def profile(
     model: str | None,
     weights: Path | None,
     runs: int,
-    empirical: bool,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
@@ -482,7 +471,7 @@ def profile(
             assert detector is not None
             measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
     fit = device_fit.fit(measured.latencies_ns)
-    device_fit.write(out, measured, fit, empirical)
+    device_fit.write(out, measured, fit)
     click.echo(f"{out}: {measured.model}: {fit}")
 
 

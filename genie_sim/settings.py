@@ -36,7 +36,7 @@ from typing import (
 from genie_sim import plugins, units
 from genie_sim.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
-from genie_sim.version import PACKAGE_FOLDER
+from genie_sim.removed import instead_of_setting
 
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
@@ -57,8 +57,12 @@ class SettingError(ValueError):
 
     @property
     def message(self) -> str:
-        """The text, and how many mistakes there are besides."""
-        return self.text + (f" (and {self.more} more)" if self.more else "")
+        """The text, or what to write instead of a setting that was removed, and how many mistakes
+        there are besides.
+        """
+        instead = instead_of_setting(self.field)
+        text = self.text if instead is None else f"was removed. {instead}"
+        return text + (f" (and {self.more} more)" if self.more else "")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -309,16 +313,10 @@ def _below_fields(cls: type) -> dict[str, str]:
 
 
 def _tree_of(cls: type) -> ast.ClassDef:
-    """The source of a class, parsed; ``inspect`` knows none of compiled modules."""
-    try:
-        trees = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-    except OSError:
-        module = PACKAGE_FOLDER.joinpath(*cls.__module__.split(".")[1:]).with_suffix(".py")
-        trees = ast.parse(module.read_text(encoding="utf-8")).body
-    for tree in trees:
-        if isinstance(tree, ast.ClassDef) and tree.name == cls.__name__:
-            return tree
-    raise LookupError(f"{cls.__module__}: no class {cls.__name__}")
+    """The source of a class, parsed."""
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(tree, ast.ClassDef)
+    return tree
 
 
 def _parameters(docstring: str) -> dict[str, str]:

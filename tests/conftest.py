@@ -14,7 +14,6 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from genie_sim.engine import ENGINE
 from tests.browser import Browser, installed
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -84,8 +83,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.no_cover)
         if sys.platform == "win32" and item.get_closest_marker("unix"):
             item.add_marker(pytest.mark.skip(reason="needs the signals and terminals of Unix"))
-        if ENGINE.is_compiled and item.get_closest_marker("patches"):
-            item.add_marker(pytest.mark.skip(reason="replaces methods of what is compiled"))
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

@@ -21,8 +21,8 @@ PACKAGE = REPOSITORY / "genie_sim"
 # Modules that any other may import; they import one another only.
 BASE = (
     "errors",
+    "removed",
     "version",
-    "engine",
     "units",
     "header",
     "messages",
@@ -43,8 +43,8 @@ BASE = (
 )
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
-_RESULTS = ("recording", "analysis", "report", "method_processes", "part_processes")
-_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split", "runner")
+_RESULTS = ("recording", "analysis", "report", "method_processes")
+_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "runner")
 # Each package, or module beside them, and what it may import besides itself and the base.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
@@ -63,9 +63,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "own_classes": _SIMULATED,
     "build": (*_READ, "own_classes"),
     "method_processes": ("recording",),
-    "part_processes": ("core", "sim", "recording", "method_processes"),
-    "split": (*_READ, "own_classes", "build"),
-    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split"),
+    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build"),
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),
@@ -79,8 +77,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "cli_files": ("completion", "arguments"),
     "cli_import": ("perception", "arguments"),
     "cli_ros": ("scenario", "ros", "arguments"),
-    "article": (*_RUN, "study", "paper"),
-    "cli_compare": ("recording", "analysis", "report", "article", "completion", "arguments"),
+    "outputs": (*_RUN, "study", "paper"),
+    "cli_compare": ("recording", "analysis", "report", "outputs", "completion", "arguments"),
     "cli_links": ("core", "sim", "arguments"),
     "cli_search": ("study", "completion", "arguments"),
     "cli": (
@@ -98,7 +96,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "cli_import",
         "cli_ros",
         "cli_links",
-        "article",
+        "outputs",
         "cli_compare",
         "cli_search",
     ),
@@ -107,6 +105,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 OF_CORE = (
     "errors",
+    "removed",
     "units",
     "header",
     "messages",
@@ -204,9 +203,7 @@ def test_every_package_has_its_place():
     assert sorted((*BASE, *MAY_IMPORT)) == PACKAGES, "say in MAY_IMPORT what a new one may import"
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
     mine = [one.name for one in imports(ROOT) if within(one.name, ("genie_sim",))]
-    assert all(
-        within(name, ("genie_sim.api", "genie_sim.engine", "genie_sim.version")) for name in mine
-    ), mine
+    assert all(within(name, ("genie_sim.api", "genie_sim.version")) for name in mine), mine
     assert not _loaded_by("import genie_sim") & {
         "genie_sim.api",
         *LATE,

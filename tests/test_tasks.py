@@ -19,8 +19,6 @@ TASKS = (
     "types",
     "test",
     "coverage",
-    "compile_engine",
-    "plain",
     "docs",
     "bench",
     "mutate",

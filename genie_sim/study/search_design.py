@@ -203,6 +203,8 @@ class Space:
     """What it is for."""
     method: str
     """The method, by name."""
+    title: str | None = None
+    """What tables and figures of a design call it; by default its own title."""
     settings: Annotated[Settings, Key("set")] = field(default_factory=dict)
     """Settings that are the same at all points, by path."""
     parameters: Annotated[dict[Name, Parameter], NotEmpty(), Key("space")]
@@ -292,6 +294,8 @@ class Space:
             Settings of the search; those of the space go before them.
         """
         method: Settings = {"name": name, "method": self.method}
+        if self.title is not None:
+            method["title"] = self.title
         scenario: Settings = {}
         of_values = [self.parameters[key].settings(value) for key, value in values.items()]
         for group in (fixed, self.settings, *of_values):
