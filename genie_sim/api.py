@@ -493,8 +493,7 @@ def search(
 
     Returns one row per design of the front, and one per method of the scenario as it is: objectives
     and constraints with 95 % intervals over the held-out set, which the search has not seen; which
-    designs cannot be told apart (``equal_to``) or are worse beyond doubt (``dominated_by``); and
-    the values of the parameters.
+    designs cannot be told apart (``equal_to``); and the values of the parameters.
 
     Parameters
     ----------
@@ -516,15 +515,13 @@ def search(
     jobs : int, optional
         Processes; by default one per core.
     out : str or Path, optional
-        A folder that gets the search's folder. Points in it are not tried again.
+        A folder that gets the search's folder. Runs in it are not run again.
     progress : callable, optional
         Called with how many points are done, how many there are, and what is going on.
     """
-    import pandas as pd
-
     from genie_sim import parallel
+    from genie_sim.study.search_design import load
     from genie_sim.study.tasks import LocalWorkers
-    from genie_sim.tuning import design as designs
 
     changes: dict[str, Any] = {"set": dict(settings)} if settings else {}
     if maximize or minimize:
@@ -534,15 +531,14 @@ def search(
         for key, value in (("subject_to", subject_to), ("points", points), ("seed", seed))
         if value not in ((), None)
     }
-    design = designs.load(search, methods, changes)
-    from genie_sim.tuning.search import Search
+    design = load(search, methods, changes)
+    from genie_sim.study.search import Search
 
     with tempfile.TemporaryDirectory() as scratch:
-        work = Search(design, expanded(out or scratch))
         workers = LocalWorkers(jobs or parallel.workers_here())
-        work.run(workers, progress=progress)
-        status = work.finish(workers, progress, pictures=out is not None)
-        return pd.read_parquet(status.folder / "designs.parquet", use_threads=False)
+        work = Search(design, expanded(out or scratch), workers)
+        work.run(progress)
+        return work.finish(progress, pictures=out is not None)[0]
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:

@@ -238,9 +238,7 @@ def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
 
 
 @app.command()
-@click.argument(
-    "folder", type=PATH, help="A result folder of 'run', 'reproduce', 'sweep' or 'search'."
-)
+@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
@@ -279,13 +277,11 @@ def report(
     from genie_sim.report import comparison
     from genie_sim.run_pictures import kitti_pictures
     from genie_sim.study import page as sweep
-    from genie_sim.tuning import page as search_page
 
     path = out if out is not None else folder / terminal.PAGE
     pages = {
         "verdicts.json": evaluation.page,
         "sweep.json": sweep.page,
-        "search.json": search_page.page,
     }
     page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
     if is_seeds_folder(folder):

@@ -69,8 +69,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "ros": ("core", "scenario", "recording", "perception"),
     "paper": (*_RUN, "study"),
     "study": _RUN,
-    "tuning": (*_RUN, "study"),
-    "api": (*_RUN, "study", "tuning"),
+    "api": (*_RUN, "study"),
     "catalogue": _READ,
     "completion": (*_READ, "catalogue"),
     "arguments": ("completion",),
@@ -81,7 +80,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "outputs": (*_RUN, "study", "paper"),
     "cli_compare": ("recording", "analysis", "report", "outputs", "completion", "arguments"),
     "cli_links": ("core", "sim", "arguments"),
-    "cli_search": ("study", "tuning", "completion", "arguments"),
+    "cli_search": ("study", "completion", "arguments"),
     "cli": (
         *_RUN,
         "run_pictures",
@@ -100,7 +99,6 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "outputs",
         "cli_compare",
         "cli_search",
-        "tuning",
     ),
     "__main__": ("cli",),
 }
@@ -122,7 +120,7 @@ OF_CORE = (
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "optuna": "search", "sqlalchemy": "search"}
+FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "optuna": "search"}
 # not on PyPI; only genie_sim.ros may import them
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}
 LATE = (
