@@ -819,6 +819,30 @@ def test_a_car_that_comes_back_before_its_dead_link_is_noticed_stays(keys: Keys)
         pair.close()
 
 
+@pytest.mark.slow
+def test_large_images_arrive_over_a_slow_link_the_newest_next(
+    edge: Site, new_site: Callable[..., Site]
+):
+    """An image of 1.4 MB takes a second, and 20 a second are sent; what is in between the sockets
+    arrives, and the newest two.
+    """
+    between = Wire(edge.port)
+    car = new_site("car1", "car", connect=(f"edge1@127.0.0.1:{between.port}",))
+    connected(car, edge)
+
+    def slowly(data: bytes) -> bytes:
+        time.sleep(len(data) / 1_400_000)
+        return data
+
+    between.change = slowly
+    for second in range(1, 41):
+        car.links.send("edge1", REQUEST, image(second, size=1_400_000))
+        time.sleep(0.05)
+    until(lambda: edge.got and edge.seconds()[-1] == 40, "the newest arrives", 50.0)
+    assert edge.seconds()[-2:] == [39, 40] and len(edge.got) < 30
+    assert edge.seconds() == sorted(edge.seconds()) and car.names() == ["edge1"]
+
+
 def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(
     edge: Site, new_site: Callable[..., Site]
 ):
