@@ -27,7 +27,7 @@ from genie_sim.cli_files import copy, show
 from genie_sim.cli_import import import_tables
 from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
-from genie_sim.cli_ros import attach, detach, keys
+from genie_sim.cli_ros import attach, detach
 from genie_sim.cli_search import search
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
@@ -546,7 +546,7 @@ def sweep(
         )
 
 
-for _command in (links, search, attach, detach, keys):
+for _command in (links, search, attach, detach):
     app.add_command(_command)
 
 

@@ -118,9 +118,9 @@ OF_CORE = (
     "contracts",
 )
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
-PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "zenoh": "eclipse-zenoh"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "optuna": "search"}
+FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "optuna": "search", "zenoh": "ros"}
 # not on PyPI; only genie_sim.ros may import them
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}
 LATE = (
@@ -135,6 +135,7 @@ LATE = (
     "joblib",
     "distributed",
     "rosbags",
+    "zenoh",
     "optuna",
 )
 
@@ -260,7 +261,7 @@ def test_what_is_imported_is_declared():
                 continue
             if library in FROM_EXTRAS:
                 extra = project["optional-dependencies"][FROM_EXTRAS[library]]
-                assert any(requirement.startswith(library) for requirement in extra), (
+                assert any(one.startswith(PROVIDED_BY.get(library, library)) for one in extra), (
                     f"{path}:{line}: {library}"
                 )
                 continue
