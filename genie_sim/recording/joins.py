@@ -38,12 +38,6 @@ def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     return Pairs(*near_pairs(ours, theirs, reach_m))
 
 
-def parts(column: Array, counts: Array) -> list[list[Any]]:
-    """The first so many values of a column, the next so many, and so on."""
-    values, ends = column.tolist(), np.cumsum(counts).tolist()
-    return [values[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
-
-
 def turns(codes: Array) -> Array:
     """Returns how often each code has been there before."""
     order = np.argsort(codes, kind="stable")

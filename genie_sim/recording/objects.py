@@ -98,6 +98,11 @@ class Objects:
         counts = np.array([len(numbers) for numbers in of_lists], dtype=np.int64)
         return np.frombuffer(b"".join(of_lists), dtype=np.int64), counts // np.int64().nbytes
 
+    @property
+    def count(self) -> int:
+        """How many have been numbered."""
+        return self._count
+
     def columns(self) -> ShownColumns:
         """All that have been numbered."""
         if self._new:
