@@ -7,7 +7,7 @@ import numpy as np
 
 from genie_sim.messages import Detections
 from genie_sim.recording.joins import Array, turns
-from genie_sim.recording.objects import Objects, Sight
+from genie_sim.recording.objects import Objects
 
 NOT_YET_NS = 2**62
 
@@ -23,12 +23,15 @@ class Given(NamedTuple):
 
 
 class _Stamps(NamedTuple):
-    """Since when [ns] the consumers of some cars hold some sights; ``turn`` is the first scene of
-    the car in the window at which this counts.
+    """Since when [ns] the consumers of some cars hold objects: of a label at a place, east, north
+    and up [m]. ``turn`` is the first scene of the car in the window at which this counts.
     """
 
     car: Array
-    sight: Array
+    label: Array
+    east_m: Array
+    north_m: Array
+    up_m: Array
     turn: Array
     stamp_ns: Array
 
@@ -43,8 +46,7 @@ class FirstSeen:
     """
 
     def __init__(self) -> None:
-        self._sights: dict[Sight, int] = {}
-        self._known = _Stamps(*np.zeros((4, 0), dtype=np.int64))  # before the window
+        self._known = _Stamps(*(np.zeros(0, dtype=code) for code in "qqdddqq"))  # before the window
 
     def seen_ns(
         self,
@@ -59,48 +61,64 @@ class FirstSeen:
 
         ``given`` are the answers of a window, in order; ``scenes`` the indices of its scenes and
         the numbers of their cars; ``held`` are the objects: which of these scenes, scene by scene,
-        and codes of sights (``Objects.sights``).
+        and the object's number.
         """
-        self._recode(objects)
         index, car = scenes
-        of_scene, sight = held
+        of_scene, number = held
         turn = turns(car)
         told = self._told(objects, given, index, car)
+        known = objects.columns()
+        used, row = np.unique(number, return_inverse=True)
+        sights = [
+            np.concatenate([getattr(told, name), getattr(known, name)[used]])
+            for name in ("label", "east_m", "north_m", "up_m")
+        ]
+        codes, count = _codes(sights)
+        told_sight, sight = codes[: len(told.car)], codes[len(told.car) :][row]
         # A number for each sight of each car, and in it one for each scene and for what comes after
         # the last one, with a gap behind.
-        last = np.bincount(car, minlength=int(told.car.max(initial=-1)) + 1)
-        steps, codes = int(last.max(initial=0)) + 2, objects.count
-        told_key = (told.car * codes + told.sight) * steps + told.turn
+        scenes_of = np.bincount(car, minlength=int(told.car.max(initial=-1)) + 1)
+        steps = int(scenes_of.max(initial=0)) + 2
+        told_key = (told.car * count + told_sight) * steps + told.turn
         told_key, first = np.unique(told_key, return_index=True)
-        told = told.rows(first)
-        held_key = (car[of_scene] * codes + sight) * steps + turn[of_scene]
-        held_key, row = np.unique(held_key, return_inverse=True)
+        told, told_sight = told.rows(first), told_sight[first]
+        held_key = (car[of_scene] * count + sight) * steps + turn[of_scene]
+        held_key, of_key, row = np.unique(held_key, return_index=True, return_inverse=True)
         place = np.searchsorted(told_key, held_key)
         is_told = np.append(told_key, -1)[place] == held_key
         stamp_ns = np.where(is_told, np.append(told.stamp_ns, NOT_YET_NS)[place], NOT_YET_NS)
         # While it is held without a break, what was told first counts from then on.
         at = np.arange(len(held_key))
         is_begin = np.diff(held_key, prepend=-2) != 1
-        begins = np.flatnonzero(is_begin)
         if len(at):
-            first = np.minimum.reduceat(np.where(is_told, at, len(at)), begins)
-            first = first[np.cumsum(is_begin) - 1]
-            stamp_ns = np.append(stamp_ns, NOT_YET_NS)[np.where(at >= first, first, len(at))]
+            told_at = np.where(is_told, at, len(at))
+            since = np.minimum.reduceat(told_at, np.flatnonzero(is_begin))
+            since = since[np.cumsum(is_begin) - 1]
+            stamp_ns = np.append(stamp_ns, NOT_YET_NS)[np.where(at >= since, since, len(at))]
         result: Array = stamp_ns[row]
 
-        of_car, held_turn = held_key // (codes * steps), held_key % steps
-        stays = (held_turn == last[of_car] - 1) & (stamp_ns != NOT_YET_NS)
-        columns = of_car, held_key // steps % codes, held_turn, stamp_ns
-        known = _Stamps(*(column[stays] for column in columns))
-        pending = told.rows(told.turn == last[told.car])
-        known = _Stamps(*map(np.concatenate, zip(known, pending, strict=True)))
-        _, first = np.unique(known.car * codes + known.sight, return_index=True)
-        self._known = known.rows(first)._replace(turn=np.zeros(len(first), dtype=np.int64))
+        of_scene, number = of_scene[of_key], number[of_key]
+        is_last = turn[of_scene] == scenes_of[car[of_scene]] - 1
+        stays = np.flatnonzero(is_last & (stamp_ns != NOT_YET_NS))
+        pending = np.flatnonzero(told.turn == scenes_of[told.car])
+        keys = np.append(held_key[stays] // steps, told_key[pending] // steps)
+        still = known.rows(number[stays])
+        held_on = _Stamps(
+            car[of_scene[stays]],
+            still.label,
+            still.east_m,
+            still.north_m,
+            still.up_m,
+            turn[of_scene[stays]],
+            stamp_ns[stays],
+        )
+        both = zip(held_on, told.rows(pending), strict=True)
+        _, first = np.unique(keys, return_index=True)
+        self._known = _Stamps(*map(np.concatenate, both)).rows(first)
+        self._known.turn[:] = 0
         return result
 
-    def _told(
-        self, objects: Objects, given: Sequence[Given], index: Array, car: Array
-    ) -> _Stamps:
+    def _told(self, objects: Objects, given: Sequence[Given], index: Array, car: Array) -> _Stamps:
         """What is known from before the window, and what its answers show, in their order."""
         number, counts = objects.numbers([of.answer.objects for of in given])
         rows = [(of.scenes, of.car, of.answer.header.stamp_ns) for of in given]
@@ -108,19 +126,27 @@ class FirstSeen:
         most = int(max(index.max(initial=0), before.max(initial=0))) + 1
         keys = np.sort(car * most + index)
         turn = np.searchsorted(keys, of_car * most + before) - np.searchsorted(keys, of_car * most)
+        shown = objects.columns().rows(number)
         answers = _Stamps(
             np.repeat(of_car, counts),
-            objects.columns().sight[number],
+            shown.label,
+            shown.east_m,
+            shown.north_m,
+            shown.up_m,
             np.repeat(turn, counts),
             np.repeat(stamp_ns, counts),
         )
         return _Stamps(*map(np.concatenate, zip(self._known, answers, strict=True)))
 
-    def _recode(self, objects: Objects) -> None:
-        """Takes over new codes if the objects have forgotten theirs."""
-        if objects.sights is not self._sights:
-            names = {code: sight for sight, code in self._sights.items()}
-            codes, row = np.unique(self._known.sight, return_inverse=True)
-            new = [objects.sight(*names[code]) for code in codes.tolist()]
-            self._known = self._known._replace(sight=np.array(new, dtype=np.int64)[row])
-            self._sights = objects.sights
+
+def _codes(columns: Sequence[Array]) -> tuple[Array, int]:
+    """A number for each different row of some columns, row by row, and how many there are."""
+    order = np.lexsort(columns)
+    is_other = np.zeros(len(order), dtype=bool)
+    is_other[:1] = True
+    for column in columns:
+        in_order = column[order]
+        is_other[1:] |= in_order[1:] != in_order[:-1]
+    codes = np.empty(len(order), dtype=np.int64)
+    codes[order] = np.cumsum(is_other) - 1
+    return codes, int(np.count_nonzero(is_other))

@@ -226,7 +226,7 @@ class MapAccuracy:
             objects,
             self._given,
             scenes=(scenes, views.car[scenes]),
-            held=(of_scene, known.sight[rows]),
+            held=(of_scene, items.number[rows]),
         )
         seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
         age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
