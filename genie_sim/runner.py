@@ -48,6 +48,8 @@ from genie_sim.version import VERSION
 if TYPE_CHECKING:
     from genie_sim.perception.sources import MapFrames
 
+TEXT_S = 0.1  # how long a text of progress holds
+
 
 def run_to_folder(
     scenario: Scenario,
@@ -568,14 +570,19 @@ def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
     the memory of its process.
     """
     began_s = time.perf_counter()
+    text, text_until_s = "", began_s
 
     def report(now_ns: int, end_ns: int) -> None:
-        rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-        words = [log.method, f"{rate:,.0f} frames/s"]
-        memory_bytes = max_memory_bytes()
-        if memory_bytes is not None:
-            words.append(f"{memory_bytes / 10**6:,.0f} MB")
-        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, ", ".join(words))
+        nonlocal text, text_until_s
+        time_s = time.perf_counter()
+        if time_s >= text_until_s:
+            rate = log.published_frames / max(time_s - began_s, 1e-9)
+            words = [log.method, f"{rate:,.0f} frames/s"]
+            memory_bytes = max_memory_bytes()
+            if memory_bytes is not None:
+                words.append(f"{memory_bytes / 10**6:,.0f} MB")
+            text, text_until_s = ", ".join(words), time_s + TEXT_S
+        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, text)
 
     return report
 
