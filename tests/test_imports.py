@@ -69,7 +69,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),
-    "paper": (*_RUN, "study"),
+    "paper": ("core", "sim", "scenario", "recording", "analysis", "report", "api"),
     "study": _RUN,
     "tuning": (*_RUN, "study"),
     "api": (*_RUN, "study", "tuning"),

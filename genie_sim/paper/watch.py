@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WorldObserver(Subscriber):
-    """Watches the worlds of one run, method by method; takes no simulated time.
+    """Watches the worlds of one run, method by method (``runner.Observer``).
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
     C_T is not for what edges send each other, and not for what a car's own node finds.
@@ -64,7 +64,7 @@ class WorldObserver(Subscriber):
                 if detection.confidence < threshold:
                     self._unconfident += 1
 
-    def after(self, world: "World") -> None:
+    def after(self, method: str, world: "World") -> None:
         """Looks at the maps of a world that has run."""
         for node in world.network.resources:
             if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):
