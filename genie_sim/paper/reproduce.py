@@ -63,7 +63,6 @@ class Reproduction:
     """A finished evaluation."""
 
     folder: Path
-    readings: list[Judged]
     wall_time_s: float
 
 
@@ -140,7 +139,7 @@ def reproduce(
         }
         provenance.write_json(folder / "run.json", about)
         report.write_text(folder / report.NAME, page.page(folder))
-    return Reproduction(out, judged, wall_time_s)
+    return Reproduction(out, wall_time_s)
 
 
 def declared_seeds() -> tuple[int, ...]:
