@@ -195,6 +195,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
+    observer: runner.Observer | None = None,
     progress: Progress | None = None,
 ) -> Run: ...
 
@@ -225,6 +226,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
+    observer: runner.Observer | None = None,
     progress: Progress | None = None,
 ) -> Run | Runs:
     """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
@@ -252,6 +254,9 @@ def run(
     workers : int
         Processes for one run: several methods side by side, or the only method of a fleet in parts.
         The results do not depend on it.
+    observer : runner.Observer, optional
+        Sees the world of each method before and after it runs: it may subscribe to topics and look
+        at nodes and their maps. For one run in memory, in this process.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
@@ -262,6 +267,8 @@ def run(
     label = results.checked_label(label)
     if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
         raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
+    if observer is not None and (workers != 1 or seeds is not None or out is not None):
+        raise UserError("observer: is for one run in memory, without workers, seeds and out")
     if seeds is not None:
         if seed is not None:
             raise UserError("seed and seeds: give one of them")
@@ -269,7 +276,9 @@ def run(
             raise UserError("workers: is for one run; with seeds give jobs")
         return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
-        run = runner.run_in_memory(setting, progress, label=label, workers=workers)
+        run = runner.run_in_memory(
+            setting, progress, label=label, workers=workers, observer=observer
+        )
     else:
         run = runner.run_to_folder(setting, expanded(out), progress, label=label, workers=workers)
     return _one_in_hand(run)

@@ -67,7 +67,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),
-    "paper": (*_RUN, "study"),
+    "paper": ("core", "sim", "scenario", "recording", "analysis", "report", "api"),
     "study": _RUN,
     "api": (*_RUN, "study"),
     "catalogue": _READ,

@@ -43,7 +43,8 @@ def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
     if not len(our_group) or not len(their_group):
         none = np.zeros(0, dtype=np.int64)
         return Pairs(none, none, np.zeros(0))
-    our_line, their_line, lines = our_group, their_group, (0.0,)
+    our_line, their_line = our_group, their_group
+    lines: tuple[float, ...] = (0.0,)
     if len(their_group) > SMALL_GROUP * (np.ptp(their_group) + 1):
         side_m = reach_m * (1.0 + 1e-9)
         our_row, their_row = np.floor(our_north_m / side_m), np.floor(their_north_m / side_m)

@@ -175,7 +175,8 @@ def test_files_that_pages_speak_of_exist():
     """``tests/theory/test_queues.py`` and the like, in the repository."""
     for name, path in PAGES.items():
         text = path.read_text(encoding="utf-8")
-        for file in re.findall(r"`((?:tests|genie_sim|notebooks|scenarios)/[\w./-]+\.\w+)`", text):
+        folders = "tests|genie_sim|notebooks|scenarios|studies"
+        for file in re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", text):
             assert (REPOSITORY / file).exists(), f"docs/{name}: {file} is not there"
 
 
