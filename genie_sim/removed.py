@@ -30,6 +30,8 @@ OPTIONS: dict[str, str] = {
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
+    "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
+    "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
     "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",
     "search --storage": "Leave it out; nothing is stored but runs, and points.csv has every point.",
     "attach --revoked": "Attach the others again without that name in --car, --edge and --connect.",
