@@ -7,6 +7,7 @@ wait for.
 from collections.abc import Callable, Generator
 from contextlib import suppress
 from heapq import heappop, heappush
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 import simpy
@@ -58,11 +59,10 @@ class Clock(simpy.Environment):
         self._is_traced = is_traced
         self._alive: dict[simpy.Event, None] = {}  # processes that have not ended
 
-    if TYPE_CHECKING:
+    now: int = property(attrgetter("_now"))  # type: ignore[assignment]
+    """Time since the start of the run [ns]; SimPy's own takes a call."""
 
-        @property
-        def now(self) -> int:
-            """Time since the start of the run [ns]."""
+    if TYPE_CHECKING:
 
         @property
         def active_process(self) -> simpy.Process:

@@ -34,7 +34,7 @@ class Processor:
         self._busy_ns = 0  # of completed jobs, minus the beginnings of those in service
         self._stalls = 0  # how many faults keep it from going on
         self._stall_began_ns = 0
-        self._past_stalls_ns = 0
+        self._stalled_ns = 0  # in all, until the present stall
         self._go_on = clock.event()
         self._factors: list[float] = []  # by which faults lengthen its jobs
 
@@ -77,10 +77,11 @@ class Processor:
             path = clock.path
         try:
             while service_ns:
-                stalled_ns = self._stalled_ns()
+                stalled_ns = self._stalled_ns
                 yield clock.timeout(service_ns)
-                service_ns = self._stalled_ns() - stalled_ns  # for so long it stood still meanwhile
+                service_ns = self._stalled_ns - stalled_ns  # for so long it stood still meanwhile
                 if self._stalls:
+                    service_ns += clock.now - self._stall_began_ns
                     yield self._go_on
             self.completed += pictures
             self.jobs += 1
@@ -101,7 +102,7 @@ class Processor:
         self._stalls -= 1
         if self._stalls:
             return
-        self._past_stalls_ns += self.clock.now - self._stall_began_ns
+        self._stalled_ns += self.clock.now - self._stall_began_ns
         self.clock.wake(self._go_on)
         self._go_on = self.clock.event()
         self._begin_next()
@@ -138,11 +139,6 @@ class Processor:
     def _take_server(self) -> None:
         self._free -= 1
         self._busy_ns -= self.clock.now
-
-    def _stalled_ns(self) -> int:
-        """How long it has stood still until now."""
-        now_ns = self.clock.now - self._stall_began_ns if self._stalls else 0
-        return self._past_stalls_ns + now_ns
 
 
 class Host:

@@ -3,7 +3,7 @@ a node.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import simpy
 
@@ -98,20 +98,22 @@ class InterceptorNode(Node):
     def is_busy(self) -> bool:
         return self._timer_set or super().is_busy
 
-    def work(self, message: Message) -> Steps:
-        host, label = self.host, self.work_label
+    def work(self, message: Message) -> Iterable[simpy.Event]:
         if self._costs_nothing:
-            return
+            return ()
         if self._key is not None and isinstance(message, Image):
-            yield from host.compute_key(self._key, label)
-            if self._per_entry_ns:
-                search_ns = self._per_entry_ns * self.pure.cache_entries()
-                yield from host.cpu.serve(search_ns, label)
-            yield from host.serve_message(label)
-        elif self._pass_time_ns is not None:
-            yield from host.cpu.serve(self._pass_time_ns, label)
-        else:
-            yield from host.serve_message(label)
+            return self._look_up(self._key)
+        if self._pass_time_ns is not None:
+            return self.host.cpu.serve(self._pass_time_ns, self.work_label)
+        return self.host.serve_message(self.work_label)
+
+    def _look_up(self, key: str) -> Steps:
+        """Computes the key of an image, searches the cache, then handles the message."""
+        host, label = self.host, self.work_label
+        yield from host.compute_key(key, label)
+        if self._per_entry_ns:
+            yield from host.cpu.serve(self._per_entry_ns * self.pure.cache_entries(), label)
+        yield from host.serve_message(label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)

@@ -259,7 +259,7 @@ class Node(Subscriber):
         """As ``void``, but what the node has in memory stays."""
         self.void(where)
 
-    def work(self, message: Message) -> Steps:
+    def work(self, message: Message) -> Iterable[simpy.Event]:
         """What handling a message takes: the part of a process that waits for the devices."""
         raise NotImplementedError
 
