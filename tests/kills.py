@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SCENARIO = """
 edges: [{name: edge1, device: agx_xavier}]

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 import genie_sim as gs
 from genie_sim.analysis import figures
 from genie_sim.cli import main
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = {f"cars[{i}].route.window": ["0 s", "1 s"] for i in range(3)}
 TABLES = ("frames", "lookups", "resources", "poses", "objects")

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 MANY = 5  # positional arguments in one call
 MAX_CALLS = 30  # in the whole package

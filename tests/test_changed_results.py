@@ -16,7 +16,7 @@ from genie_sim.errors import UserError
 from genie_sim.paper import page as evaluation
 from genie_sim.recording import provenance, results
 from genie_sim.scenario.scenario import load_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]
 READERS = (

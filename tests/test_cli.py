@@ -16,7 +16,7 @@ import pytest
 
 from genie_sim.cli import main
 from genie_sim.engine import ENGINE
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 GOOD = """
 methods: [genie]

@@ -17,7 +17,7 @@ import pytest
 
 from genie_sim import terminal
 from genie_sim.cli import main
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
 COMMAND = [sys.executable, "-m", "genie_sim"]

@@ -15,7 +15,7 @@ from genie_sim.cli import main
 from genie_sim.method_processes import MethodJob, Reporter, watched
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.scenario import RECORDS, read_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 EVERY_TABLE = {
     "name": "every_table",

@@ -20,7 +20,7 @@ from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
 from genie_sim.scenario.scenario import MAX_DAYS, load_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
 

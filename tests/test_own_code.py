@@ -22,7 +22,7 @@ from genie_sim.errors import UserError
 from genie_sim.methods import METHODS
 from genie_sim.scenario.scenario import load_scenario, with_methods
 from genie_sim.settings import plain_data
-from tests.conftest import REPOSITORY, CommandLine
+from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
 SCENARIO = """

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from genie_sim import __version__
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 TASKS = (
     "lint",

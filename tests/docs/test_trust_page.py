@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks import trust
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 
 def test_the_page_shows_every_row_of_the_study():

@@ -16,7 +16,7 @@ from genie_sim.perception.labels import label_file, tracking_labels, tracklets
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.perception.tracking import open_sequence, tracking_trace
 from genie_sim.scenario.profiles import load_profile
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 from tests.fuzz.harness import Case, Target
 from tests.fuzz.mutation import broken, changed
 from tests.kitti_folder import DATE, make_drive, make_network

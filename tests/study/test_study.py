@@ -41,7 +41,7 @@ from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.tasks import LocalWorkers
 from genie_sim.town import town
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 from tests.made_up_run import METHODS
 
 
