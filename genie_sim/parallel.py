@@ -9,6 +9,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 from genie_sim.errors import UserError
@@ -31,7 +32,10 @@ def max_memory_bytes() -> int | None:
 
     Linux hands ``ru_maxrss`` on to a process from the one that started it; ``VmHWM`` is its own.
     """
-    with contextlib.suppress(OSError), open("/proc/self/status", encoding="ascii") as status:
+    with (
+        contextlib.suppress(OSError),
+        pathlib.Path("/proc/self/status").open(encoding="ascii") as status,
+    ):
         for line in status:
             if line.startswith("VmHWM:"):
                 return 1024 * int(line.split()[1])

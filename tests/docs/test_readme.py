@@ -16,10 +16,13 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from tests import tiers
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = REPOSITORY / "README.md"
@@ -187,20 +190,23 @@ def test_the_readme_shows_commands_and_what_they_print():
 
 
 def test_continuous_integration_runs_the_tests_as_the_readme_says():
-    """The README's first command word for word; its second in parallel, with no test left out."""
+    """The README's first command word for word; its second before all other tests."""
     said = README.read_text(encoding="utf-8")
     done = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
     assert "python -m pip install '.[test]'" in said
     assert "python -m pip install --quiet '.[test]'" in done
     assert "python -m pytest" in said
-    assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == [
-        "compile_engine",
-        "test",
-        "plain",
-    ]
+    first, *_ = re.findall(r"^ *(?:task \w|python -m pytest).*", done, re.MULTILINE)
+    assert first.startswith("python -m pytest ||"), "the fast tests come first, as they are"
+    assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == ["rest"]
+
+
+def test_the_rest_is_all_that_the_fast_tests_leave_out_but_the_nightly_ones():
     tasks = (REPOSITORY / "noxfile.py").read_text(encoding="utf-8")
-    assert 'session.run("python", "-m", "pytest", ' in tasks
-    assert "--ignore" not in tasks
+    fast = tiers.FAST.removeprefix("not ")
+    assert f'REST = "{fast.replace(" or nightly", "")} and not nightly"' in tasks
+    options = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    assert tiers.FAST in options["tool"]["pytest"]["ini_options"]["addopts"]
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])

@@ -16,7 +16,6 @@ from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.recording.provenance import check_writable, result_folder, run_id
-from tests import kills
 
 FACTS = {
     "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
@@ -312,16 +311,6 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
     write_whole_result(tmp_path / "other")
     assert (final / "frames.parquet").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"]
-
-
-@pytest.mark.unix
-@pytest.mark.slow
-def test_a_run_killed_at_random_instants_loses_nothing(capsys: pytest.CaptureFixture[str]):
-    """Two kills; ``python -m tests.kills --kills 100`` does them by the hundred, of sweeps and of
-    reproduce, too.
-    """
-    assert kills.main(["--kills", "2", "--only", "run"]) == 0, capsys.readouterr().out
-    assert capsys.readouterr().out.count("\n") == 3
 
 
 def test_a_folder_of_several_runs_says_where_they_are(tmp_path: Path):

@@ -26,12 +26,12 @@ from genie_sim.ros.message import RosMessage, checked_pose
 from genie_sim.ros.plan import ROLES, AttachPlan, make_gateway
 from genie_sim.ros.poses import POSE_TYPES, Poses
 from genie_sim.ros.typestore import message, time, typestore
-from tests.fuzz.files import one_file
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import VALUES, broken, changed
 from tests.ros import test_bags
 from tests.ros.conftest import HERE
 from tests.ros.test_bags import BagWriter
+from tools.fuzz.files import one_file
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import VALUES, broken, changed
 
 DEFINITION = (HERE / "objects.txt").read_text()
 

@@ -29,9 +29,9 @@ from genie_sim.study.plan import plan
 from genie_sim.study.study import Study, load_design
 from genie_sim.study.tasks import LocalWorkers
 from tests.checkout import REPOSITORY
-from tests.fuzz.files import one_file
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import broken, changed
+from tools.fuzz.files import one_file
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import broken, changed
 
 TINY = """
 description: One car and one edge, for a moment.
