@@ -32,11 +32,8 @@ def max_memory_bytes() -> int | None:
 
     Linux hands ``ru_maxrss`` on to a process from the one that started it; ``VmHWM`` is its own.
     """
-    with (
-        contextlib.suppress(OSError),
-        pathlib.Path("/proc/self/status").open(encoding="ascii") as status,
-    ):
-        for line in status:
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):
                 return 1024 * int(line.split()[1])
     try:
