@@ -4,10 +4,12 @@ into.
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
@@ -71,12 +73,34 @@ def _real_data(variable: str, what: str) -> Path:
 
 
 @pytest.fixture
-def run_cli(tmp_path: Path) -> CommandLine:
-    """``run_cli("run", "3car_hetero")`` runs this checkout's ``genie-sim`` in the test's folder.
+def run_cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommandLine:
+    """``run_cli("run", "3car_hetero")`` runs ``genie-sim`` in the test's folder, in this process.
 
-    Returns the ``CompletedProcess``, with exit status and texts. ``env`` adds environment
-    variables.
+    Returns a ``CompletedProcess``, with exit status and texts. Modules that the command has
+    imported from the folder are forgotten afterwards.
     """
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        from genie_sim.cli import main
+
+        said, warned = io.StringIO(), io.StringIO()
+        with monkeypatch.context() as within:
+            within.chdir(tmp_path)
+            within.syspath_prepend(tmp_path)
+            with redirect_stdout(said), redirect_stderr(warned):
+                status = main(list(arguments))
+        for name, module in list(sys.modules.items()):
+            file = getattr(module, "__file__", None)
+            if file and Path(file).is_relative_to(tmp_path):
+                del sys.modules[name]
+        return subprocess.CompletedProcess(arguments, status, said.getvalue(), warned.getvalue())
+
+    return run
+
+
+@pytest.fixture
+def run_process(tmp_path: Path) -> CommandLine:
+    """As ``run_cli``, in a process of its own, with ``env`` added to its environment."""
 
     def run(
         *arguments: str, env: dict[str, str] | None = None, timeout_s: float = 300

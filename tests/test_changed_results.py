@@ -110,6 +110,7 @@ def test_every_command_that_reads_results_names_the_file_that_was_changed(
         gs.load(folder)
 
 
+@pytest.mark.slow
 def test_what_is_made_of_changed_files_says_so(folder, capsys):
     change_a_metric(folder)
     change_the_scenario(folder)
@@ -193,6 +194,7 @@ def test_nothing_outside_the_folder_is_read_through_its_names(name, folder, caps
         assert printed.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_nothing_is_written_through_a_link_out_of_the_folder(folder, capsys):
     victim = Path("victim.svg").resolve()
     victim.write_text("mine")
@@ -225,6 +227,7 @@ def test_the_committed_evaluation_is_what_was_written():
     assert provenance.changed_files(folder, known, evaluation.files_of(folder)) == ()
 
 
+@pytest.mark.slow
 def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     folder = Path(shutil.copytree(REPOSITORY / "results" / "paper", tmp_path / "paper"))
     page = tmp_path / "page.html"
@@ -250,6 +253,7 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     assert "table.parquet" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_no_function_takes_changed_files_unless_it_is_told_to():
     """Of every function and method of the package with an ``allow_changed``."""
     found = []

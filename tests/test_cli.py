@@ -229,13 +229,11 @@ def test_results_go_home_where_the_shell_has_not_said_so(capsys, monkeypatch):
     assert not Path("~").exists()
 
 
-def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
+def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_process):
     Path("s.yaml").write_text(GOOD)
     for seed in ("1", "2"):
-        assert (
-            run_cli("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed}).returncode
-            == 0
-        )
+        ran = run_process("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed})
+        assert ran.returncode == 0
     first, second = (
         sorted(p for p in Path(f"out{seed}").rglob("*") if p.is_file()) for seed in ("1", "2")
     )
@@ -245,6 +243,7 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
             assert one.read_bytes() == other.read_bytes(), one
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_130(asked):
@@ -348,6 +347,7 @@ def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
     assert len(list(Path("results").glob("s-*"))) == 2
 
 
+@pytest.mark.process
 def test_the_main_command_imports_nothing_that_it_does_not_need():
     """Each of these takes as long to import as the simulation takes."""
     code = (
@@ -365,6 +365,7 @@ def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
     assert f"--start: {tmp_path} holds no single run" in capsys.readouterr().err
 
 
+@pytest.mark.process
 def test_python_rarely_looks_for_cyclic_garbage_while_a_command_runs():
     """Imports make very many objects, and a simulation leaves no cycles."""
     program = "import gc; from genie_sim.__main__ import main; main(); print(gc.get_threshold()[0])"

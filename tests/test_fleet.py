@@ -378,6 +378,7 @@ def driven() -> Run:
     )
 
 
+@pytest.mark.slow
 def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
     driven: Run, monkeypatch: pytest.MonkeyPatch
 ):
@@ -593,6 +594,7 @@ def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     assert all(runner.rerun(result.folder).values())
 
 
+@pytest.mark.slow
 def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -670,6 +672,7 @@ def test_a_fleet_changes_edges_without_delay_between_old_and_new():
             assert later.begin_ns - earlier.begin_ns >= 2000 * NS_PER_MS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [("3car_hetero",), ("fleet_30", "perception.duration=3 s")])
 def test_a_run_makes_nothing_that_only_the_cycle_collector_frees(settings):
     """It is off meanwhile, and on again afterwards."""

@@ -202,6 +202,7 @@ def package_of(module: str) -> str:
 PACKAGES = sorted({package_of(module) for module in MODULES})
 
 
+@pytest.mark.process
 def test_every_package_has_its_place():
     assert sorted((*BASE, *MAY_IMPORT)) == PACKAGES, "say in MAY_IMPORT what a new one may import"
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
@@ -230,6 +231,7 @@ def test_arrows_run_one_way(package: str):
     assert not wrong, "\n".join((f"{package} may import {allowed}", *wrong))
 
 
+@pytest.mark.slow
 def test_no_modules_import_one_another_in_a_circle():
     """Imports inside functions count, those for types do not: at run time there are none."""
     graph: dict[str, set[str]] = {}
@@ -250,6 +252,7 @@ def test_the_core_is_standard_library_and_numpy():
             )
 
 
+@pytest.mark.slow
 def test_what_is_imported_is_declared():
     """A library that only happens to be installed with another one is missing on somebody's
     machine.
@@ -274,6 +277,7 @@ def test_what_is_imported_is_declared():
             )
 
 
+@pytest.mark.slow
 def test_only_the_simulation_knows_simpy():
     users = {
         module
@@ -285,6 +289,7 @@ def test_only_the_simulation_knows_simpy():
     assert {package_of(module) for module in users} == {"sim"}
 
 
+@pytest.mark.process
 def test_the_command_line_starts_without_heavy_libraries():
     """``genie-sim --help`` must not wait for pandas."""
     loaded = _loaded_by("import genie_sim.cli")
@@ -292,16 +297,19 @@ def test_the_command_line_starts_without_heavy_libraries():
     assert not set(LATE) & loaded
 
 
+@pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.scenario")
 
 
+@pytest.mark.process
 def test_an_evaluation_starts_without_matplotlib():
     """Its workers import it, side by side, when there is something to draw."""
     assert "matplotlib" not in _loaded_by("import genie_sim.paper.reproduce")
 
 
+@pytest.mark.process
 def test_a_run_on_recorded_streets_needs_no_town():
     assert "genie_sim.town" not in _loaded_by("import genie_sim.runner")
 
@@ -319,6 +327,7 @@ def _loaded_by(statement: str) -> set[str]:
     return set(told.stdout.split())
 
 
+@pytest.mark.slow
 def test_only_the_command_line_prints():
     for module, path in MODULES.items():
         if module in ("cli", "__main__"):

@@ -33,7 +33,7 @@ TIER_OF_FIXTURE = {
     "ros1_python": "ros",
     "ros2_python": "ros",
     "program": "browser",
-    "run_cli": "process",
+    "run_process": "process",
 }
 WEIGHT = {"ros": 30, "slow": 10, "process": 3, "browser": 3}  # a test of the fast tier: 1
 
@@ -109,18 +109,13 @@ def pytest_testnodedown(node: Any) -> None:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Measures the CPU of a test. Where pytest-xdist runs several tests at a time, one that is
-    marked ``alone`` waits until no other is running, and keeps the others waiting.
+    """Where pytest-xdist runs several tests at a time, one that is marked ``alone`` waits until no
+    other is running, and keeps the others waiting.
     """
-    alone = item.get_closest_marker("alone") is not None
-    with _turn(alone) if IN_WORKER and sys.platform != "win32" else _at_once():
-        item.user_properties.append(("cpu_s", -time.process_time()))
+    if not IN_WORKER or sys.platform == "win32":
         return (yield)
-
-
-@contextmanager
-def _at_once() -> Iterator[None]:
-    yield
+    with _turn(alone=item.get_closest_marker("alone") is not None):
+        return (yield)
 
 
 @contextmanager
@@ -141,12 +136,6 @@ def _turn(alone: bool) -> Iterator[None]:
             yield
         finally:
             fcntl.flock(running, fcntl.LOCK_UN)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> None:
-    if call.when == "teardown":
-        item.user_properties.append(("cpu_s", time.process_time()))
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
@@ -174,12 +163,16 @@ sys.addaudithook(starts.note)
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
-    """Fails a test of the fast tier that starts a process."""
+    """Measures the CPU of a test, without that of its fixtures, which it may share. Fails a test of
+    the fast tier that starts a process.
+    """
     starts.watching, starts.seen = tier_of(item) == "fast", []
+    began_s = time.process_time()
     try:
         outcome = yield
     finally:
         starts.watching = False
+        item.user_properties.append(("cpu_s", time.process_time() - began_s))
     if starts.seen:
         pytest.fail(f"starts {starts.seen[0]}: mark it @pytest.mark.process", pytrace=False)
     return outcome

@@ -189,6 +189,7 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
     return table.to_frame()
 
 
+@pytest.mark.slow
 def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
     """Nominal 95 %, 200 runs, seed 5. Taking the frames for independent would cover half of the
     times only.

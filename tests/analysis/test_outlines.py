@@ -61,6 +61,7 @@ def test_several_seeds_have_bands(tables):
     outline.check("seeds", drawn)
 
 
+@pytest.mark.slow
 def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
     labels = [f"{cars} cars\n{kind}" for kind in ("homo", "hetero") for cars in (1, 2, 3)]
     frames = dict.fromkeys(labels, tables["frames"])

@@ -416,6 +416,7 @@ def test_nothing_is_forgotten_unless_it_is_said():
     assert len(objects) == 1
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(sightings, st.integers(0, 30)), max_size=8), st.sampled_from([0.3, 2.5]))
 def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
     """Whatever cells it lies in, an object is there for as long as it was sighted within the time,

@@ -155,6 +155,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory):
     return run
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.xdist_group("readme")
 @pytest.mark.parametrize("block", BLOCKS, ids=str)

@@ -186,6 +186,7 @@ def test_threads_and_batches_make_the_same_trace(street):
     }
 
 
+@pytest.mark.slow
 def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
     """Whatever is chosen here, the trace is the same."""
     root, weights = street

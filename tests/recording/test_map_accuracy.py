@@ -263,6 +263,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
     judge.close()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(
     seed=st.integers(0, 2**32),

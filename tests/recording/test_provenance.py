@@ -57,6 +57,7 @@ def test_whatever_decides_the_outcome_changes_the_run_id(other):
     assert run_id(other) != run_id(FACTS)
 
 
+@pytest.mark.process
 def test_the_run_id_is_the_same_in_every_process():
     script = (
         "import json, sys; from genie_sim.recording.provenance import run_id;"
@@ -277,6 +278,7 @@ def killed_process(final: Path, when: str) -> subprocess.Popen[str]:
     return made
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_path: Path):
     killed, living = (
@@ -299,6 +301,7 @@ def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_p
     )
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize(
     ("when", "text"), [("before the rename", "earlier"), ("before the earlier goes", "new")]

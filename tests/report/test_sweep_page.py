@@ -17,6 +17,8 @@ from genie_sim.study.design import load_design
 from tests.browser import Browser
 from tests.report.test_report import EVIL, MEGABYTE, embedded, picture
 
+pytestmark = pytest.mark.slow
+
 CROSSED = """
 description: DESCRIPTION
 scenario: 2car_homo

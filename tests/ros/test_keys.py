@@ -37,6 +37,7 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return line
 
 
+@pytest.mark.process
 def test_a_peer_s_file_says_who_it_is_and_is_private(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -70,6 +71,7 @@ def test_what_makes_no_key_is_said_in_a_line(
     assert "car1.pem: is there already" in refused(capsys, "peer", "car1", "--role", "edge", *ca)
 
 
+@pytest.mark.process
 def test_no_openssl(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -110,6 +112,7 @@ def test_what_is_no_serial_number_is_named_with_its_line(tmp_path: Path, line: s
         RevocationList(str(path))
 
 
+@pytest.mark.process
 def test_keys_are_revoked_by_a_new_authority(tmp_path: Path):
     """As ``docs/explanation/security.md`` tells: a new authority, new files for all others,
     attached again.
@@ -129,6 +132,7 @@ def test_keys_are_revoked_by_a_new_authority(tmp_path: Path):
             meet(dials, listens)
 
 
+@pytest.mark.process
 def test_an_old_and_a_renewed_certificate_are_both_good(tmp_path: Path):
     """So Genies are renewed one by one."""
     make_authority(tmp_path)

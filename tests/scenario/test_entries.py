@@ -133,6 +133,7 @@ METHODS = f"{', '.join(sorted(methods.METHODS))}, or package.module:Class"
 FAULTS = "hand_over, outage, or package.module:Class"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entry", "message"),
     [

@@ -16,6 +16,8 @@ from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario
 
+pytestmark = pytest.mark.slow
+
 SHORT = ["--set", "cars[0].route.window=[0 s, 2 s]", "--set", "methods=[remote, genie]"]
 RUN = ["run", "1car_hetero", *SHORT]
 

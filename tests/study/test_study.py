@@ -314,6 +314,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
     right, wrong, message = MISTAKES[mistake]
@@ -360,6 +361,7 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "s"
 
 
+@pytest.mark.slow
 def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     """Source: the same runs, one by one, and SciPy's t intervals over seeds 1 to 3."""
     overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
@@ -423,6 +425,7 @@ def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_o
     assert cells == [f"{mean[gate, rate]:.3g}" for rate in (0.1, 0.5) for gate in (1.0, 3.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupted):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
@@ -543,6 +546,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
     assert Path("results/s/report.html").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterrupted, monkeypatch):
     finished(uninterrupted)
@@ -573,6 +577,7 @@ def test_one_seed_gives_no_interval():
     assert table["low"].isna().all() and table["value"].notna().any() and table["runs"].max() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
     assert main(["sweep", write(SMALL), "--jobs", "2"]) == 0
@@ -582,6 +587,7 @@ def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
 # Nothing is run twice, nothing is lost
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     """kill -9 of the sweep and its processes in the middle, then the same command."""
@@ -601,6 +607,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
     write(SMALL)
@@ -613,6 +620,7 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
         assert not processes_of(run.pid)
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(
@@ -628,6 +636,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
+@pytest.mark.process
 @pytest.mark.skipif(
     not Path("/proc").is_dir(),
     reason="only /proc tells when a process has begun to listen to Ctrl-C",
@@ -644,6 +653,7 @@ def test_ctrl_c_while_workers_begin_is_one_line_too():
     assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monkeypatch):
     finished(uninterrupted)
@@ -840,6 +850,7 @@ def test_a_worker_with_another_version_is_refused():
 # On Dask
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.unix
 def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):

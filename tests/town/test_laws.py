@@ -136,6 +136,7 @@ def test_known_laws_are_found_again():
     assert validation.distance(across, np.linspace(-0.5, 0.5, 1000)) < 0.08
 
 
+@pytest.mark.slow
 def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     """Share of looks that find an object: the same for all without lasting and gradual effects, all
     or nothing with.
@@ -153,6 +154,7 @@ def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     assert spread[2] > 0.4
 
 
+@pytest.mark.slow
 def test_the_copula_is_fitted_from_looks_alone():
     """Planted: half of the variance with the object, 0.3 with the view; found within 0.15 from 150
     objects.
@@ -231,6 +233,7 @@ def test_the_laws_are_those_of_the_shipped_trace(laws, trace):
     assert laws.provenance["detector"] == trace.provenance["detector"]
 
 
+@pytest.mark.slow
 def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frames):
     """Detections a frame: means within a fifth; Kolmogorov-Smirnov distance of vehicles up to 0.2,
     of persons 0.3.
@@ -304,6 +307,7 @@ def _bins(group: str, rows: Sequence[fit.Look]):
             yield (low_m, high_m), here
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 @pytest.mark.parametrize(
     ("group", "margins"),
