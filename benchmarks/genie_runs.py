@@ -21,10 +21,10 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
+from genie_sim.engine import PURE
 
 from benchmarks.station import PERIOD_NS, Outcome
 from genie_sim.build import Prepared
-from genie_sim.engine import PURE
 from genie_sim.parallel import max_memory_bytes
 from genie_sim.recording.records import Tables
 from genie_sim.runner import Progress, prepare, simulate

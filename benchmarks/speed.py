@@ -26,9 +26,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks import both_engines, fleet_parts, genie_runs, peers, speed_page
 from benchmarks.both_engines import Engines
 from benchmarks.fleet_parts import FleetParts
+
+from benchmarks import both_engines, fleet_parts, genie_runs, peers, speed_page
 from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
 from benchmarks.station import ENGINES, Outcome, Station, station_of
 from genie_sim.build import Prepared

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from genie_sim.engine import ENGINE
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
@@ -15,7 +16,6 @@ from benchmarks import both_engines, fleet_parts
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import in_style
 from genie_sim.analysis.style import COLUMN_IN
-from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError
 
 if TYPE_CHECKING:

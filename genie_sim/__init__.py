@@ -7,10 +7,7 @@ is imported when it is first used.
 
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.engine import ENGINE
 from genie_sim.version import VERSION
-
-ENGINE.install()
 
 if TYPE_CHECKING:
     from genie_sim.api import (

@@ -29,7 +29,6 @@ from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
 from genie_sim.cli_ros import attach, detach, keys
 from genie_sim.cli_search import search
-from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
 from genie_sim.terminal import Commands, Progress
@@ -59,9 +58,9 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
     context_settings={"show_default": True},
 )
 @click.version_option(
-    f"{VERSION}\nengine: {ENGINE.title}",
+    VERSION,
     message="genie-sim %(version)s",
-    help="Print the version and the engine, compiled or plain Python, and exit.",
+    help="Print the version and exit.",
 )
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
@@ -152,7 +151,7 @@ def run(
     if methods is not None:
         names = arguments.listed("--methods", methods)
         setting = with_methods(setting, names, f"--methods {methods}")
-    from genie_sim import build, runner, split
+    from genie_sim import build, runner
     from genie_sim.recording.results import checked_label
 
     label = checked_label(label, "--label")
@@ -160,10 +159,6 @@ def run(
         click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
     for note in build.notes(setting):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
-    if (workers or 1) > 1 and len(setting.methods) == 1:
-        why_whole = split.obstacle(setting, setting.methods[0])
-        if why_whole:
-            click.echo(f"{setting.name} runs in one process, because {why_whole}.")
     formats = ("svg",) if figures else ()
     if several is not None:
         return _run_seeds(

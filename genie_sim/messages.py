@@ -5,9 +5,8 @@ slots: they cost three fifths of named tuples. Locations are metres in the scena
 east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
 """
 
-import copyreg
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple, Protocol, Self
 
 from genie_sim.header import Header as Header
@@ -425,13 +424,3 @@ class NewestLook:
 # for the log
 Observation = ImageLookup | ObjectLookups | Expired | Forgotten | LookEvent | NewestLook
 Effect = Publish | Observation
-
-
-def _by_fields(message: Any) -> tuple[type[Any], tuple[Any, ...]]:
-    """How a message is pickled: its class, and what that is called with."""
-    return type(message), tuple(getattr(message, field.name) for field in fields(message))
-
-
-# Traces with their detections go to other processes; a compiled class cannot be pickled by itself.
-for _kind in (Image, Detection, Detections):
-    copyreg.pickle(_kind, _by_fields)

@@ -27,9 +27,7 @@ Simulate = Callable[[int, Tables, Progress], None]
 
 @dataclass(frozen=True)
 class MethodJob:
-    """The ``number``-th method of a scenario, or part of a method, and the folder that gets its
-    tables.
-    """
+    """The ``number``-th method of a scenario, and the folder that gets its tables."""
 
     number: int
     folder: Path

@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from genie_sim import build, own_classes, plugins, split
+from genie_sim import build, own_classes, plugins
 from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_digests
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.fleet import expanded
@@ -19,10 +19,8 @@ from genie_sim.messages import Encoding
 from genie_sim.method_processes import side_by_side
 from genie_sim.monitor import Samples
 from genie_sim.parallel import max_memory_bytes
-from genie_sim.part_processes import PartJob, PartTables, in_parts
 from genie_sim.perception.sources import Drive, Frames, Progress
 from genie_sim.recording import provenance
-from genie_sim.recording.later_places import LaterPlaces
 from genie_sim.recording.log import Log
 from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.records import SCHEMAS, PowerRow, Tables, new_tables
@@ -43,7 +41,6 @@ from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario, read_scenario
 from genie_sim.settings import plain_data, read
 from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
-from genie_sim.sim.share import Exchange, Share, shared
 from genie_sim.sim.world import World
 from genie_sim.units import NS_PER_S
 from genie_sim.version import VERSION
@@ -448,39 +445,14 @@ def simulate_with(
     prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
 ) -> Tables:
     """``simulate`` in so many processes, each of which prepares the scenario anew: several methods
-    side by side, a single one in parts where it can be split.
+    side by side.
     """
     full = prepared.expanded
-    methods, parts = full.methods, min(workers, len(full.cars))
+    methods = full.methods
     if min(workers, len(methods)) > 1:
         apart = partial(_simulate_apart, _packed(prepared))
         return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
-    if parts > 1 and not split.obstacle(full, methods[0]):
-        cars = [car.name for car in full.cars]
-        tables = in_parts(
-            partial(_simulate_part, _packed(prepared)),
-            parts,
-            cars=cars,
-            hosts=[*(edge.name for edge in full.edges), *cars],
-            streams=[camera.name for camera in full.cameras],
-            progress=progress,
-            spill=spill,
-        )
-        if tables is not None:
-            return tables
     return simulate(prepared, progress, spill)
-
-
-def _simulate_part(
-    packed: bytes, job: PartJob, tables: PartTables, exchange: Exchange, progress: Progress
-) -> None:
-    """A part of a method, in a process that knows nothing yet."""
-    prepared = _prepared(packed)
-    (entry,) = prepared.expanded.methods
-    owners = split.owners(prepared.expanded, job.parts)
-    share = Share(job.number, owners, split.delay_ns(prepared.expanded), exchange)
-    of_part = tables.begin(share.scheduled_ns)
-    simulate_method(prepared, entry, of_part, driven=(), progress=progress, share=share)
 
 
 def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
@@ -546,7 +518,6 @@ def simulate_method(
     *,
     driven: Collection[str],
     progress: Progress,
-    share: Share | None = None,
 ) -> set[str]:
     """Adds the rows of one method to the tables; returns the hosts on which it runs something.
 
@@ -559,8 +530,6 @@ def simulate_method(
     if "resources" not in scenario.record:
         samples = "none"
     setup = build.setup(prepared, entry)
-    if share is not None:
-        setup = shared(setup, share)
     accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
     log = Log(
         entry.name,
@@ -572,7 +541,7 @@ def simulate_method(
     )
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
-        world = World(setup, build.method(entry), log, share)
+        world = World(setup, build.method(entry), log)
         world.run(_progress_of(log, progress))
         hosts = set(world.network.graphs)
         world.dismantle()
@@ -647,7 +616,6 @@ def accuracy_of(
         make_consumer=partial(setup.settings.consumer.new, setup.laws),
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.expanded.judged == "all",
-        later=LaterPlaces(tables["ghosts"], tables["visible"]) if "ghosts" in tables else None,
     )
 
 

@@ -36,7 +36,6 @@ from typing import (
 from genie_sim import plugins, units
 from genie_sim.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
-from genie_sim.version import PACKAGE_FOLDER
 
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
@@ -309,16 +308,10 @@ def _below_fields(cls: type) -> dict[str, str]:
 
 
 def _tree_of(cls: type) -> ast.ClassDef:
-    """The source of a class, parsed; ``inspect`` knows none of compiled modules."""
-    try:
-        trees = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-    except OSError:
-        module = PACKAGE_FOLDER.joinpath(*cls.__module__.split(".")[1:]).with_suffix(".py")
-        trees = ast.parse(module.read_text(encoding="utf-8")).body
-    for tree in trees:
-        if isinstance(tree, ast.ClassDef) and tree.name == cls.__name__:
-            return tree
-    raise LookupError(f"{cls.__module__}: no class {cls.__name__}")
+    """The source of a class, parsed."""
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    assert isinstance(tree, ast.ClassDef)
+    return tree
 
 
 def _parameters(docstring: str) -> dict[str, str]:

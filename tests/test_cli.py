@@ -15,7 +15,6 @@ from pathlib import Path
 import pytest
 
 from genie_sim.cli import main
-from genie_sim.engine import ENGINE
 from tests.checkout import REPOSITORY
 
 GOOD = """
@@ -279,9 +278,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_13
         ),
         (
             "eviction=genie_sim.core.eviction:TTL",
-            "takes exactly 2 positional arguments (1 given)"
-            if ENGINE.is_compiled
-            else "missing 1 required positional argument: 'ttl_ns'",
+            "missing 1 required positional argument: 'ttl_ns'",
         ),
         (
             "eviction={name: 'json:JSONDecoder', strict: true}",

@@ -418,7 +418,6 @@ def test_help_is_there_before_anything_heavy(arguments):
     command_line = {f"genie_sim.{part}" for part in parts}
     assert ours <= {
         *command_line,
-        "genie_sim.engine",
         "genie_sim.errors",
         "genie_sim.paths",
         "genie_sim.plugins",

@@ -1,4 +1,4 @@
-"""A header is a named tuple, whichever engine runs."""
+"""A header is a named tuple."""
 
 from __future__ import annotations
 

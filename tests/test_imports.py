@@ -22,7 +22,6 @@ PACKAGE = REPOSITORY / "genie_sim"
 BASE = (
     "errors",
     "version",
-    "engine",
     "units",
     "header",
     "messages",
@@ -43,7 +42,7 @@ BASE = (
 )
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
-_RESULTS = ("recording", "analysis", "report", "method_processes", "part_processes")
+_RESULTS = ("recording", "analysis", "report", "method_processes")
 _RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split", "runner")
 # Each package, or module beside them, and what it may import besides itself and the base.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -63,9 +62,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "own_classes": _SIMULATED,
     "build": (*_READ, "own_classes"),
     "method_processes": ("recording",),
-    "part_processes": ("core", "sim", "recording", "method_processes"),
-    "split": (*_READ, "own_classes", "build"),
-    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split"),
+    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build"),
     "run_pictures": ("perception", "recording", "report"),
     "device_fit": ("perception", "scenario"),
     "ros": ("core", "scenario", "recording", "perception"),
@@ -207,9 +204,7 @@ def test_every_package_has_its_place():
     assert sorted((*BASE, *MAY_IMPORT)) == PACKAGES, "say in MAY_IMPORT what a new one may import"
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
     mine = [one.name for one in imports(ROOT) if within(one.name, ("genie_sim",))]
-    assert all(
-        within(name, ("genie_sim.api", "genie_sim.engine", "genie_sim.version")) for name in mine
-    ), mine
+    assert all(within(name, ("genie_sim.api", "genie_sim.version")) for name in mine), mine
     assert not _loaded_by("import genie_sim") & {
         "genie_sim.api",
         *LATE,

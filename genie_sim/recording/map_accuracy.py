@@ -21,7 +21,6 @@ from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
 from genie_sim.recording.held_spans import HeldSpans, JudgedObjects
 from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, parts, turns
-from genie_sim.recording.later_places import LaterPlaces
 from genie_sim.recording.objects import UNKNOWN, Codes, Objects, ShownColumns
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.records import CONSUMER, ZERO_DELAY
@@ -73,9 +72,6 @@ class MapAccuracy:
     all_streams : bool
         Whether the frames of every stream of a car are instants at which it is judged, within their
         fields of view, not only those of the first.
-    later : LaterPlaces, optional
-        Notes what tells whether objects have moved away, where this process judges some cars alone;
-        they count as never there.
     window : int
         How many scenes are judged at once; does not change results.
 
@@ -95,7 +91,6 @@ class MapAccuracy:
         *,
         objects: Table | None = None,
         all_streams: bool = False,
-        later: LaterPlaces | None = None,
         window: int = WINDOW,
     ) -> None:
         self._method = method
@@ -111,7 +106,6 @@ class MapAccuracy:
         self._cars.update((car, number) for number, car in enumerate(truths))
         self._first_seen = FirstSeen()
         self._recent_places = RecentPlaces()
-        self._later = later
         self._judged = 0  # how many scenes are
         self._spans: HeldSpans | None = None
         if objects is not None:
@@ -268,17 +262,6 @@ class MapAccuracy:
         # What the consumer holds and what is found without delay are judged at one instant.
         instant = np.cumsum(views.is_consumer) - 1
         seen = visible.rows(views.is_consumer[visible.scene])
-        if self._later is not None:
-            self._recent_places.codes.clear()
-            self._later.note(
-                places,
-                GroupedPlaces(seen.class_, seen.east_m, seen.north_m),
-                ghost_scenes=self._judged + scene,
-                visible_scenes=self._judged + seen.scene,
-                reach_m=views.reach_m[scene],
-                labels=list(self._labels),
-            )
-            return np.zeros(len(scene), dtype=bool)
         return self._recent_places.were_there(
             places,
             reach_m=views.reach_m[scene],

@@ -17,7 +17,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from genie_sim.engine import ENGINE
 from genie_sim.errors import UserError, as_user_error, short_repr
 from genie_sim.paths import PARTIAL, locked, read_text, sync_file, sync_folder, usable
 from genie_sim.recording.tables import other_format
@@ -102,12 +101,11 @@ def refuse_changed(folder: Path, changed: Sequence[str], allow_changed: bool) ->
 
 
 def environment() -> dict[str, Any]:
-    """What may differ between two runs of the same id: versions, engine, machine, commit (``None``
+    """What may differ between two runs of the same id: versions, machine, commit (``None``
     where neither a checkout nor the installed package tells it).
     """
     return {
         "genie_sim": VERSION,
-        "engine": ENGINE.title,
         "python": platform.python_version(),
         "platform": platform.platform(),
         "packages": {name: metadata.version(name) for name in PACKAGES},

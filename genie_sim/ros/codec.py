@@ -55,7 +55,7 @@ class WireType(NamedTuple):
 Types = dict[str, WireType | None]  # by topic; ``None`` where nobody knows
 
 
-@dataclass(unsafe_hash=True)  # with slots it would have every field twice where it is compiled
+@dataclass(unsafe_hash=True)
 class RosObject(Detection):
     """A detection with the ROS object that it was read from (``raw``): no field gets lost."""
 

@@ -1,22 +1,35 @@
 """Faults: what goes wrong in a run, and when."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
+import simpy
 
 from genie_sim.errors import UserError
 from genie_sim.monitor import FaultSpan
 from genie_sim.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.forgeries import Forgeries
 
 
 class FaultClock(Protocol):
-    """The run's clock, as a fault sees it."""
+    """The run's clock, as a fault sees it: a ``simpy.Environment`` in whole nanoseconds."""
 
-    now: int  # [ns] since the start of the run
+    @property
+    def now(self) -> int:
+        """Time since the start of the run [ns]."""
+
+    def process(self, generator: Steps) -> simpy.Process:
+        """Starts a process, a generator that yields what it waits for. It ends with the run."""
+
+    def timeout(self, delay: float = 0, value: Any = None) -> simpy.Timeout:
+        """Happens after a delay [ns]."""
+
+    def event(self) -> simpy.Event:
+        """Happens when its ``succeed`` is called."""
 
     def after(
         self, delay_ns: int, call: Callable[..., None], arguments: tuple[Any, ...] = ()
@@ -30,6 +43,9 @@ class AffectedLink(Protocol):
     name: str
     down_by: list[str]
 
+    def load(self, flow: Hashable, size_bytes: int) -> None:
+        """Queues background traffic; the newest of each ``flow`` wait."""
+
 
 class AffectedHost(Protocol):
     """The ROS graph of a host, as a fault sees it."""
@@ -42,6 +58,11 @@ class AffectedHost(Protocol):
 
 class AffectedProcessor(Protocol):
     """An accelerator or a CPU, as a fault sees it."""
+
+    def serve(self, service_ns: int) -> Steps:
+        """A job, for a process: ``yield from processor.serve(5_000_000)`` waits in the queue of the
+        processor and occupies it.
+        """
 
     def stall(self) -> None:
         """Nothing is begun or finished from now on, until ``go_on``."""
@@ -228,33 +249,28 @@ def recorded(timed: TimedFault, spans: list[FaultSpan]) -> TimedFault:
     return replace(timed, fault=fault)
 
 
-def start(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> None:
-    """Schedules a fault. A recurring one does not begin again after the last frame, so that the run
-    can end.
+def run(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> Steps:
+    """The process of a fault: it begins and ends, once or again and again. A recurring one does not
+    begin again after the last frame.
     """
     clock, fault, between_ns = network.clock, timed.fault, timed.mean_time_between_ns
     if between_ns is None:
-        clock.after(timed.begin_ns, _begin_once, (timed, network))
+        yield clock.timeout(timed.begin_ns)
+        fault.begin(network)
+        if timed.end_ns is not None:
+            yield clock.timeout(timed.end_ns - timed.begin_ns)
+            fault.end(network)
         return
     rng = network.stream(timed.name)
 
-    def draw(mean_ns: int) -> int:
-        return max(1, round(rng.exponential(mean_ns)))
+    def drawn(mean_ns: int) -> simpy.Timeout:
+        return clock.timeout(max(1, round(rng.exponential(mean_ns))))
 
-    def begin() -> None:
-        if clock.now <= last_frame_ns:
-            fault.begin(network)
-            clock.after(draw(timed.mean_duration_ns), end)
-
-    def end() -> None:
+    yield clock.timeout(timed.begin_ns)
+    yield drawn(between_ns)
+    while clock.now <= last_frame_ns:
+        fault.begin(network)
+        yield drawn(timed.mean_duration_ns)
         fault.end(network)
         if clock.now <= last_frame_ns:
-            clock.after(draw(between_ns), begin)
-
-    clock.after(timed.begin_ns + draw(between_ns), begin)
-
-
-def _begin_once(timed: TimedFault, network: AffectedNetwork) -> None:
-    timed.fault.begin(network)
-    if timed.end_ns is not None:
-        network.clock.after(timed.end_ns - timed.begin_ns, timed.fault.end, (network,))
+            yield drawn(between_ns)

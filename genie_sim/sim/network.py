@@ -4,7 +4,6 @@ act on.
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
-from functools import partial
 from types import MappingProxyType
 from typing import Literal
 
@@ -26,7 +25,6 @@ from genie_sim.sim.link_models.channels import make_radio
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.service import Device
-from genie_sim.sim.share import FarSender, Share
 
 
 class Network:
@@ -54,8 +52,6 @@ class Network:
         Where each car is at a time [ns]: east and north [m].
     sites : mapping
         Where each edge is: east and north [m], or ``None``.
-    share : Share or None
-        The share of the run that this process simulates; ``None``: all of it.
     """
 
     def __init__(
@@ -69,11 +65,9 @@ class Network:
         codec: ImageCodec | None = None,
         places: Mapping[str, Place] = MappingProxyType({}),
         sites: Mapping[str, Point | None] = MappingProxyType({}),
-        share: Share | None = None,
     ) -> None:
         self.clock = clock
         self.monitor = monitor
-        self.share = share
         self.codec = codec
         self.resources: list[Resource] = []  # what is sampled
         self.graphs: dict[str, Graph] = {}  # by the host
@@ -89,10 +83,25 @@ class Network:
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
         self.forgeries = Forgeries()
         self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+        self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
     def stream(self, *names: str | int) -> np.random.Generator:
-        """The random generator of these names: the same under every method."""
-        return seeds.stream(self._seed, *names)
+        """The random generator of these names, one a run: its draws are the same under every
+        method.
+        """
+        stream = self._streams.get(names)
+        if stream is None:
+            stream = self._streams[names] = seeds.stream(self._seed, *names)
+        return stream
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a message is queued, handled or on its way anywhere."""
+        return (
+            self.clock.in_flight > 0
+            or any(graph.is_busy for graph in self.graphs.values())
+            or any(link.is_busy for link in self.links.values())
+        )
 
     def add_host(self, name: str, device: Device) -> Graph:
         """A new host with an empty graph."""
@@ -142,15 +151,13 @@ class Network:
         part : {"uplink", "downlink", "edges"}
             What the time on it counts as.
         """
-        share = self.share
         link = Link(
             self.clock,
             ends.name,
-            self._sender(ends, model) if share is None or share.sends(ends) else FarSender(),
+            self._sender(ends, model),
             part=part,
             queue_length=self._queue_length,
             dropped=self.monitor.dropped,
-            across=None if share is None or share.receives(ends) else partial(share.carry, ends),
         )
         for target, cause in self.outages:
             if is_at(link, target):
@@ -169,8 +176,7 @@ class Network:
         """The use of the network interface of a car, which stays awake so long [ns] after a
         transfer.
         """
-        share = self.share
-        return InterfaceUse(tail_time_ns) if share is None else share.interface(car, tail_time_ns)
+        return InterfaceUse(tail_time_ns)
 
     def border(self, source: str, destination: str) -> Border:
         """The two ends of a link between hosts, for its messages."""

@@ -10,7 +10,6 @@ from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.share import FarEdge, FarGraph
 from genie_sim.sim.topology import EdgeServer
 
 
@@ -26,14 +25,14 @@ class CarUplink(Subscriber):
     ----------
     network : Network
         Where the links are made.
-    graph : Graph or FarGraph
+    graph : Graph
         The car's graph.
     topics : Uplink
         What goes up and what comes down.
     model : LinkModel or Medium
         The car's link.
     edges : mapping
-        All edge servers, by name; those of another process are ``FarEdge``.
+        All edge servers, by name.
     tail_time_ns : int
         How long the car's network interface stays awake after a transfer.
     """
@@ -41,11 +40,11 @@ class CarUplink(Subscriber):
     def __init__(
         self,
         network: Network,
-        graph: Graph | FarGraph,
+        graph: Graph,
         topics: Uplink,
         *,
         model: LinkModel | Medium,
-        edges: Mapping[str, EdgeServer | FarEdge],
+        edges: Mapping[str, EdgeServer],
         tail_time_ns: int = 0,
     ) -> None:
         self.interface = network.interface(graph.name, tail_time_ns)
@@ -93,16 +92,13 @@ class CarUplink(Subscriber):
     def bytes_carried(self) -> tuple[int, int]:
         """How much went up and came down, over the links to all edges."""
         links = [(up.link, down.link) for up, down in self._bridges.values()]
-        share = self._network.share
-        elsewhere_bytes = 0 if share is None else share.carried_bytes(self.car)
-        bytes_down = sum(down.sent_bytes for _, down in links) + elsewhere_bytes
-        return sum(up.sent_bytes for up, _ in links), bytes_down
+        return sum(up.sent_bytes for up, _ in links), sum(down.sent_bytes for _, down in links)
 
     def _send(self, topic: str, message: Message, sender: str) -> None:
         upwards, _ = self._bridges[self.edge]
         upwards.deliver(topic, message, sender)
 
-    def _connect(self, edge: EdgeServer | FarEdge) -> tuple[Bridge, Bridge]:
+    def _connect(self, edge: EdgeServer) -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
         network, car = self._network, self._graph.name
         upwards_ends = LinkEnds(f"{car}->{edge.name}", car, edge.name, up=True)
@@ -130,9 +126,6 @@ class CarUplink(Subscriber):
             border=network.border(edge.name, car),
         )
         edge.bridge_to[car] = downwards
-        if network.share is not None:
-            network.share.expect(up.name, upwards)
-            network.share.expect(down.name, downwards)
         return upwards, downwards
 
     def _lost(self, message: Message) -> None:

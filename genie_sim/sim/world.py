@@ -8,7 +8,7 @@ from genie_sim.errors import UserError, as_user_error
 from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim import fault, wiring
 from genie_sim.sim.cameras import CameraNode
-from genie_sim.sim.clock import Clock
+from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
 from genie_sim.sim.network import Network
@@ -17,7 +17,6 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
-from genie_sim.sim.share import FarEdge, FarGraph, Share
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink
 from genie_sim.units import NS_PER_S
@@ -33,17 +32,13 @@ class World:
     """All hosts, graphs and links of one scenario under one method, on one clock of integer
     nanoseconds.
 
-    The ``method`` says what runs on each host; the ``monitor`` observes the run. Where several
-    processes simulate it, ``share`` says which hosts are simulated here.
+    The ``method`` says what runs on each host; the ``monitor`` observes the run.
     """
 
-    def __init__(
-        self, setup: Setup, method: Method, monitor: Monitor, share: Share | None = None
-    ) -> None:
+    def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
         self.setup = setup
         self.clock = Clock(is_traced=monitor.wants_paths)
-        self.monitor = monitor if share is None else share.observe(self.clock, monitor)
-        self._share = share
+        self.monitor = monitor
         self.network = Network(
             self.clock,
             self.monitor,
@@ -53,54 +48,37 @@ class World:
             codec=setup.codec,
             places=setup.places,
             sites={edge.name: edge.at_m for edge in setup.edges},
-            share=share,
         )
-        self.edges: dict[str, EdgeServer | FarEdge] = {}
+        self.edges: dict[str, EdgeServer] = {}
         self.last_frame_ns = 0  # when the last frame is taken
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[CameraNode] = []
         self._faults: list[FaultSpan] = []
         self._uplinks: list[CarUplink] = []
-        if share is None or share.has_edges:
-            self._build_edges()
-        else:
-            self.edges.update((edge.name, FarEdge(edge.name)) for edge in setup.edges)
+        self._build_edges()
         edge_resources = list(self.network.resources)
         for car in setup.cars:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
-        if share is not None:
-            self.last_frame_ns = share.latest(self.last_frame_ns)
         for timed in setup.faults:
             timed = fault.recorded(timed, self._faults)
-            fault.start(timed, self.network, self.last_frame_ns)
+            self.clock.process(fault.run(timed, self.network, self.last_frame_ns))
         for camera in self._cameras:
-            camera.wait()
+            self.clock.process(camera.run())
 
     def run(self, progress: Progress | None = None) -> None:
         """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
-        self._sample(progress)
+        self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
-            if self._pass_time(self.last_frame_ns + drained_ns):
+            self.clock.run(until=self.last_frame_ns + drained_ns)
+            if not self.network.is_busy:
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(self._usage())
         self.monitor.failed(self._faults)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
-
-    def _pass_time(self, until_ns: int) -> bool:
-        """Lets time pass; returns whether nothing happens any more."""
-        clock, share = self.clock, self._share
-        if share is None:
-            clock.run(until=until_ns)
-            return clock.waits_only_for(self._sample)
-        while clock.now < until_ns:
-            clock.run(until=min(clock.now + share.window_ns, until_ns))
-            share.end_window()
-        share.catch_up()
-        return share.all_say(clock.waits_only_for(self._sample))
 
     def dismantle(self) -> None:
         """Takes everything apart after the run, so that it is freed at once and not by Python's
@@ -155,12 +133,14 @@ class World:
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
 
-    def _sample(self, progress: Progress | None) -> None:
-        now_ns = self.clock.now
-        self.monitor.sample(self._sampled, now_ns)
-        if progress is not None:
-            progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
-        self.clock.after(SAMPLE_NS, self._sample, (progress,))
+    def _sample(self, progress: Progress | None) -> Steps:
+        """The process that samples resources."""
+        while True:
+            now_ns = self.clock.now
+            self.monitor.sample(self._sampled, now_ns)
+            if progress is not None:
+                progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
+            yield self.clock.timeout(SAMPLE_NS)
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
@@ -188,9 +168,6 @@ class World:
         )
         config = self._method.on_car(context)
         if config is None:
-            return
-        if self._share is not None and not self._share.has(car.name):
-            self._add_uplink(car, FarGraph(car.name), config)
             return
         graph = self.network.add_host(car.name, setup.devices[car.device])
         if config.detector:
@@ -220,8 +197,6 @@ class World:
             wiring.check_car(graph, config)
             if config.uplink is not None and car.edge is not None:
                 edge = self.edges[car.edge]
-                if isinstance(edge, FarEdge):
-                    return  # the process with the edges checks it
                 wiring.check_edge(edge.graph, edge.config, car.name)
 
     def _context(self, name: str, gets_images: bool, *, has_edge: bool, genie: bool) -> HostContext:
@@ -263,9 +238,7 @@ class World:
         if not config.is_beside:
             graph.entry = node.name
 
-    def _add_uplink(
-        self, car: Car, graph: Graph | FarGraph, config: HostConfig
-    ) -> CarUplink | None:
+    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
         """The car's connection to its edge, if the method wants one."""
         if config.uplink is None:
             return None

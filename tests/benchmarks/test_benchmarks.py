@@ -14,9 +14,9 @@ from statistics import fmean
 from types import SimpleNamespace
 
 import pytest
+from benchmarks.both_engines import Engines, Pair
 
 from benchmarks import both_engines, genie_runs, main_job, peers, speed, speed_page
-from benchmarks.both_engines import Engines, Pair
 from benchmarks.genie_runs import (
     Drive,
     Footprint,

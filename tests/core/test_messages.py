@@ -1,4 +1,4 @@
-"""Messages go to other processes as they are, whichever engine runs."""
+"""Messages go to other processes as they are."""
 
 import pickle
 

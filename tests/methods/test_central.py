@@ -28,7 +28,6 @@ def test_the_cache_is_an_edge_s_whatever_cars_may_store():
     assert 1 < of_hub["entries"].max() <= 50
 
 
-@pytest.mark.patches
 def test_its_edge_answers_requests_of_other_edges_and_sends_nothing_else():
     world, _ = small.world(small.scenario(["central"]))
     requested: set[Header] = set()

@@ -189,7 +189,6 @@ def test_every_value_of_a_sweep_is_another_run(sweep):
     )
 
 
-@pytest.mark.patches
 @pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics"])
 def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
     attach_genie = nodes.attach

@@ -15,7 +15,6 @@ from genie_sim.paper.watch import WorldObserver
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 
 # Stand-ins are made of the simulator's classes without what these need to run.
-pytestmark = pytest.mark.patches
 
 RULES = GenieRules()
 

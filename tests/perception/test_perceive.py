@@ -254,7 +254,7 @@ def test_the_made_up_clock_is_kitti_s(street):
     assert first_ns % 60_000_000_000 == pytest.approx(FIRST_STAMP_S * 1e9, abs=1)
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @real_data
 def test_the_shipped_trace_is_made_from_these_frames():
     """Every 30th frame again.
@@ -306,7 +306,7 @@ def _twins(a, b, score, pixels):
     )
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @pytest.mark.skipif("GENIE_SIM_KITTI" not in os.environ, reason="GENIE_SIM_KITTI not set")
 def test_parked_vehicles_are_placed_where_kitti_s_labels_say():
     """Median horizontal error of the shipped locations below 0.75 m within 30 m, against

@@ -238,7 +238,6 @@ def test_unknown_names_list_the_known(root):
         tracking_trace(root, "0003", "yolox_nano")
 
 
-@pytest.mark.real_data
 def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(kitti_root):
     """KITTI's own relation: the middle of each car's box, projected by our camera 2, lies inside
     its labelled box.
@@ -258,7 +257,6 @@ def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(ki
     assert np.mean(inside) > 0.995
 
 
-@pytest.mark.real_data
 def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     """All 15 sequences: the centres of labelled vehicles that do not move. Labels and GPS wander by
     decimetres themselves (sequence 0019 by more); a wrong transform moves centres by metres to tens
@@ -291,7 +289,6 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     assert p90_m < 1.0
 
 
-@pytest.mark.real_data
 def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
     """Sequence 0000 is drive 0005: its camera stands where the raw drive's camera 2 does, frame by
     frame.
@@ -306,7 +303,6 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
         )
 
 
-@pytest.mark.real_data
 @pytest.mark.parametrize("detections", ["pointrcnn", "rrc"])
 def test_all_sequences_become_traces(kitti_root, detections):
     for sequence in sequences(kitti_root / "tracking" / "training"):

@@ -418,7 +418,6 @@ def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
         _picture(tmp_path / "a.bag", "/camera", broken)
 
 
-@pytest.mark.real_data
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ("bag", "mcap"))
 def test_kitti_in_a_bag_is_perceived_as_from_its_folder(

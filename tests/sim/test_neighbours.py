@@ -42,7 +42,6 @@ def heard(setting: Scenario) -> dict[str, set[str]]:
     return reached
 
 
-@pytest.mark.patches
 def test_without_a_word_every_edge_shares_with_all_others():
     assert heard(three()) == {
         "edge1": {"edge2", "edge3"},
@@ -51,13 +50,11 @@ def test_without_a_word_every_edge_shares_with_all_others():
     }
 
 
-@pytest.mark.patches
 def test_a_row_of_edges_shares_with_the_next_ones_only():
     row = three(edge1=["edge2"], edge2=["edge3", "edge1"], edge3=["edge2"])
     assert heard(row) == {"edge1": {"edge2"}, "edge2": {"edge1", "edge3"}, "edge3": {"edge2"}}
 
 
-@pytest.mark.patches
 def test_an_edge_that_leaves_another_out_is_not_asked_by_it_either():
     assert heard(three(edge1=[])) == {"edge1": set(), "edge2": {"edge3"}, "edge3": {"edge2"}}
     assert heard(three(edge1=["edge2"])) == {

@@ -405,7 +405,6 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     assert lost == [(320_000, 3), (arrival_ns, 2)]
 
 
-@pytest.mark.patches
 def test_requests_of_one_edge_are_not_passed_on_by_the_others():
     """In a whole run: an edge broadcasts the requests of its own car, and never those of a
     neighbour.
@@ -424,7 +423,6 @@ def test_requests_of_one_edge_are_not_passed_on_by_the_others():
     assert set(published) == {("edge1", "car1"), ("edge2", "car2"), ("edge3", "car3")}
 
 
-@pytest.mark.patches
 def test_even_literal_neighbours_pass_a_request_on_only_once():
     """``neighbour_miss: process``, the paper's words: every Genie runs and broadcasts it, but none
     does so twice.

@@ -308,7 +308,6 @@ def _bins(group: str, rows: Sequence[fit.Look]):
 
 
 @pytest.mark.slow
-@pytest.mark.real_data
 @pytest.mark.parametrize(
     ("group", "margins"),
     [("vehicles", (0.03, 0.06, 0.08, 0.08)), ("persons", (0.05, 0.1, 0.15, 0.08))],
@@ -349,7 +348,6 @@ def test_the_town_detector_says_what_the_real_one_said(laws, looks, group, margi
     assert across < margins[3]
 
 
-@pytest.mark.real_data
 @pytest.mark.parametrize("group", ["vehicles", "persons"])
 def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     """How often found changes to missed from one picture to the next: the real share is within
@@ -371,7 +369,6 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
 
 
 @pytest.mark.nightly
-@pytest.mark.real_data
 def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_frames):
     """Wrong detections a frame, of places and transient ones: within a fifth of camera 02's by
     KITTI's labels.
@@ -392,7 +389,6 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
 
 
 @pytest.mark.nightly
-@pytest.mark.real_data
 def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
     """Correlation of the normal scores of two looks at one vehicle, up to 8 m of view apart: mean
     gap below 0.12.
@@ -414,7 +410,6 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
         assert gap < 0.12, name
 
 
-@pytest.mark.real_data
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):

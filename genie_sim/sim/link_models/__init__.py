@@ -7,10 +7,10 @@ add one, write a frozen dataclass with the method of either and name it here (or
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
+import simpy
 
 from genie_sim.monitor import Resource
 
@@ -39,9 +39,6 @@ class Channel(Protocol):
 class LinkModel(Protocol):
     """What a scenario says about a link. ``up`` leads from a car to its edge, or from an edge into
     the edge network.
-
-    One with an attribute ``min_delay_ns`` promises that its channels' ``delay_ns`` is never less,
-    so that several processes can simulate a fleet.
     """
 
     def channel(self, up: bool, rng: np.random.Generator) -> Channel:
@@ -86,8 +83,8 @@ class Air(Protocol):
 class Sender(Protocol):
     """What carries the messages of one direction of a link, one after the other."""
 
-    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
-        """Sends a message, and calls ``carried`` once, later, when its last bit has left."""
+    def sent(self, size_bytes: int) -> simpy.Event:
+        """Sends a message; happens when its last bit has left."""
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         """How long the message takes from now, when its last bit has left, until it arrives;

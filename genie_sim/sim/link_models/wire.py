@@ -42,11 +42,6 @@ class Wire:
     overhead_bytes: int = ETHERNET_OVERHEAD_BYTES
     """Headers, preamble and gap of a segment."""
 
-    @property
-    def min_delay_ns(self) -> int:
-        """No message takes less from when its last bit has left until it arrives [ns]."""
-        return self.delay_ns
-
     def wire_bits(self, size_bytes: int) -> int:
         """What a message of ``size_bytes`` takes on the wire: every segment has its overhead."""
         return (size_bytes + self.segments(size_bytes) * self.overhead_bytes) * 8

@@ -1,1 +1,0 @@
-# No class here: the function is declared in the .pyx alone.
