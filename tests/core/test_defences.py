@@ -24,7 +24,7 @@ from genie_sim.core.told import ToldTracks, tracks_to_tell
 from genie_sim.core.track_map import TrackMap
 from genie_sim.messages import SHARED, Detections, Effect, Motion, Publish
 from tests.core.looks import after, car, look, tracks
-from tests.core.test_told import HERE, told, track
+from tests.core.told import HERE, told, track
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame
 
 NOTHING = OwnEvidence(misses=0, finds=0, tracked=False)

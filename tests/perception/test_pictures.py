@@ -23,7 +23,7 @@ from genie_sim.perception.pictures import (
 )
 from genie_sim.perception.trace import read_trace
 from tests.kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
-from tests.perception.test_trace import frame, trace
+from tests.perception.traces import frame, trace
 
 
 @pytest.fixture

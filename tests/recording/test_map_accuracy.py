@@ -26,8 +26,8 @@ from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.tables import Table
+from tests.recording.judging import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
 from tests.recording.scalar_judge import ScalarJudge
-from tests.recording.test_held import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
 
 NOTHING = Frame([])
 

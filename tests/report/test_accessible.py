@@ -16,7 +16,7 @@ from genie_sim.cli import main
 from genie_sim.paper import page as evaluation
 from genie_sim.scenario.yaml_input import dump
 from tests.browser import Browser
-from tests.report.test_sweep_page import swept
+from tests.report.sweeps import swept
 from tests.tuning.test_page import TWO
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"

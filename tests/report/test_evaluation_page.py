@@ -18,7 +18,7 @@ from genie_sim.paper import verdict_table
 from genie_sim.paper.readings import load_reading
 from genie_sim.recording import provenance
 from tests.browser import Browser
-from tests.report.test_report import EVIL, MEGABYTE, embedded, middle, picture
+from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 ROWS = [row for row in verdict_table.read_rows(PAPER) if row["reading"] == "default"]

@@ -11,7 +11,7 @@ import genie_sim as gs
 from genie_sim import report, runner
 from genie_sim.report.data import page_data
 from genie_sim.report.streets import ground
-from tests.test_fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
+from tests.fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
 
 
 @pytest.fixture(scope="module")

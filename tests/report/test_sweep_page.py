@@ -15,7 +15,8 @@ from genie_sim.study import figures
 from genie_sim.study import page as sweep
 from genie_sim.study.design import load_design
 from tests.browser import Browser
-from tests.report.test_report import EVIL, MEGABYTE, embedded, picture
+from tests.report.pages import EVIL, MEGABYTE, embedded, picture
+from tests.report.sweeps import swept
 
 pytestmark = pytest.mark.slow
 
@@ -45,13 +46,6 @@ axes:
   range: {set: genie.view_range, latin_hypercube: {from: 20 m, to: 80 m}}
   gate: {set: genie.object_map.gate, random: {from: 0.5 m, to: 8 m, scale: log}}
 """
-
-
-def swept(text: str, folder: Path, name: str) -> Path:
-    file = folder / f"{name}.yaml"
-    file.write_text(text, encoding="utf-8")
-    assert main(["sweep", str(file), "--out", str(folder), "--jobs", "1"]) == 0
-    return folder / name
 
 
 TOWN = """

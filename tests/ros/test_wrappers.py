@@ -16,7 +16,7 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import WireType
-from tests.ros.test_stand_ins import imported
+from tests.ros.stand_ins import imported
 
 IMAGE, OBJECTS = WireType("sensor_msgs/Image", "12ab"), WireType("my_msgs/Scan", "34cd")
 

@@ -39,8 +39,8 @@ from genie_sim.recording import provenance
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.settings import plain_data
 from tests.conformance import own, small
-from tests.conformance.test_wrong_types import CASES
-from tests.perception.test_trace import KARLSRUHE, frame
+from tests.conformance.wrong_types import CASES
+from tests.perception.traces import KARLSRUHE, frame
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import VALUES, broken, changed
 from tools.fuzz.settings import LONG_NS, TINY, run_command

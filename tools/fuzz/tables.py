@@ -10,7 +10,7 @@ from pathlib import Path
 from genie_sim.perception.pose_import import import_recordings, write_recordings
 from genie_sim.traffic.source import RecordedTraffic
 from genie_sim.units import NS_PER_S
-from tests.perception.test_pose_import import DETECTIONS, POSES, TRUTH
+from tests.perception.pose_tables import DETECTIONS, POSES, TRUTH
 from tests.traffic.fcd_files import fcd_text
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import broken
