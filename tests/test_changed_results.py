@@ -171,7 +171,7 @@ def test_what_nobody_changed_carries_no_warning(folder, capsys):
     assert gs.load(folder).changed == () and not gs.load(folder).warning
 
 
-def test_a_rerun_tells_which_changed_file_differs_and_looks_at_no_foreign_one(folder, capsys):
+def test_a_rerun_names_the_changed_file_and_ignores_foreign_ones(folder, capsys):
     (folder / "figures").mkdir()
     (folder / "figures" / "notes.txt").touch()
     (folder / "figures" / "photo.png").touch()

@@ -136,7 +136,7 @@ def test_a_broken_trace_is_named(content, capsys):
     _one_line(capsys, "broken.parquet: ")
 
 
-def test_a_results_folder_that_cannot_be_written_is_found_before_simulating(capsys):
+def test_an_unwritable_results_folder_is_found_before_simulating(capsys):
     Path("s.yaml").write_text(GOOD)
     Path("results").write_text("a file, not a folder")
     assert main(["run", "s.yaml"]) == 1
@@ -245,7 +245,7 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_process):
 @pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_130(asked):
+def test_an_interrupted_command_leaves_nothing_and_exits_with_130(asked):
     Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))
     run = subprocess.Popen(
         [sys.executable, "-m", "genie_sim", "run", "s.yaml"],

@@ -38,9 +38,7 @@ def written(tables, folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_methods_side_by_side_write_the_tables_of_methods_one_after_the_other(
-    tmp_path, monkeypatch
-):
+def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monkeypatch):
     """Poses and the detector without delay are those of the first method that drives a car."""
     prepared = prepare(read_scenario(EVERY_TABLE))
     tables = simulate(prepared)

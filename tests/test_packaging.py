@@ -193,7 +193,7 @@ def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
     return ran.stdout
 
 
-def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_place():
+def test_the_lock_file_pins_every_requirement_with_digests():
     """Every requirement, extras included, has an exact version and the SHA-256 of its files; no
     index, no path of the machine that made it.
     """

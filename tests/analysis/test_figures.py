@@ -279,7 +279,7 @@ def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_
     assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
 
 
-def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host():
+def test_an_unused_kind_has_no_panel_and_each_host_one_colour():
     frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
     idle = resources.assign(busy_ns=0, queue=0)
     assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
@@ -353,7 +353,7 @@ def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
         )
 
 
-def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
+def test_first_updates_do_not_flatten_the_confidence_boost(tables):
     lookups = tables[1].copy()
     first = lookups.index[lookups["updates"] > 0][0]
     lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
@@ -389,7 +389,7 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
 
 
-def test_bars_that_are_short_beside_the_longest_are_drawn_again_on_their_own_scale():
+def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
     means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
     measured = [
         Metric(f"{answer}_part", method, "all", "inference", value, "ms")

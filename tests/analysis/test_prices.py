@@ -153,7 +153,7 @@ def test_energy_of_a_radio_is_a_closed_form():
     assert value(made, "bytes_down_per_frame", "remote") == row["bytes_down"] / frames
 
 
-def test_an_interface_stays_awake_between_transfers_and_counts_both_directions_once():
+def test_an_interface_awake_between_transfers_is_counted_once():
     use = InterfaceUse(tail_time_ns=10)
     use.begin(100)
     use.begin(103)  # the other direction

@@ -191,7 +191,7 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
 
 
 @pytest.mark.parametrize("what", ["accelerator", "cpu"])
-def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(what: str):
+def test_a_voided_processor_is_idle_and_never_finishes_its_work(what: str):
     world, _ = small.world(small.scenario(["local"]))
     processor, done = getattr(world.network.graphs["edge1"].host, what), []
     for job in range(processor.capacity + 2):

@@ -155,7 +155,7 @@ def test_continuous_integration_runs_the_tests_as_the_readme_says():
     assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == ["rest"]
 
 
-def test_the_rest_is_all_that_the_fast_tests_leave_out_but_the_nightly_ones():
+def test_the_rest_is_all_that_the_fast_tier_leaves_out_but_nightly():
     tasks = (REPOSITORY / "noxfile.py").read_text(encoding="utf-8")
     fast = tiers.FAST.removeprefix("not ")
     assert f'REST = "{fast.replace(" or nightly", "")} and not nightly"' in tasks

@@ -78,9 +78,7 @@ def test_a_drive_becomes_a_trace(street):
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
 
 
-def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_made_from(
-    street, tmp_path
-):
+def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street, tmp_path):
     root, weights = street
     raw, png, jpeg = (perceived(root, weights, encoding=one) for one in ("raw", "png", "jpeg80"))
     for before, lossless, lossy in zip(

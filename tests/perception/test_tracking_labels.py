@@ -231,7 +231,7 @@ def test_unknown_names_list_the_known(root):
         tracking_trace(root, "0003", "yolox_nano")
 
 
-def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(kitti_root):
+def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
     """KITTI's own relation: the middle of each car's box, projected by our camera 2, lies inside
     its labelled box.
     """

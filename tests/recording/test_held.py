@@ -231,7 +231,7 @@ def test_a_truck_is_a_car():
     )
 
 
-def test_the_zero_delay_detector_is_the_frames_own_detections_and_written_once():
+def test_the_zero_delay_detector_is_written_once():
     frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
     rows = judged((frame, None), judged_without_delay=(), what="zero_delay")
     assert [(row["held"], row["right"], row["age_s"]) for row in rows] == [(1, 1, 0.0)]
@@ -431,7 +431,7 @@ def town(*settings: str) -> Scenario:
     return load_scenario("fleet_30", [*small, *settings])
 
 
-def test_a_town_is_judged_at_the_times_of_its_frames_and_held_may_be_left_out():
+def test_a_town_is_judged_at_the_times_of_its_frames():
     made, silent = (
         runner.run_in_memory(town()),
         runner.run_in_memory(town("record=[lookups, resources]")),

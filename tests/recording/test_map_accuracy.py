@@ -123,7 +123,7 @@ def test_a_place_counts_as_left_for_exactly_ten_seconds():
     assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
 
 
-def test_places_where_nothing_has_been_visible_for_ten_seconds_are_forgotten():
+def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
     """A parked car, and another that is somewhere else each time."""
     places = RecentPlaces()
     now_ns = np.arange(0, 40 * SECOND, SECOND)

@@ -36,7 +36,7 @@ def everything_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-def test_a_run_id_is_12_hex_digits_that_do_not_depend_on_the_order_of_settings():
+def test_a_run_id_does_not_depend_on_the_order_of_settings():
     turned_round = {key: FACTS[key] for key in reversed(FACTS)}
     assert run_id(FACTS) == run_id(turned_round)
     assert len(run_id(FACTS)) == 12 and int(run_id(FACTS), 16) >= 0
@@ -169,7 +169,7 @@ def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
     assert everything_in(tmp_path) == []
 
 
-def test_a_place_for_results_is_checked_before_simulating_and_left_as_it_was(tmp_path):
+def test_the_place_for_results_is_checked_before_simulating(tmp_path):
     check_writable(tmp_path / "not" / "yet" / "there")
     assert everything_in(tmp_path) == []
     (tmp_path / "file").write_text("not a folder")

@@ -122,7 +122,7 @@ def test_a_frame_tells_what_happened_to_it():
     assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
 
 
-def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_events():
+def test_frames_are_sorted_by_method_car_stream_and_frame():
     frames = a_short_drive().to_frame()
     keys = list(zip(frames.method, frames.car, frames.stream, frames.frame, strict=True))
     assert keys == sorted(keys) and keys[0][1] == "car1"

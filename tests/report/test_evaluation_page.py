@@ -149,7 +149,7 @@ def test_first_and_fresh_answers_are_those_of_the_metrics(page):
             assert mean[answer]["genie"][place] == [found["value"], found["low"], found["high"]]
 
 
-def test_the_page_is_small_and_does_not_tell_when_where_or_how_fast_it_was_made(page, folder):
+def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
     rewritten(
         folder / "run.json",

@@ -157,7 +157,7 @@ def test_there_is_one_end_of_the_simulated_time(run, page):
     )
 
 
-def test_methods_are_those_that_ran_in_their_order_and_no_script_knows_their_names():
+def test_the_page_lists_the_methods_that_ran_in_their_order():
     run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
     assert [one["name"] for one in embedded(report.page(run))["methods"]] == ["genie", "local"]
     for script in Path(report.__file__).parent.glob("*.js"):
@@ -706,9 +706,7 @@ def run_end_us(page: str) -> int:
     return embedded(page)["replay"]["end_us"]
 
 
-def test_the_greatest_difference_between_two_methods_is_reached_by_button_and_by_key(
-    browser, file, page, run
-):
+def test_button_and_key_jump_to_the_greatest_difference(browser, file, page, run):
     """Objects that are wrong or missed, counted from the table of held objects."""
     wrong = run.held_objects[run.held_objects["judged"] != "right"]
 

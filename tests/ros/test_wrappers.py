@@ -87,7 +87,7 @@ def genie2(ros2: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Any:
     return genie
 
 
-def test_ros_2_has_a_publisher_and_a_subscription_for_each_side_of_the_node(genie2: Any):
+def test_ros_2_publishes_and_subscribes_on_each_side_of_the_node(genie2: Any):
     genie2._node = node = Node2()
     genie2.connect()
     assert node.published == ["/left_local", "/right_local", "/cars"]

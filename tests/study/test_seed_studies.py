@@ -59,7 +59,7 @@ def test_means_and_intervals_are_those_of_separate_runs(folder):
     assert mean.n == 3 and len(set(values)) == 3
 
 
-def test_every_seed_has_its_whole_results_and_the_folder_a_page_and_figures(folder, capsys):
+def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, capsys):
     for seed in (2, 5, 9):
         assert {"run.json", "frames.parquet", "report.html"} <= {
             path.name for path in (folder / "runs" / f"seed-{seed}").iterdir()
@@ -77,7 +77,7 @@ def test_every_seed_has_its_whole_results_and_the_folder_a_page_and_figures(fold
     capsys.readouterr()
 
 
-def test_two_processes_give_the_same_bytes_and_what_is_done_is_not_run_again(
+def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
     folder, tmp_path, monkeypatch, capsys
 ):
     assert main([*RUN, "--seeds", "5,2", "--jobs", "2", "--out", str(tmp_path)]) == 0

@@ -409,7 +409,7 @@ def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
 
 
 @pytest.mark.drawn
-def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(
+def test_a_figure_along_one_axis_draws_each_value_of_the_other(
     uninterrupted,
 ):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
@@ -481,9 +481,7 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
         genie_sim.differences(runs, "method", to="local")
 
 
-def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
-    uninterrupted, monkeypatch
-):
+def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(
         figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
@@ -502,7 +500,7 @@ def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
         genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
-def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(
+def test_formulas_are_made_harmless_for_spreadsheets_numbers_are_kept(
     tmp_path,
 ):
     cases = ["=1+1", "+x", "-y", "@z", "plain", "\tq"]
@@ -559,7 +557,7 @@ def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterr
     assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
 
 
-def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun(
+def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
     uninterrupted,
 ):
     finished(uninterrupted)
@@ -623,9 +621,7 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
 @pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(
-    asked, uninterrupted
-):
+def test_an_interrupted_sweep_keeps_finished_runs_and_exits_with_130(asked, uninterrupted):
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
         os.killpg(run.pid, asked)  # as a terminal and Slurm do
@@ -746,7 +742,7 @@ def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
     assert list(parts.read(["second"])["run_id"]) == ["second"]
 
 
-def test_a_difference_of_shares_has_an_interval_around_it_and_may_be_negative():
+def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
     """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero."""
     noise = (-0.01, 0.0, 0.01)
     rows = [
@@ -800,7 +796,7 @@ def test_profiles_and_traces_are_read_once(monkeypatch):
 # Folders that are not as they should be
 
 
-def test_a_town_is_laid_out_once_a_point_and_every_seed_has_the_id_of_its_own(monkeypatch):
+def test_a_town_is_laid_out_once_a_point_and_each_seed_has_its_own_id(monkeypatch):
     settings = "scenario: fleet_30\nset: {perception.duration: 1 s}\nseeds: 5"
     design = load_design(
         Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n"))
