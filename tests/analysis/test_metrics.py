@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 from genie_sim.analysis import metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
@@ -239,6 +238,8 @@ def test_paired_frames_narrow_the_interval_of_an_improvement():
 )
 def test_the_interval_of_a_share_is_wilson_s(hits, n):
     """Source: SciPy, for rows that are independent."""
+    from scipy import stats
+
     p = hits / n
     half = 1.959963984540054 * np.sqrt(p * (1 - p) / n)
     expected = stats.binomtest(hits, n).proportion_ci(0.95, method="wilson")
@@ -495,6 +496,8 @@ def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
 
 def test_an_interval_over_blocks_of_two_cars_by_hand():
     """Two cars, four blocks each: t with 2 x (4 - 1) degrees of freedom, not with 8 - 1."""
+    from scipy import stats
+
     stamps_ns = np.tile(np.arange(4) * S, 2)
     cars = Columns.of(pd.DataFrame({"car": ["car1"] * 4 + ["car2"] * 4}))["car"]
     values = np.array([1.0, 2.0, 4.0, 5.0, 20.0, 24.0, 22.0, 26.0])

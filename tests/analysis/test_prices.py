@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sim.street import fixed_device, scenario, street
 
 from genie_sim import build
 from genie_sim.analysis import compare, figures, metrics, prices, summary
@@ -24,6 +23,7 @@ from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.settings import SettingError
 from genie_sim.sim.interface import InterfaceUse
+from tests.sim.street import fixed_device, scenario, street
 
 MS = 1_000_000
 S = 1_000 * MS

@@ -8,12 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from sim.street import drive, street
 
 from genie_sim import build, methods, runner
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
+from tests.sim.street import drive, street
 
 CARS: dict[str, Any] = {
     "name": "x",

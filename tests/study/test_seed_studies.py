@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from genie_sim import runner
 from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_text
@@ -39,6 +38,8 @@ def seeds_of(folder: Path) -> SeedRuns:
 
 def test_means_and_intervals_are_those_of_separate_runs(folder):
     """Source: the same runs, one by one, and SciPy's t interval."""
+    from scipy import stats
+
     overrides = SHORT[1::2]
     values = []
     for seed in (2, 5, 9):

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 import genie_sim
 from genie_sim import files, runner
@@ -364,6 +363,8 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     """Source: the same runs, one by one, and SciPy's t intervals over seeds 1 to 3."""
+    from scipy import stats
+
     overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
     overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
     measured: dict[tuple[str, ...], list[float]] = {}
@@ -447,6 +448,8 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
 
 def test_differences_are_paired_by_seed(uninterrupted):
     """Source: SciPy's paired t interval over seeds 1 to 3."""
+    from scipy import stats
+
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     mine = runs[(runs["metric"] == "first_answer_mean") & (runs["gate [m]"] == 3.0)]
     low, high = (mine[mine["rate"] == rate].set_index("seed")["value"] for rate in (0.1, 0.5))
@@ -744,6 +747,8 @@ def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
 
 def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
     """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero."""
+    from scipy import stats
+
     noise = (-0.01, 0.0, 0.01)
     rows = [
         {"arm": arm, "seed": seed, "value": share + sign * noise[seed], **SHARE}
