@@ -34,6 +34,7 @@ TIER_OF_FIXTURE = {
     "ros2_python": "ros",
     "program": "browser",
     "run_process": "process",
+    "keys": "process",
 }
 WEIGHT = {"ros": 30, "slow": 10, "process": 3, "browser": 3}  # a test of the fast tier: 1
 
