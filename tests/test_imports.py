@@ -43,7 +43,7 @@ BASE = (
 _SIMULATED = ("core", "sim", "methods", "faults")
 _READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
 _RESULTS = ("recording", "analysis", "report", "method_processes")
-_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "split", "runner")
+_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "runner")
 # Each package, or module beside them, and what it may import besides itself and the base.
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),

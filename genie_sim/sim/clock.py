@@ -6,11 +6,11 @@ wait for.
 
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from heapq import heappush
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 import simpy
-from simpy.events import NORMAL, URGENT, EventPriority
+from simpy.events import NORMAL, URGENT
 
 from genie_sim.errors import UserError, short_repr
 from genie_sim.messages import Header
@@ -18,6 +18,26 @@ from genie_sim.monitor import Span, SpanLabel
 from genie_sim.plugins import own_place
 
 Steps = Generator[simpy.Event, Any, None]  # what a process does
+
+
+class Delay(simpy.Timeout):
+    """SimPy's timeout, of a whole number of nanoseconds.
+
+    Raises ValueError for a delay that is negative or no whole number.
+    """
+
+    def __init__(self, clock: "Clock", delay: float, value: Any = None) -> None:
+        if type(delay) is not int:
+            delay = _whole_ns(delay)
+        if delay < 0:
+            raise ValueError(f"a delay of {delay} ns is negative")
+        # what SimPy's constructors do, in one call: most events are timeouts
+        self.env = clock
+        self.callbacks = []
+        self._value = value
+        self._delay = delay
+        self._ok = True
+        heappush(clock._queue, (clock._now + delay, NORMAL, next(clock._eid), self))
 
 
 class Clock(simpy.Environment):
@@ -36,8 +56,7 @@ class Clock(simpy.Environment):
         self.path: Span | None = None
         self.in_flight = 0
         self._is_traced = is_traced
-        self._alive: dict[simpy.Process, None] = {}  # processes that have not ended
-        self._failure: BaseException | None = None  # of the last one that failed
+        self._alive: dict[simpy.Event, None] = {}  # processes that have not ended
 
     if TYPE_CHECKING:
 
@@ -49,26 +68,18 @@ class Clock(simpy.Environment):
         def active_process(self) -> simpy.Process:
             """The process that runs now, asked from within it."""
 
-    def schedule(
-        self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0
-    ) -> None:
-        """See SimPy. Raises ValueError for a delay that is no whole number of nanoseconds."""
-        if type(delay) is not int:
-            delay = _whole_ns(delay)
-        heappush(self._queue, (self._now + delay, priority, next(self._eid), event))
-
     def process(self, generator: Steps) -> simpy.Process:
         """Starts a process."""
         process = simpy.Process(self, generator)
         self._alive[process] = None
-        process.callbacks.append(self._ended)
+        process.callbacks.append(self._alive.pop)
         return process
 
     def timeout(self, delay: float = 0, value: Any = None) -> simpy.Timeout:
         """Happens after a delay [ns]. Raises ValueError for one that is negative or no whole
         number.
         """
-        return simpy.Timeout(self, delay, value)
+        return Delay(self, delay, value)
 
     def event(self) -> simpy.Event:
         """Happens when somebody says so."""
@@ -77,7 +88,7 @@ class Clock(simpy.Environment):
     def wake(self, event: simpy.Event, value: Any = None) -> None:
         """An event happens now, before all others of this instant that are due already."""
         event._ok, event._value = True, value
-        self.schedule(event, URGENT)
+        heappush(self._queue, (self._now, URGENT, next(self._eid), event))
 
     def after(
         self,
@@ -102,7 +113,7 @@ class Clock(simpy.Environment):
             call has nothing to do with that message.
         """
         if label is None:
-            self.timeout(delay_ns).callbacks.append(lambda _: call(*arguments))
+            Delay(self, delay_ns).callbacks.append(lambda _: call(*arguments))
             return
         path = self.path
         self.in_flight += 1
@@ -112,7 +123,7 @@ class Clock(simpy.Environment):
             self.waited(path, label)
             call(*arguments)
 
-        self.timeout(delay_ns).callbacks.append(carry_on)
+        Delay(self, delay_ns).callbacks.append(carry_on)
 
     def begin(self, header: Header) -> None:
         """A new frame is handled from now on."""
@@ -126,28 +137,45 @@ class Clock(simpy.Environment):
         self.path = path
 
     def run(self, until: Any = None) -> Any:
-        """See SimPy. Raises what a process raises that no other waits for, and ``UserError`` where
-        one yields what is no event.
+        """Lets time pass: to an instant [ns], to an event, or until nothing is due; see SimPy.
+
+        Raises what a process raises that no other waits for, and ``UserError`` where one yields
+        what is no event.
         """
         try:
-            return super().run(until)
-        except BaseException as error:
-            process, failure = self._active_proc, self._failure
-            if isinstance(error, RuntimeError) and process is not None:
-                generator: Any = process._generator
-                place = own_place(generator.gi_frame) or process.name
-                raise UserError(
-                    f"{place}: a process yields the event that it waits for, such as "
-                    "clock.timeout(10**6); this is none"
-                ) from None
-            if failure is not None and (error.__cause__ is failure or isinstance(error, TypeError)):
-                raise failure from None  # SimPy raises a copy, if it can make one
-            raise
+            if until is None or isinstance(until, simpy.Event):
+                return super().run(until)
+            return self._pass_time(until)
+        except RuntimeError:
+            process = self._active_proc
+            if process is None:
+                raise
+            raise UserError(
+                f"{_place(process)}: a process yields the event that it waits for, such as "
+                "clock.timeout(10**6); this is none"
+            ) from None
+
+    def _pass_time(self, until_ns: int) -> None:
+        """What SimPy's ``run`` and ``step`` do, in one loop, and without a copy of what is
+        raised.
+        """
+        if until_ns < self._now:
+            raise ValueError(f"until {until_ns} ns: it is {self._now} ns already")
+        queue = self._queue
+        while queue and queue[0][0] < until_ns:
+            self._now, _, _, event = heappop(queue)
+            callbacks, event.callbacks = event.callbacks, None  # type: ignore[assignment]
+            for callback in callbacks:
+                callback(event)
+            if not event._ok and not hasattr(event, "_defused"):
+                raise event._value
+        self._now = until_ns
 
     def clear(self) -> None:
         """Ends all processes after a run, and drops what is scheduled, so that nothing is left to
         Python's garbage collector.
         """
+        process: Any
         for process in list(self._alive):
             with suppress(RuntimeError):  # one of the user's own may go on all the same
                 process._generator.close()
@@ -157,11 +185,14 @@ class Clock(simpy.Environment):
         self._alive.clear()
         self._queue.clear()
 
-    def _ended(self, process: simpy.Event) -> None:
-        assert isinstance(process, simpy.Process)
-        del self._alive[process]
-        if not process._ok:
-            self._failure = process._value
+
+def _place(process: simpy.Process) -> str:
+    """Where a process is, in the code of the user's own if it is there."""
+    place, generator = process.name, cast(Any, process._generator)
+    while hasattr(generator, "gi_frame"):
+        place = own_place(generator.gi_frame) or place
+        generator = generator.gi_yieldfrom
+    return place
 
 
 def _forget(event: Any) -> None:
@@ -202,32 +233,29 @@ class Newest(Generic[Item]):
         The run's clock.
     length : int
         How many items of each flow wait at most.
-    pushed_out : callable
-        Called with each item that makes room for a newer one.
     """
 
-    def __init__(self, clock: Clock, length: int, pushed_out: Callable[[Item], None]) -> None:
+    def __init__(self, clock: Clock, length: int) -> None:
         self.items: list[Item] = []  # that wait, in the order of their arrival
         self._clock = clock
         self._length = length
-        self._pushed_out = pushed_out
         self._takers: list[simpy.Event] = []
 
     def __len__(self) -> int:
         return len(self.items)
 
-    def put(self, item: Item) -> None:
-        """An item arrives: a process that waits takes it; else it joins the queue, where the oldest
-        of its flow makes room if that is full.
+    def put(self, item: Item) -> Item | None:
+        """An item arrives: a process that waits takes it, or it joins the queue. Returns the oldest
+        of its flow, if that makes room for it.
         """
         if self._takers:
             self._clock.wake(self._takers.pop(0), item)
-            return
+            return None
         oldest = self.in_the_way(item.flow) if self.items else None
         if oldest is not None:
             self.items.remove(oldest)
-            self._pushed_out(oldest)
         self.items.append(item)
+        return oldest
 
     def get(self) -> simpy.Event:
         """Happens when there is an item: ``item = yield queue.get()`` takes the oldest."""

@@ -1,18 +1,19 @@
 """Faults: what goes wrong in a run, and when."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
-import simpy
 
-from genie_sim.errors import UserError
-from genie_sim.monitor import FaultSpan
 from genie_sim.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
-from genie_sim.sim.clock import Steps
 from genie_sim.sim.forgeries import Forgeries
+
+if TYPE_CHECKING:
+    import simpy
+
+    from genie_sim.sim.clock import Steps
 
 
 class FaultClock(Protocol):
@@ -22,13 +23,13 @@ class FaultClock(Protocol):
     def now(self) -> int:
         """Time since the start of the run [ns]."""
 
-    def process(self, generator: Steps) -> simpy.Process:
+    def process(self, generator: "Steps") -> "simpy.Process":
         """Starts a process, a generator that yields what it waits for. It ends with the run."""
 
-    def timeout(self, delay: float = 0, value: Any = None) -> simpy.Timeout:
+    def timeout(self, delay: float = 0, value: Any = None) -> "simpy.Timeout":
         """Happens after a delay [ns]."""
 
-    def event(self) -> simpy.Event:
+    def event(self) -> "simpy.Event":
         """Happens when its ``succeed`` is called."""
 
     def after(
@@ -59,7 +60,7 @@ class AffectedHost(Protocol):
 class AffectedProcessor(Protocol):
     """An accelerator or a CPU, as a fault sees it."""
 
-    def serve(self, service_ns: int) -> Steps:
+    def serve(self, service_ns: int) -> "Steps":
         """A job, for a process: ``yield from processor.serve(5_000_000)`` waits in the queue of the
         processor and occupies it.
         """
@@ -172,6 +173,16 @@ class Fault(Protocol):
 
 
 @runtime_checkable
+class FaultProcess(Protocol):
+    """A fault that is a process while it lasts, in place of ``begin`` and ``end``."""
+
+    def run(self, network: AffectedNetwork) -> "Steps":
+        """What happens from the beginning on: a generator that yields what it waits for. It is
+        interrupted (``simpy.Interrupt``) at the fault's end, and closed at the end of the run.
+        """
+
+
+@runtime_checkable
 class DrawnFault(Protocol):
     """A fault whose targets may be drawn in the run."""
 
@@ -208,69 +219,3 @@ class TimedFault(FaultTimes):
     kind: str = ""
     begin_ns: int = 0
     mean_duration_ns: int = 0
-
-
-class RecordedFault:
-    """A fault that notes when it begins and ends.
-
-    Parameters
-    ----------
-    timed : TimedFault
-        The fault.
-    spans : list of FaultSpan
-        Gets every time from a beginning to an end.
-    """
-
-    def __init__(self, timed: TimedFault, spans: list[FaultSpan]) -> None:
-        self._timed = timed
-        self._spans = spans
-        self._present = -1  # the place of the span that has begun
-
-    def begin(self, network: AffectedNetwork) -> None:
-        fault = self._timed.fault
-        hosts = fault.drawn_targets(network) if isinstance(fault, DrawnFault) else fault.target
-        text = hosts if isinstance(hosts, str) else ", ".join(hosts)
-        self._present = len(self._spans)
-        self._spans.append(FaultSpan(self._timed.kind, text, network.clock.now, None))
-        try:
-            self._timed.fault.begin(network)
-        except UserError as error:  # such as an unknown host
-            raise UserError(f"fault {self._timed.kind!r}: {error}") from None
-
-    def end(self, network: AffectedNetwork) -> None:
-        span = self._spans[self._present]
-        self._spans[self._present] = span._replace(end_ns=network.clock.now)
-        self._timed.fault.end(network)
-
-
-def recorded(timed: TimedFault, spans: list[FaultSpan]) -> TimedFault:
-    """The same fault, which notes when it begins and ends."""
-    fault: Any = RecordedFault(timed, spans)
-    return replace(timed, fault=fault)
-
-
-def run(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> Steps:
-    """The process of a fault: it begins and ends, once or again and again. A recurring one does not
-    begin again after the last frame.
-    """
-    clock, fault, between_ns = network.clock, timed.fault, timed.mean_time_between_ns
-    if between_ns is None:
-        yield clock.timeout(timed.begin_ns)
-        fault.begin(network)
-        if timed.end_ns is not None:
-            yield clock.timeout(timed.end_ns - timed.begin_ns)
-            fault.end(network)
-        return
-    rng = network.stream(timed.name)
-
-    def drawn(mean_ns: int) -> simpy.Timeout:
-        return clock.timeout(max(1, round(rng.exponential(mean_ns))))
-
-    yield clock.timeout(timed.begin_ns)
-    yield drawn(between_ns)
-    while clock.now <= last_frame_ns:
-        fault.begin(network)
-        yield drawn(timed.mean_duration_ns)
-        fault.end(network)
-        if clock.now <= last_frame_ns:
-            yield drawn(between_ns)

@@ -88,7 +88,7 @@ class Link:
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
-        self._waiting = Newest(clock, queue_length, self._push_out)
+        self._waiting = Newest[Transfer](clock, queue_length)
         self._on_wire: Transfer | None = None
         self._busy_since_ns = 0
         self._busy_ns = 0
@@ -134,7 +134,7 @@ class Link:
         carried : callable or None
             Called with the message when it was on the wire, whether it arrives or is lost.
         """
-        self._waiting.put(
+        self._queue(
             Transfer(
                 flow,
                 message.size_bytes,
@@ -152,7 +152,12 @@ class Link:
         """
         if size_bytes <= 0:
             raise ValueError(f"{self.name}: background traffic of {size_bytes} bytes")
-        self._waiting.put(Transfer(("background", flow), size_bytes))
+        self._queue(Transfer(("background", flow), size_bytes))
+
+    def _queue(self, transfer: Transfer) -> None:
+        oldest = self._waiting.put(transfer)
+        if oldest is not None and oldest.message is not None:
+            self.lose(oldest.message, self.name)
 
     def _wire(self) -> Steps:
         """Sends one message after the other; each arrives after a delay, or is lost."""
@@ -160,7 +165,9 @@ class Link:
         while True:
             transfer = yield self._waiting.get()
             if self._on_wire is None:
-                self._use(True)
+                self._busy_since_ns = clock.now
+                if self.interface is not None:
+                    self.interface.begin(clock.now)
             self._on_wire = transfer
             clock.waited(transfer.path, self._queueing)
             path = clock.path
@@ -171,19 +178,9 @@ class Link:
                 self._leave(transfer, transfer.message)
             if not self._waiting.items:
                 self._on_wire = None
-                self._use(False)
-
-    def _use(self, is_begin: bool) -> None:
-        """The wire begins or ends to be in use."""
-        now_ns = self.clock.now
-        if is_begin:
-            self._busy_since_ns = now_ns
-            if self.interface is not None:
-                self.interface.begin(now_ns)
-        else:
-            self._busy_ns += now_ns - self._busy_since_ns
-            if self.interface is not None:
-                self.interface.end(now_ns)
+                self._busy_ns += clock.now - self._busy_since_ns
+                if self.interface is not None:
+                    self.interface.end(clock.now)
 
     def _leave(self, transfer: Transfer, message: Message) -> None:
         """The last bit of a message is on the wire: it arrives after the delay, or is lost."""
@@ -205,10 +202,6 @@ class Link:
                 transfer.arguments,
                 self._transport,
             )
-
-    def _push_out(self, transfer: Transfer) -> None:
-        if transfer.message is not None:
-            self.lose(transfer.message, self.name)
 
     def take_down(self, cause: str) -> None:
         """The link carries nothing from now on; it drops messages as ``NAME:cause``."""

@@ -212,7 +212,7 @@ class Node(Subscriber):
         self.routes: dict[str, tuple[str, list[Subscriber]]] = {}
         self.work_label = SpanLabel(self.part, name)
         self._queueing = SpanLabel("queueing", name)
-        self._waiting = Newest(self.clock, graph.queue_length, self._push_out)
+        self._waiting = Newest[Waiting](self.clock, graph.queue_length)
         # what each process of the node is busy with
         self._working: dict[simpy.Process, tuple[Message, ...]] = {}
         for _ in range(threads):
@@ -231,7 +231,9 @@ class Node(Subscriber):
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """A message arrives, and waits for a thread."""
-        self._waiting.put(Waiting(topic, message, sender, self.clock.path))
+        oldest = self._waiting.put(Waiting(topic, message, sender, self.clock.path))
+        if oldest is not None:
+            self._lose(oldest.message, f"{self.name}:{topic}")
 
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
         self.graph.publish(self, topic, message, to)
@@ -276,9 +278,6 @@ class Node(Subscriber):
             del self._working[thread]
             self.completed += 1
             self.handle(topic, message, sender)
-
-    def _push_out(self, waiting: Waiting) -> None:
-        self._lose(waiting.message, f"{self.name}:{waiting.flow}")
 
     def _lose(self, message: Message, where: str) -> None:
         self.drops += 1

@@ -61,7 +61,7 @@ class BatchingDetectorNode(DetectorNode):
         serving: Serving,
     ) -> None:
         super().__init__(name, graph, subscribes, publishes)
-        self._waiting: Newest[Any] = Newest(self.clock, graph.queue_length, self._push_out)
+        self._waiting: Newest[Any] = Newest(self.clock, graph.queue_length)
         self._pictures: list[Picture] = self._waiting.items  # in the order of their arrival
         self._serving = serving
         self._free_ns = 0.0  # when the batch in service is done, by mean times
@@ -83,7 +83,9 @@ class BatchingDetectorNode(DetectorNode):
         if not self._is_admitted(picture):
             self._lose(message, f"{self.name}:late")
             return
-        self._waiting.put(picture)
+        oldest = self._waiting.put(picture)
+        if oldest is not None:
+            self._lose(oldest.message, f"{self.name}:{topic}")
         if not self._arrived.triggered:
             self.clock.wake(self._arrived)
 

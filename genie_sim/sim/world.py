@@ -6,7 +6,7 @@ from functools import partial
 
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
-from genie_sim.sim import fault, wiring
+from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
@@ -62,8 +62,8 @@ class World:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            timed = fault.recorded(timed, self._faults)
-            self.clock.process(fault.run(timed, self.network, self.last_frame_ns))
+            timed = fault_process.recorded(timed, self._faults)
+            self.clock.process(fault_process.run(timed, self.network, self.last_frame_ns))
         for camera in self._cameras:
             self.clock.process(camera.run())
 
@@ -145,7 +145,8 @@ class World:
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
         servers: dict[str, EdgeServer] = {}
-        blind_edges, neighbours_of = setup.blind_edges, neighbours(setup.edges)
+        blind_edges = setup.blind_edges
+        neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
             name = edge.name
             context = self._context(name, name not in blind_edges, has_edge=True, genie=True)

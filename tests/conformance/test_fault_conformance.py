@@ -17,6 +17,7 @@ from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
 from tests.conformance import small
 from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
+from tests.sim.processes import job
 
 OWN = "tests.conformance.own"
 OUTAGES = [
@@ -177,7 +178,7 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
     )
 
     assert host.accelerator.queued == host.cpu.queued == 0
-    assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
+    assert all(node.queued == 0 and not node.is_busy for node in graph.nodes)
     busy_ns = host.accelerator.busy_ns, host.cpu.busy_ns
     world.clock.run(until=world.clock.now + 1000)
     assert (host.accelerator.busy_ns, host.cpu.busy_ns) == busy_ns, "nobody works on what is gone"
@@ -191,17 +192,21 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
 
 
 @pytest.mark.parametrize("what", ["accelerator", "cpu"])
-def test_a_voided_processor_is_idle_and_never_finishes_its_work(what: str):
+def test_a_processor_of_interrupted_jobs_is_idle_and_never_finishes_them(what: str):
     world, _ = small.world(small.scenario(["local"]))
     processor, done = getattr(world.network.graphs["edge1"].host, what), []
-    for job in range(processor.capacity + 2):
-        processor.run(100, lambda job=job: done.append(job))
+    jobs = [
+        job(processor, 100, lambda number=number: done.append(number))
+        for number in range(processor.capacity + 2)
+    ]
     world.clock.run(until=40)
     assert processor.busy_ns == 40 * processor.capacity and processor.queued == 2
-    processor.void()
+    for one in jobs:
+        one.interrupt("crash")
+    world.clock.run(until=41)
     assert processor.queued == 0
     world.clock.run(until=70)
-    processor.run(100, lambda: done.append("next"))
+    job(processor, 100, lambda: done.append("next"))
     world.clock.run(until=169)
     assert done == [], "the old jobs would have been done by now"
     world.clock.run(until=171)

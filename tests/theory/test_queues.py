@@ -29,6 +29,7 @@ from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
+from tests.sim.processes import job
 
 pytestmark = [
     pytest.mark.no_cover,
@@ -92,7 +93,7 @@ def processor_waits(rho: float, service: Law, servers: int = 1, customers: int =
 
         def customer() -> None:
             service_ns, came_ns = service(rng), env.now
-            processor.run(service_ns, lambda: waits.append(env.now - came_ns - service_ns))
+            job(processor, service_ns, lambda: waits.append(env.now - came_ns - service_ns))
 
         env.process(arrivals(env, rng, rho, servers, customers, lambda _: customer()))
         env.run()
@@ -158,7 +159,7 @@ def test_little_s_law_and_utilization():
 
         def customer() -> None:
             came_ns = env.now
-            processor.run(SERVICE_NS, lambda: waits.append(env.now - came_ns - SERVICE_NS))
+            job(processor, SERVICE_NS, lambda: waits.append(env.now - came_ns - SERVICE_NS))
 
         def sampler():
             while processor.completed < customers:
@@ -182,7 +183,7 @@ def test_time_in_use_counts_the_job_in_service():
     env = Clock()
     processor = Processor(env, "edge1.accelerator", "accelerator", 2)
     for service_ns in (100, 300, 500):
-        processor.run(service_ns, lambda: None)
+        job(processor, service_ns)
     env.run(until=50)
     assert (processor.busy_ns, processor.queued, processor.completed) == (100, 1, 0)
     env.run(until=250)

@@ -10,11 +10,12 @@ add one, write a frozen dataclass with the method of either and name it here (or
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
-import simpy
 
 from genie_sim.monitor import Resource
 
 if TYPE_CHECKING:
+    import simpy
+
     from genie_sim.sim.clock import Clock
 
 LINK_MODELS: dict[str, str] = {
@@ -83,7 +84,7 @@ class Air(Protocol):
 class Sender(Protocol):
     """What carries the messages of one direction of a link, one after the other."""
 
-    def sent(self, size_bytes: int) -> simpy.Event:
+    def sent(self, size_bytes: int) -> "simpy.Event":
         """Sends a message; happens when its last bit has left."""
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
