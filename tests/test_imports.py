@@ -5,10 +5,11 @@ exception.
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -158,7 +159,10 @@ class Import(NamedTuple):
     for_types: bool
 
 
-def imports(path: Path) -> Iterator[Import]:
+@functools.cache
+def imports(path: Path) -> tuple[Import, ...]:
+    """All imports of a file; read once for all tests."""
+    found: list[Import] = []
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for_types: set[ast.AST] = set()
     for node in ast.walk(tree):
@@ -172,7 +176,8 @@ def imports(path: Path) -> Iterator[Import]:
             names = [f"{node.module}.{name.name}" for name in node.names]
         else:
             continue
-        yield from (Import(node.lineno, name, node in for_types) for name in names)
+        found += (Import(node.lineno, name, node in for_types) for name in names)
+    return tuple(found)
 
 
 def imported_module(name: str) -> str | None:
@@ -226,7 +231,6 @@ def test_arrows_run_one_way(package: str):
     assert not wrong, "\n".join((f"{package} may import {allowed}", *wrong))
 
 
-@pytest.mark.slow
 def test_no_modules_import_one_another_in_a_circle():
     """Imports inside functions count, those for types do not: at run time there are none."""
     graph: dict[str, set[str]] = {}
@@ -247,7 +251,6 @@ def test_the_core_is_standard_library_and_numpy():
             )
 
 
-@pytest.mark.slow
 def test_what_is_imported_is_declared():
     """A library that only happens to be installed with another one is missing on somebody's
     machine.
@@ -272,7 +275,6 @@ def test_what_is_imported_is_declared():
             )
 
 
-@pytest.mark.slow
 def test_only_the_simulation_knows_simpy():
     users = {
         module
@@ -320,20 +322,6 @@ def _loaded_by(statement: str) -> set[str]:
         timeout=60,
     )
     return set(told.stdout.split())
-
-
-@pytest.mark.slow
-def test_only_the_command_line_prints():
-    for module, path in MODULES.items():
-        if module in ("cli", "__main__"):
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            printing = (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Name)
-                and node.func.id == "print"
-            )
-            assert not printing, f"{path}:{node.lineno}: print; use a module logger"
 
 
 def test_scripts_of_pages_import_nothing():
