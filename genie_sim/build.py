@@ -182,7 +182,7 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
     """
     median_ns = profile.median_ns(model)
     law = getattr(profile.spreads, spread)
-    return ServiceTime(median_ns, law.loc, law.sigma, profile.models[model].quantiles_ns)
+    return ServiceTime(median_ns, law.loc, law.sigma)
 
 
 def link_model(choice: Choice) -> LinkModel | Medium:

@@ -22,7 +22,7 @@ from genie_sim.arguments import (
     scheduler_option,
     seeds_option,
 )
-from genie_sim.cli_compare import compare, figures, table, write_article
+from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_files import copy, show
 from genie_sim.cli_import import import_tables
 from genie_sim.cli_links import links
@@ -65,8 +65,6 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )
-@completion.install_option
-@completion.show_option
 @click.pass_context
 def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:
@@ -395,7 +393,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, write_article, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive, truth, import_tables):
     app.add_command(_command)
 
 
@@ -453,9 +451,6 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
-@click.option(
-    "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
-)
 def profile(
     *,
     out: Path,
@@ -464,7 +459,6 @@ def profile(
     model: str | None,
     weights: Path | None,
     runs: int,
-    empirical: bool,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
@@ -481,7 +475,7 @@ def profile(
             assert detector is not None
             measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
     fit = device_fit.fit(measured.latencies_ns)
-    device_fit.write(out, measured, fit, empirical)
+    device_fit.write(out, measured, fit)
     click.echo(f"{out}: {measured.model}: {fit}")
 
 

@@ -22,6 +22,7 @@ PACKAGE = REPOSITORY / "genie_sim"
 # Modules that any other may import; they import one another only.
 BASE = (
     "errors",
+    "removed",
     "version",
     "units",
     "header",
@@ -78,8 +79,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "cli_files": ("completion", "arguments"),
     "cli_import": ("perception", "arguments"),
     "cli_ros": ("scenario", "ros", "arguments"),
-    "article": (*_RUN, "study", "paper"),
-    "cli_compare": ("recording", "analysis", "report", "article", "completion", "arguments"),
+    "outputs": (*_RUN, "study", "paper"),
+    "cli_compare": ("recording", "analysis", "report", "outputs", "completion", "arguments"),
     "cli_links": ("core", "sim", "arguments"),
     "cli_search": ("study", "tuning", "completion", "arguments"),
     "cli": (
@@ -97,7 +98,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "cli_import",
         "cli_ros",
         "cli_links",
-        "article",
+        "outputs",
         "cli_compare",
         "cli_search",
         "tuning",
@@ -107,6 +108,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 
 OF_CORE = (
     "errors",
+    "removed",
     "units",
     "header",
     "messages",

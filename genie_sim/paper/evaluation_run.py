@@ -33,7 +33,7 @@ from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.settings import plain_data
 from genie_sim.sim.settings import Car
 from genie_sim.sim.world import World
-from genie_sim.study.setups import run_id_of
+from genie_sim.study.run_ids import run_id_of
 from genie_sim.study.tasks import Shared
 from genie_sim.units import duration_ns
 

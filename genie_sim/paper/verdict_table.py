@@ -122,23 +122,6 @@ def text(rows: Sequence[Row], width: int) -> str:
     return "\n".join([*lines, "", *textwrap.wrap(_legend(), width), "", *counts(rows)])
 
 
-def setup_sentences(folder: Path) -> list[str]:
-    """What was run, for an article. Raises ``UserError``."""
-    readings = provenance.read_json(folder / "readings.json")
-    seeds = len(provenance.read_json(folder / "run.json")["seeds"])
-    named = [f"Reading {reading['name']}: {reading['title']}." for reading in readings]
-    return [
-        f"The evaluation of Section V with {seeds} seeds under {len(readings)} readings.",
-        *named,
-    ]
-
-
-def result_sentences(folder: Path) -> list[str]:
-    """What came out, for an article. Raises ``UserError``."""
-    lines = counts(read_rows(folder))
-    return [line.removeprefix("- ") for line in lines if line]
-
-
 def _legend() -> str:
     """What the marks mean."""
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())

@@ -47,6 +47,11 @@ class Processor:
         """Server time used until now, jobs in service included."""
         return self._busy_ns + (self.capacity - self._free) * self.clock.now
 
+    @property
+    def is_stalled(self) -> bool:
+        """Whether it stands still."""
+        return self._stalls > 0
+
     def serve(self, service_ns: int, label: SpanLabel | None = None, pictures: int = 1) -> Steps:
         """A job: waits for a free server and occupies it.
 
@@ -173,6 +178,11 @@ class Host:
         self._hops_ns: dict[int, int] = {}  # by the message's size
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
+
+    @property
+    def is_stalled(self) -> bool:
+        """Whether its processors stand still."""
+        return self.accelerator.is_stalled and self.cpu.is_stalled
 
     def hop_ns(self, size_bytes: int) -> int:
         """How long a message of this size takes to another process [ns]."""

@@ -94,12 +94,16 @@ class Network:
             stream = self._streams[names] = seeds.stream(self._seed, *names)
         return stream
 
-    @property
-    def is_busy(self) -> bool:
-        """Whether a message is queued, handled or on its way anywhere."""
+    def is_busy(self, *, stalled_too: bool) -> bool:
+        """Whether a message is queued, handled or on its way anywhere; what waits on a host that
+        stands still counts if it may go on (``stalled_too``).
+        """
         return (
             self.clock.in_flight > 0
-            or any(graph.is_busy for graph in self.graphs.values())
+            or any(
+                graph.is_busy and (stalled_too or not graph.host.is_stalled)
+                for graph in self.graphs.values()
+            )
             or any(link.is_busy for link in self.links.values())
         )
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
+import simpy
+
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim import fault_process, wiring
@@ -54,7 +56,8 @@ class World:
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[CameraNode] = []
-        self._faults: list[FaultSpan] = []
+        self._faults: list[simpy.Process] = []
+        self._fault_spans: list[FaultSpan] = []
         self._uplinks: list[CarUplink] = []
         self._build_edges()
         edge_resources = list(self.network.resources)
@@ -62,21 +65,25 @@ class World:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            timed = fault_process.recorded(timed, self._faults)
-            self.clock.process(fault_process.run(timed, self.network, self.last_frame_ns))
+            timed = fault_process.recorded(timed, self._fault_spans)
+            steps = fault_process.run(timed, self.network, self.last_frame_ns)
+            self._faults.append(self.clock.process(steps))
         for camera in self._cameras:
             self.clock.process(camera.run())
 
     def run(self, progress: Progress | None = None) -> None:
-        """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
+        """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
+        minutes after the last one was taken.
+        """
         self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
             self.clock.run(until=self.last_frame_ns + drained_ns)
-            if not self.network.is_busy:
+            may_go_on = any(one.is_alive for one in self._faults)
+            if not self.network.is_busy(stalled_too=may_go_on):
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(self._usage())
-        self.monitor.failed(self._faults)
+        self.monitor.failed(self._fault_spans)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
 
@@ -91,6 +98,7 @@ class World:
         self._uplinks.clear()
         self._sampled.clear()
         self._cameras.clear()
+        self._faults.clear()
 
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""

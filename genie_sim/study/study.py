@@ -219,19 +219,6 @@ class Study:
             provenance.write_json(beside, about)
 
 
-def every_run(
-    design: Design, out: Path, workers: int, progress: Progress | None = None
-) -> "pd.DataFrame":
-    """Runs what is missing of a study in ``out``; the metrics of every run, and all files in its
-    folder. Raises ``UserError``.
-    """
-    import pandas as pd
-
-    study = Study.of(design, design.name, out, progress)
-    study.run(LocalWorkers(workers), progress=progress)
-    return pd.read_parquet(study.finish().folder / "runs.parquet", use_threads=False)
-
-
 def _check(folder: Path) -> None:
     """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
     provenance.check_writable(folder)

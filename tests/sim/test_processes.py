@@ -98,6 +98,16 @@ def test_an_endless_process_changes_neither_end_nor_tables(method: str):
         small.same({name: with_it[name]}, {name: without[name]})
 
 
+@pytest.mark.parametrize("ends", [{"end": "40 s"}, {}])
+def test_frames_on_a_host_that_stands_still_are_waited_for_if_it_goes_on(ends: dict[str, str]):
+    stall = {"fault": "stall", "target": "edge1", "begin": "1 s", **ends}
+    tables = small.tables(small.scenario(["remote"], faults=[stall]))
+    last_ns = tables["resources"]["t_ns"].max()
+    held = tables["frames"]["fresh_answer_ns"].max()
+    assert (last_ns > 40_000 * MS) == (held > 40_000 * MS) == bool(ends)
+    assert last_ns < 50_000 * MS, "not longer than needed"
+
+
 def test_background_traffic_takes_its_share_of_a_link_and_does_not_prolong_the_run():
     load = {"fault": f"{OWN}:Floods", "target": "car1->edge1", "begin": "0 s"}
     loaded, free = (
