@@ -13,6 +13,7 @@ NAMES: dict[str, str] = {
         "Write 'genie-sim table FOLDER --format latex' and 'genie-sim figures FOLDER --format pdf' "
         "for an article of your own."
     ),
+    "command keys": "Make keys with the openssl commands of docs/how-to/keys.md.",
     "scenario fleet_10000": (
         "Run fleet_1000 with --set fleet.cars=10000 --set perception.duration='60 s' "
         "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
@@ -29,6 +30,12 @@ OPTIONS: dict[str, str] = {
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
+    "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
+    "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
+    "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",
+    "search --storage": "Leave it out; nothing is stored but runs, and points.csv has every point.",
+    "attach --revoked": "Attach the others again without that name in --car, --edge and --connect.",
+    "attach --key": "Write --keys FOLDER, with the files of docs/how-to/keys.md.",
     "--install-completion": _COMPLETION,
     "--show-completion": _COMPLETION,
 }
@@ -36,6 +43,8 @@ OPTIONS: dict[str, str] = {
 """
 
 SETTINGS: dict[str, str] = {
+    "early": "Leave it out; every point of a search runs all tuning seeds.",
+    "sampler": "Leave it out; Optuna's TPE draws the points of a search.",
     "models.*.quantiles": "Leave it out; times follow the law of 'median' and 'spreads'.",
 }
 """The path of a setting in its file, without the indexes of lists and with ``*`` for a name of the

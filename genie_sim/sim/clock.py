@@ -271,8 +271,6 @@ class Newest(Generic[Item]):
         of_flow = [item for item in self.items if item.flow == flow]
         return of_flow[0] if len(of_flow) >= self._length else None
 
-    def clear(self) -> list[Item]:
-        """Empties the queue; returns what was in it."""
-        items = self.items.copy()
+    def clear(self) -> None:
+        """Empties the queue."""
         self.items.clear()
-        return items

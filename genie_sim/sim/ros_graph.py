@@ -229,6 +229,12 @@ class Node(Subscriber):
         """Whether a message waits or is handled here."""
         return bool(self._waiting.items or self._working)
 
+    @property
+    def messages(self) -> list[Message]:
+        """What is handled here now, then what waits."""
+        waiting = (waiting.message for waiting in self._waiting.items)
+        return [*chain.from_iterable(self._working.values()), *waiting]
+
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """A message arrives, and waits for a thread."""
         oldest = self._waiting.put(Waiting(topic, message, sender, self.clock.path))
@@ -242,9 +248,9 @@ class Node(Subscriber):
         """A fault: what is queued and in service here is lost, dropped by ``where``, and the node
         starts anew.
         """
-        queued = [waiting.message for waiting in self._waiting.clear()]
-        for message in chain(*self._working.values(), queued):
+        for message in self.messages:
             self._lose(message, where)
+        self._waiting.clear()
         for thread in self._working:
             thread.interrupt(where)
         self._working.clear()

@@ -183,8 +183,6 @@ class Blackout:
         if graph is not None:
             for node in graph.nodes:
                 node.void(f"{self.target}:blackout")
-            graph.host.accelerator.void()
-            graph.host.cpu.void()
 
     def end(self, network):
         pass

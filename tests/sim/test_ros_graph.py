@@ -86,7 +86,9 @@ def link(clock: Clock, name: str, up: bool = True) -> Link:
 def clerk(
     name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings
 ) -> Clerk:
-    return Clerk(name, office(**settings), topics, (), threads=threads)
+    node = Clerk(name, office(**settings), topics, (), threads=threads)
+    node.clock.run(node.clock.timeout(0))  # its threads wait for messages
+    return node
 
 
 # Queues

@@ -13,7 +13,7 @@ from genie_sim.perception import v2v4real
 from genie_sim.perception.v2v4real import recordings
 from genie_sim.scenario import scenario as scenarios
 from genie_sim.study.design import load_design
-from genie_sim.tuning.design import load
+from genie_sim.study.search_design import load
 from studies import baselines, real_pairs, where_it_pays
 from studies.real_pairs import HELD_OUT, TUNING
 from tests.conftest import REPOSITORY

@@ -131,14 +131,19 @@ def test_jobs_of_a_slow_host_take_longer():
     processor = Processor(clock, "edge1.accelerator", "accelerator")
     slow, hot = Slow("edge1", factor=5.0), Slow("edge1", factor=1.5)
     world = network(clock, processor)
-    job(processor, 10 * MS, lambda: ended.append(clock.now // MS))  # before: as usual
+
+    def come() -> None:
+        job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+        clock.run(clock.timeout(0))  # it is in the queue
+
+    come()  # before: as usual
     slow.begin(world)  # type: ignore[arg-type]
-    job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     hot.begin(world)  # type: ignore[arg-type]
-    job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     slow.end(world)  # type: ignore[arg-type]
-    job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     hot.end(world)  # type: ignore[arg-type]
-    job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     clock.run()
     assert ended == [10, 60, 135, 150, 160]
