@@ -11,7 +11,7 @@ from genie_sim import outputs
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.paper import figure_tables, paper_figures
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 PAPER = REPOSITORY / "results" / "paper"
 
