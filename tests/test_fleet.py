@@ -586,6 +586,7 @@ def test_caches_on_cars_may_have_a_capacity_of_their_own():
     assert dict(rows.groupby("placement", observed=True)["entries"].max()) == {"car": 3, "edge": 40}
 
 
+@pytest.mark.slow
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     result = runner.run_to_folder(small(), tmp_path)
     assert all(runner.rerun(result.folder).values())

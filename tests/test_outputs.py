@@ -16,6 +16,7 @@ from tests.checkout import REPOSITORY
 PAPER = REPOSITORY / "results" / "paper"
 
 
+@pytest.mark.slow
 def test_every_committed_figure_is_drawn_again_from_the_folder_s_data(tmp_path):
     figures = paper_figures.of_evaluation(PAPER)
     assert set(figures) == {path.stem for path in (PAPER / "figures").glob("*.svg")}

@@ -446,6 +446,7 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     assert drawn["rate-2"].get_suptitle() == "at rule = noisy_or"
 
 
+@pytest.mark.slow
 def test_differences_are_paired_by_seed(uninterrupted):
     """Source: SciPy's paired t interval over seeds 1 to 3."""
     from scipy import stats
@@ -484,6 +485,7 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
         genie_sim.differences(runs, "method", to="local")
 
 
+@pytest.mark.slow
 def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(
@@ -773,6 +775,7 @@ def test_points_that_say_the_same_share_their_runs(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, monkeypatch, capsys):
     simulated = count_runs(monkeypatch)
     write(SMALL)
@@ -787,6 +790,7 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
     same_bytes(uninterrupted)
 
 
+@pytest.mark.slow
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared, packed = [], []
     prepare, unpack = runner.prepare, tasks.pickle.loads
@@ -869,6 +873,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
     same_bytes(uninterrupted)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     monkeypatch.setattr("genie_sim.study.tasks.SCHEDULER_TIMEOUT_S", 1)
