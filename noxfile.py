@@ -5,7 +5,6 @@ own.
 after ``--`` go to pytest: ``nox -s test -- -x tests/core``.
 """
 
-import os
 import re
 import sys
 import tomllib
@@ -13,23 +12,17 @@ from pathlib import Path
 
 import nox
 
-nox.options.sessions = ["lint", "types", "test"]
+nox.options.sessions = ["lint", "types", "test", "rest"]
 nox.options.reuse_existing_virtualenvs = True
 
-# Whole files go to one process; files that take long come first (tests/conftest.py).
-PARALLEL = ("-n", os.environ.get("GENIE_SIM_TEST_PROCESSES", "3"), "--dist", "loadfile")
+# What python -m pytest leaves out (tests/README.md).
+REST = "(slow or process or browser or ros or data) and not nightly"
 
 
 def install(session: nox.Session, *requirements: str) -> None:
     """Installs into the session's own environment; the active one (``--no-venv``) has it all."""
     if not isinstance(session.virtualenv, nox.virtualenv.PassthroughEnv):
         session.install(*requirements)
-
-
-def pytest(session: nox.Session, *options: str) -> None:
-    """Runs tests in parallel, files in the order that tests/conftest.py gives them."""
-    order = ("--no-loadscope-reorder", "--durations=15")
-    session.run("python", "-m", "pytest", *PARALLEL, *order, *options, *session.posargs)
 
 
 @nox.session
@@ -48,9 +41,19 @@ def types(session: nox.Session) -> None:
 
 @nox.session
 def test(session: nox.Session) -> None:
-    """Every test, in parallel. What is missing on this machine is skipped, with the reason."""
+    """The fast tests: ``python -m pytest``."""
     install(session, ".[test]")
-    pytest(session)
+    session.run("python", "-m", "pytest", *session.posargs)
+
+
+@nox.session
+def rest(session: nox.Session) -> None:
+    """What the fast tests leave out, and the tools, but nothing that takes minutes. What is missing
+    on this machine is skipped.
+    """
+    install(session, ".[test]")
+    session.run("python", "-m", "pytest", "-m", REST, "--durations=15", *session.posargs)
+    session.run("python", "-m", "pytest", "-m", "not nightly", "tools")
 
 
 @nox.session
@@ -60,8 +63,16 @@ def coverage(session: nox.Session) -> None:
     """
     install(session, ".[test]")
     report = Path(session.create_tmp()) / "coverage.json"
-    pytest(session, "--nightly", "--cov", "--cov-report=", f"--cov-report=json:{report}")
-    session.run("python", "tests/coverage_gate.py", str(report))
+    cover = ("--cov", "--cov-report=", f"--cov-report=json:{report}")
+    session.run("python", "-m", "pytest", "-m", "", *cover, *session.posargs)
+    session.run("python", "-m", "tools.coverage_gate", str(report))
+
+
+@nox.session
+def cpu(session: nox.Session) -> None:
+    """Whether every fast test still is: the median of its CPU in three runs."""
+    install(session, ".[test]")
+    session.run("python", "-m", "tools.cpu_gate", *session.posargs)
 
 
 @nox.session
@@ -82,7 +93,7 @@ def bench(session: nox.Session) -> None:
 def mutate(session: nox.Session) -> None:
     """Puts single errors into the package and lists those that no test notices."""
     install(session, ".[test]")
-    session.run("python", "-m", "tests.mutate", *session.posargs)
+    session.run("python", "-m", "tools.mutate", *session.posargs)
 
 
 @nox.session
@@ -91,7 +102,7 @@ def lower_bounds(session: nox.Session) -> None:
     session.install("uv")
     session.run("uv", "pip", "install", "--resolution", "lowest-direct", ".[test]")
     session.run("uv", "pip", "list")
-    session.run("python", "-m", "pytest", "-m", "not slow", *session.posargs)
+    session.run("python", "-m", "pytest", *session.posargs)
 
 
 @nox.session

@@ -9,6 +9,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 from genie_sim.errors import UserError
@@ -27,7 +28,14 @@ def workers_here() -> int:
 
 
 def max_memory_bytes() -> int | None:
-    """The most memory that this process has had; ``None`` where the system does not tell."""
+    """The most memory that this process has had; ``None`` where the system does not tell.
+
+    Linux hands ``ru_maxrss`` on to a process from the one that started it; ``VmHWM`` is its own.
+    """
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
     try:
         import resource
     except ImportError:  # Windows

@@ -4,116 +4,37 @@ into.
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from tests import tiers
 from tests.browser import Browser, installed
-
-REPOSITORY = Path(__file__).resolve().parent.parent
+from tests.checkout import REPOSITORY, CommandLine
 
 os.environ.setdefault("MPLBACKEND", "Agg")
-os.fsync = lambda descriptor: None  # no test cuts the power, and disks take their time
 # Without --jobs a command starts no processes: the tests keep every core busy themselves.
 os.environ["LOKY_MAX_CPU_COUNT"] = "1"
 os.environ["GENIE_SIM_PROGRESS"] = "off"  # lines of progress would come where a machine is slow
 settings.register_profile("genie_sim", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("genie_sim")
 
-# Long files first, so that no process has one left when the others are done; files of real ROS
-# early, too, because they mostly wait while others compute.
-FIRST = (
-    "test_docs.py",
-    "test_study.py",
-    "test_ros1.py",
-    "test_sweep_page.py",
-    "test_seed_studies.py",
-    "test_search.py",
-    "test_two_networks.py",
-    "test_ros2.py",
-    "test_notebooks.py",
-    "test_readme.py",
-    "test_method_conformance.py",
-    "test_conservation.py",
-    "test_report.py",
-    "test_figures.py",
-    "test_reproduce.py",
-    "test_fuzz.py",
-    "test_links.py",
-    "test_mishaps.py",
-    "test_interrupted.py",
-    "test_feel.py",
-    "test_device_fit.py",
-    "test_queues.py",
-    "test_api.py",
-    "test_accessible.py",
-    "test_fleet.py",
-    "test_own_code.py",
-    "test_scenario.py",
-    "test_clock_fault.py",
-    "test_sources.py",
-    "test_algorithm2.py",
-    "test_baselines.py",
-)
-LAST = "test_reality.py"  # runs alone
 
-CommandLine = Callable[..., subprocess.CompletedProcess[str]]
+def pytest_addoption(pluginmanager: pytest.PytestPluginManager) -> None:
+    pluginmanager.register(tiers, "tiers")
 
 
-def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption(
-        "--nightly", action="store_true", help="also what takes minutes: tests marked nightly"
-    )
-
-
-def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if "PYTEST_XDIST_WORKER" in os.environ:  # alone, the order is as given
-        order = {name: place - len(FIRST) for place, name in enumerate(FIRST)} | {LAST: 1}
-        items.sort(key=lambda item: order.get(item.path.name, 0))
-    for item in items:
-        if item.get_closest_marker("nightly") and not config.getoption("--nightly"):
-            item.add_marker(pytest.mark.skip(reason="takes minutes: --nightly"))
-        if item.get_closest_marker("slow"):
-            item.add_marker(pytest.mark.no_cover)
-        if sys.platform == "win32" and item.get_closest_marker("unix"):
-            item.add_marker(pytest.mark.skip(reason="needs the signals and terminals of Unix"))
-
-
-@pytest.hookimpl(wrapper=True, tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
-    """Where pytest-xdist runs several tests at a time, one that is marked ``alone`` waits until no
-    other is running, and keeps the others waiting.
-    """
-    if "PYTEST_XDIST_WORKER" not in os.environ or sys.platform == "win32":
-        return (yield)
-    with _turn(alone=item.get_closest_marker("alone") is not None):
-        return (yield)
-
-
-@contextmanager
-def _turn(alone: bool) -> Iterator[None]:
-    """A lock that many share or one has, between processes; no file is needed but those that are
-    there.
-    """
-    import fcntl
-
-    with (
-        (REPOSITORY / "README.md").open() as queue,
-        (REPOSITORY / "pyproject.toml").open() as running,
-    ):
-        fcntl.flock(queue, fcntl.LOCK_EX)  # who waits to be alone is not overtaken
-        fcntl.flock(running, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
-        fcntl.flock(queue, fcntl.LOCK_UN)
-        try:
-            yield
-        finally:
-            fcntl.flock(running, fcntl.LOCK_UN)
+@pytest.fixture(autouse=True)
+def _no_fsync(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No test cuts the power, and disks take their time; ``test_files.py`` looks at it."""
+    monkeypatch.setattr(os, "fsync", lambda descriptor: None)
 
 
 @pytest.fixture(autouse=True)
@@ -152,12 +73,34 @@ def _real_data(variable: str, what: str) -> Path:
 
 
 @pytest.fixture
-def run_cli(tmp_path: Path) -> CommandLine:
-    """``run_cli("run", "3car_hetero")`` runs this checkout's ``genie-sim`` in the test's folder.
+def run_cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommandLine:
+    """``run_cli("run", "3car_hetero")`` runs ``genie-sim`` in the test's folder, in this process.
 
-    Returns the ``CompletedProcess``, with exit status and texts. ``env`` adds environment
-    variables.
+    Returns a ``CompletedProcess``, with exit status and texts. Modules that the command has
+    imported from the folder are forgotten afterwards.
     """
+
+    def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+        from genie_sim.cli import main
+
+        said, warned = io.StringIO(), io.StringIO()
+        with monkeypatch.context() as within:
+            within.chdir(tmp_path)
+            within.syspath_prepend(tmp_path)
+            with redirect_stdout(said), redirect_stderr(warned):
+                status = main(list(arguments))
+        for name, module in list(sys.modules.items()):
+            file = getattr(module, "__file__", None)
+            if file and Path(file).is_relative_to(tmp_path):
+                del sys.modules[name]
+        return subprocess.CompletedProcess(arguments, status, said.getvalue(), warned.getvalue())
+
+    return run
+
+
+@pytest.fixture
+def run_process(tmp_path: Path) -> CommandLine:
+    """As ``run_cli``, in a process of its own, with ``env`` added to its environment."""
 
     def run(
         *arguments: str, env: dict[str, str] | None = None, timeout_s: float = 300

@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.docs.test_readme import matches, script, session
+from tests.docs.blocks import matches, script, session
 
 FENCE = re.compile(r'(?P<indent> *)```(?P<language>\w*)(?: title="(?P<title>[^"]+)")?(?: .*)?')
 LONGEST_BLOCK_S = 300

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 import genie_sim as gs
 from genie_sim.analysis import figures
 from genie_sim.cli import main
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = {f"cars[{i}].route.window": ["0 s", "1 s"] for i in range(3)}
 TABLES = ("frames", "lookups", "resources", "poses", "objects")
@@ -108,6 +108,7 @@ def test_seeds_give_means_and_each_run(runs):
         gs.run("1car_homo", seed=1, seeds=2)
 
 
+@pytest.mark.slow
 def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
     settings = {**SHORT, "methods": ["remote", "genie"]}
     kept = gs.run("3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab")
@@ -124,6 +125,7 @@ def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
         runs.report()
 
 
+@pytest.mark.slow
 def test_a_sweep_takes_methods_and_a_label():
     axes = {"link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}
     short = {"cars[0].route.window": ["0 s", "1 s"]}
@@ -181,6 +183,7 @@ def test_methods_and_labels(run):
         gs.run("3car_hetero", label="a\nb")
 
 
+@pytest.mark.slow
 def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
     written = gs.run("3car_hetero", SHORT, seed=5, out="lab")
     settings = [
@@ -258,6 +261,7 @@ def test_a_result_folder_that_lost_a_table_is_named():
         gs.load(folder)
 
 
+@pytest.mark.process
 def test_the_names_are_there_but_nothing_heavy_until_they_are_used():
     code = (
         "import sys, genie_sim as gs; print('run' in dir(gs), 'pandas' in sys.modules,"

@@ -16,7 +16,7 @@ from genie_sim.errors import UserError
 from genie_sim.paper import page as evaluation
 from genie_sim.recording import provenance, results
 from genie_sim.scenario.scenario import load_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]
 READERS = (
@@ -110,6 +110,7 @@ def test_every_command_that_reads_results_names_the_file_that_was_changed(
         gs.load(folder)
 
 
+@pytest.mark.slow
 def test_what_is_made_of_changed_files_says_so(folder, capsys):
     change_a_metric(folder)
     change_the_scenario(folder)
@@ -170,7 +171,7 @@ def test_what_nobody_changed_carries_no_warning(folder, capsys):
     assert gs.load(folder).changed == () and not gs.load(folder).warning
 
 
-def test_a_rerun_tells_which_changed_file_differs_and_looks_at_no_foreign_one(folder, capsys):
+def test_a_rerun_names_the_changed_file_and_ignores_foreign_ones(folder, capsys):
     (folder / "figures").mkdir()
     (folder / "figures" / "notes.txt").touch()
     (folder / "figures" / "photo.png").touch()
@@ -193,6 +194,7 @@ def test_nothing_outside_the_folder_is_read_through_its_names(name, folder, caps
         assert printed.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_nothing_is_written_through_a_link_out_of_the_folder(folder, capsys):
     victim = Path("victim.svg").resolve()
     victim.write_text("mine")
@@ -225,6 +227,7 @@ def test_the_committed_evaluation_is_what_was_written():
     assert provenance.changed_files(folder, known, evaluation.files_of(folder)) == ()
 
 
+@pytest.mark.slow
 def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     folder = Path(shutil.copytree(REPOSITORY / "results" / "paper", tmp_path / "paper"))
     page = tmp_path / "page.html"
@@ -250,6 +253,7 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     assert "table.parquet" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_no_function_takes_changed_files_unless_it_is_told_to():
     """Of every function and method of the package with an ``allow_changed``."""
     found = []

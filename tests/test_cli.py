@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.cli import main
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 GOOD = """
 methods: [genie]
@@ -136,7 +136,7 @@ def test_a_broken_trace_is_named(content, capsys):
     _one_line(capsys, "broken.parquet: ")
 
 
-def test_a_results_folder_that_cannot_be_written_is_found_before_simulating(capsys):
+def test_an_unwritable_results_folder_is_found_before_simulating(capsys):
     Path("s.yaml").write_text(GOOD)
     Path("results").write_text("a file, not a folder")
     assert main(["run", "s.yaml"]) == 1
@@ -228,13 +228,11 @@ def test_results_go_home_where_the_shell_has_not_said_so(capsys, monkeypatch):
     assert not Path("~").exists()
 
 
-def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
+def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_process):
     Path("s.yaml").write_text(GOOD)
     for seed in ("1", "2"):
-        assert (
-            run_cli("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed}).returncode
-            == 0
-        )
+        ran = run_process("run", "s.yaml", "--out", f"out{seed}", env={"PYTHONHASHSEED": seed})
+        assert ran.returncode == 0
     first, second = (
         sorted(p for p in Path(f"out{seed}").rglob("*") if p.is_file()) for seed in ("1", "2")
     )
@@ -244,9 +242,10 @@ def test_the_same_run_under_another_hash_seed_gives_the_same_bytes(run_cli):
             assert one.read_bytes() == other.read_bytes(), one
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_or_the_end_of_a_batch_job_leaves_nothing_behind_and_ends_with_130(asked):
+def test_an_interrupted_command_leaves_nothing_and_exits_with_130(asked):
     Path("s.yaml").write_text(GOOD.replace("[0 s, 1 s]", "[0 s, 15 s], laps: 500"))
     run = subprocess.Popen(
         [sys.executable, "-m", "genie_sim", "run", "s.yaml"],
@@ -345,6 +344,7 @@ def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
     assert len(list(Path("results").glob("s-*"))) == 2
 
 
+@pytest.mark.process
 def test_the_main_command_imports_nothing_that_it_does_not_need():
     """Each of these takes as long to import as the simulation takes."""
     code = (
@@ -362,6 +362,7 @@ def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
     assert f"--start: {tmp_path} holds no single run" in capsys.readouterr().err
 
 
+@pytest.mark.process
 def test_python_rarely_looks_for_cyclic_garbage_while_a_command_runs():
     """Imports make very many objects, and a simulation leaves no cycles."""
     program = "import gc; from genie_sim.__main__ import main; main(); print(gc.get_threshold()[0])"

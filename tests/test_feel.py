@@ -17,7 +17,7 @@ import pytest
 
 from genie_sim import terminal
 from genie_sim.cli import main
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
 COMMAND = [sys.executable, "-m", "genie_sim"]
@@ -101,7 +101,7 @@ def test_every_first_step_is_a_command_that_exists(run_cli):
         assert command == "--help" or run_cli(command, "--help").returncode == 0
 
 
-def test_help_begins_with_three_examples_and_lists_every_command_in_one_line(capsys):
+def test_help_shows_three_examples_and_every_command(capsys):
     assert main(["--help"]) == 0
     usage, _, *lines = capsys.readouterr().out.splitlines()
     assert usage.startswith("Usage: genie-sim")
@@ -123,6 +123,7 @@ def test_the_examples_of_help_are_right():
     assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("columns", [30, 80])
 def test_every_screen_fits_its_window(columns):
@@ -137,14 +138,15 @@ def test_every_screen_fits_its_window(columns):
             )
 
 
-def test_a_list_has_one_line_a_name_for_other_programs(run_cli):
+def test_a_list_has_one_line_a_name_for_other_programs(run_process):
     """Whatever the window: ``genie-sim list scenarios | grep``."""
     from genie_sim import files
 
-    lines = run_cli("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
+    lines = run_process("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     shown = on_a_terminal(*SHORT, columns=100)
@@ -156,6 +158,7 @@ def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     assert "Results: results/1car_hetero-" in plain(shown)
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_the_bar_fits_a_narrow_window():
     shown = on_a_terminal(*SHORT, columns=48)
@@ -164,8 +167,8 @@ def test_the_bar_fits_a_narrow_window():
     assert max(map(len, bars)) <= 48
 
 
-def test_without_a_terminal_there_is_no_bar_and_no_colour(run_cli):
-    done = run_cli(*SHORT)
+def test_without_a_terminal_there_is_no_bar_and_no_colour(run_process):
+    done = run_process(*SHORT)
     assert done.returncode == 0
     assert done.stderr == ""
     assert "\x1b" not in done.stdout
@@ -223,6 +226,7 @@ def test_show_and_copy_give_what_is_shipped(capsys):
     assert "did you mean '3car_hetero'?" in capsys.readouterr().err
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_colour_can_be_switched_off():
     shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
@@ -231,8 +235,8 @@ def test_colour_can_be_switched_off():
 
 
 @pytest.mark.unix
-def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_cli):
-    piped = run_cli(*SHORT, env={"COLUMNS": "90"}).stdout
+def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_process):
+    piped = run_process(*SHORT, env={"COLUMNS": "90"}).stdout
     shown = plain(on_a_terminal(*SHORT, columns=90))
     assert [line.rstrip() for line in piped.splitlines() if line.strip()][-5:] == [
         line.rstrip() for line in shown.splitlines() if line.strip()
@@ -282,6 +286,7 @@ def completed(*words: str) -> list[str]:
     return [line.removeprefix("plain,") for line in told.stdout.split()]
 
 
+@pytest.mark.process
 def test_the_shell_completes_commands_names_and_settings():
     assert "report" in completed("rep")
     assert {"3car_hetero", "3car_homo", "3car_laps", "3car_recommended"} == set(
@@ -299,6 +304,7 @@ def test_the_shell_completes_commands_names_and_settings():
     assert {"baselines", "jetson_tx2"} <= {*completed("show", "ba"), *completed("copy", "jet")}
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_bash_itself_completes(tmp_path):
     """Its own completion, by the line that the documentation gives."""
@@ -320,6 +326,7 @@ def test_bash_itself_completes(tmp_path):
     assert told.stdout.split() == ["3car_hetero"], told.stderr
 
 
+@pytest.mark.process
 def test_every_completed_setting_is_one():
     """Each may be given: the scenario knows it and says nothing of an unknown field."""
     from genie_sim.errors import UserError
@@ -334,6 +341,7 @@ def test_every_completed_setting_is_one():
             assert "unknown field" not in str(error), path
 
 
+@pytest.mark.process
 @pytest.mark.parametrize(
     "arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join
 )

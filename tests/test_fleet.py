@@ -109,7 +109,7 @@ def test_no_other_middle_is_nearer(east_m: float, north_m: float, cell_m: float)
     assert cells.distance_m(cells.at(east_m, north_m), east_m, north_m) == pytest.approx(nearest)
 
 
-def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_border():
+def test_a_car_is_handed_over_the_hysteresis_behind_each_border():
     """10 m/s east through cells of 100 m, 50 m from their middles: ``x`` behind a border the old
     middle is farther by hypot(50 + x, 50) - hypot(50 - x, 50) = 2 x / sqrt(2) or a little less; 14
     m then need 10 m, just over a second.
@@ -125,7 +125,7 @@ def test_a_car_on_a_straight_way_is_handed_over_the_hysteresis_behind_each_borde
         assert since_ns % CHECK_NS == 0
 
 
-def test_a_car_to_and_fro_over_a_border_is_not_handed_over_by_less_than_the_hysteresis():
+def test_no_hand_over_for_moves_smaller_than_the_hysteresis():
     cells = Cells((0.0, 0.0, 200.0, 100.0), 100.0)
 
     def swaying(t_ns: int) -> tuple[float, float]:
@@ -206,7 +206,7 @@ def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
     return [one for one in whole.faults if one.fault.name == "hand_over" and one.target == car]
 
 
-def test_every_car_drives_alone_begins_at_the_nearest_edge_and_changes_to_real_ones():
+def test_every_car_begins_at_the_nearest_edge_and_changes_to_known_edges():
     prepared = prepare(small(fleet=fleet(cars=40)))
     whole, truth = prepared.expanded, prepared.frames.town
     assert isinstance(truth, Town)
@@ -378,6 +378,7 @@ def driven() -> Run:
     )
 
 
+@pytest.mark.slow
 def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
     driven: Run, monkeypatch: pytest.MonkeyPatch
 ):
@@ -456,7 +457,7 @@ def test_the_map_of_a_fleet_tells_load_reuse_and_hand_overs_of_all_cars(driven: 
     assert shown["hand_overs"][0]["until"][-1] == changes > 0
 
 
-def test_the_cells_of_the_map_tell_hits_shares_ghosts_and_age_of_the_cars_in_them(driven: Run):
+def test_map_cells_hold_hits_shares_false_objects_and_age(driven: Run):
     """Over the 5 s before an instant, of the cars whose last frame was taken in the cell. So few
     cars share nothing yet: every third object counts as another car's.
     """
@@ -547,7 +548,7 @@ def test_a_map_of_many_cells_has_fewer_steps(driven: Run, monkeypatch: pytest.Mo
     assert fine is not None and fine["instants_s"][1] == 1 < shown["instants_s"][1]
 
 
-def test_the_page_of_a_fleet_has_distributions_over_all_cars_and_ghosts_by_age(driven: Run):
+def test_a_fleet_s_page_has_distributions_over_all_cars(driven: Run):
     shown = fleet_map.fleet_data(driven, [])
     assert shown is not None
     first = next(
@@ -585,11 +586,13 @@ def test_caches_on_cars_may_have_a_capacity_of_their_own():
     assert dict(rows.groupby("placement", observed=True)["entries"].max()) == {"car": 3, "edge": 40}
 
 
+@pytest.mark.slow
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
     result = runner.run_to_folder(small(), tmp_path)
     assert all(runner.rerun(result.folder).values())
 
 
+@pytest.mark.slow
 def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -667,6 +670,7 @@ def test_a_fleet_changes_edges_without_delay_between_old_and_new():
             assert later.begin_ns - earlier.begin_ns >= 2000 * NS_PER_MS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", [("3car_hetero",), ("fleet_30", "perception.duration=3 s")])
 def test_a_run_makes_nothing_that_only_the_cycle_collector_frees(settings):
     """It is off meanwhile, and on again afterwards."""

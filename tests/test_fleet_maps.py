@@ -13,11 +13,9 @@ from genie_sim import runner
 from genie_sim.errors import UserError
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.runner import prepare
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.scenario import read_scenario
 from genie_sim.units import NS_PER_MS, NS_PER_S
-
-WEST_M, SOUTH_M = -1000.0, 5000.0
-SPEED_MPS = 20.0
+from tests.fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
 
 
 @dataclass(frozen=True)
@@ -112,25 +110,6 @@ class NoMap:
 
     def provenance(self) -> dict[str, dict[str, str]]:
         return {}
-
-
-def on_map(source: str, **fleet: Any) -> Scenario:
-    return read_scenario(
-        {
-            "name": "plain",
-            "methods": ["local", "remote"],
-            "perception": {"source": f"{__name__}:{source}"},
-            "start_jitter": "0 s",
-            "cameras": [{"name": "front", "recording": "front"}],
-            "fleet": {
-                "devices": "jetson_tx2",
-                "edge_device": "rtx_a4500",
-                "cell": "100 m",
-                "hysteresis": "5 m",
-                **fleet,
-            },
-        }
-    )
 
 
 def test_a_fleet_drives_on_a_map_that_begins_anywhere():

@@ -5,10 +5,11 @@ exception.
 from __future__ import annotations
 
 import ast
+import functools
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import NamedTuple
@@ -159,7 +160,10 @@ class Import(NamedTuple):
     for_types: bool
 
 
-def imports(path: Path) -> Iterator[Import]:
+@functools.cache
+def imports(path: Path) -> tuple[Import, ...]:
+    """All imports of a file; read once for all tests."""
+    found: list[Import] = []
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for_types: set[ast.AST] = set()
     for node in ast.walk(tree):
@@ -173,7 +177,8 @@ def imports(path: Path) -> Iterator[Import]:
             names = [f"{node.module}.{name.name}" for name in node.names]
         else:
             continue
-        yield from (Import(node.lineno, name, node in for_types) for name in names)
+        found += (Import(node.lineno, name, node in for_types) for name in names)
+    return tuple(found)
 
 
 def imported_module(name: str) -> str | None:
@@ -200,6 +205,7 @@ def package_of(module: str) -> str:
 PACKAGES = sorted({package_of(module) for module in MODULES})
 
 
+@pytest.mark.process
 def test_every_package_has_its_place():
     assert sorted((*BASE, *MAY_IMPORT)) == PACKAGES, "say in MAY_IMPORT what a new one may import"
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
@@ -281,6 +287,7 @@ def test_only_the_simulation_knows_simpy():
     assert {package_of(module) for module in users} == {"sim"}
 
 
+@pytest.mark.process
 def test_the_command_line_starts_without_heavy_libraries():
     """``genie-sim --help`` must not wait for pandas."""
     loaded = _loaded_by("import genie_sim.cli")
@@ -288,16 +295,19 @@ def test_the_command_line_starts_without_heavy_libraries():
     assert not set(LATE) & loaded
 
 
+@pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.scenario")
 
 
+@pytest.mark.process
 def test_an_evaluation_starts_without_matplotlib():
     """Its workers import it, side by side, when there is something to draw."""
     assert "matplotlib" not in _loaded_by("import genie_sim.paper.reproduce")
 
 
+@pytest.mark.process
 def test_a_run_on_recorded_streets_needs_no_town():
     assert "genie_sim.town" not in _loaded_by("import genie_sim.runner")
 
@@ -313,19 +323,6 @@ def _loaded_by(statement: str) -> set[str]:
         timeout=60,
     )
     return set(told.stdout.split())
-
-
-def test_only_the_command_line_prints():
-    for module, path in MODULES.items():
-        if module in ("cli", "__main__"):
-            continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            printing = (
-                isinstance(node, ast.Call)
-                and isinstance(node.func, ast.Name)
-                and node.func.id == "print"
-            )
-            assert not printing, f"{path}:{node.lineno}: print; use a module logger"
 
 
 def test_scripts_of_pages_import_nothing():

@@ -15,7 +15,7 @@ from genie_sim.cli import main
 from genie_sim.method_processes import MethodJob, Reporter, watched
 from genie_sim.runner import prepare, simulate
 from genie_sim.scenario.scenario import RECORDS, read_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 EVERY_TABLE = {
     "name": "every_table",
@@ -38,9 +38,7 @@ def written(tables, folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-def test_methods_side_by_side_write_the_tables_of_methods_one_after_the_other(
-    tmp_path, monkeypatch
-):
+def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monkeypatch):
     """Poses and the detector without delay are those of the first method that drives a car."""
     prepared = prepare(read_scenario(EVERY_TABLE))
     tables = simulate(prepared)
@@ -114,18 +112,35 @@ def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
     gs.run("1car_homo", settings, methods=["local"], workers=8)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
-def test_the_memory_of_a_process_is_the_most_that_it_had():
-    program = """
-from genie_sim.parallel import max_memory_bytes
-before = max_memory_bytes()
-room = b"x" * 300_000_000
-del room
-print(before, max_memory_bytes())
-"""
+def memory_told_by(program: str) -> list[int]:
+    """The numbers that a Python program prints; it knows ``max_memory_bytes``."""
+    program = f"from genie_sim.parallel import max_memory_bytes\n{program}"
     told = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=REPOSITORY
     )
-    before, after = map(int, told.stdout.split())
-    # a process begins with what that had which has started it
+    return [int(number) for number in told.stdout.split()]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
+def test_the_memory_of_a_process_is_the_most_that_it_had():
+    before, after = memory_told_by(
+        "before = max_memory_bytes()\n"
+        "room = b'x' * 300_000_000\n"
+        "del room\n"
+        "print(before, max_memory_bytes())\n"
+    )
     assert 10**7 < before <= after and 300_000_000 < after < before + 600_000_000
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
+def test_a_process_does_not_show_the_memory_of_the_one_that_started_it():
+    ours, its = memory_told_by(
+        "import os, subprocess, sys\n"
+        "tell = 'from genie_sim.parallel import max_memory_bytes; print(max_memory_bytes())'\n"
+        "room = b'x' * 300_000_000\n"
+        "print(max_memory_bytes(), flush=True)\n"
+        "subprocess.run([sys.executable, '-c', tell], check=True)\n"
+    )
+    assert ours > 300_000_000 > 2 * its

@@ -20,7 +20,7 @@ from genie_sim.cli import app, main
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write
 from genie_sim.scenario.scenario import MAX_DAYS, load_scenario
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
 
@@ -156,6 +156,7 @@ def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
     assert not list(Path().iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["s3://bucket", "file:", "a=1"])
 def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     """Nothing is looked up in a network, and nothing is read from elsewhere."""
@@ -193,6 +194,7 @@ def test_only_a_file_is_replaced_by_a_file(what):
 # Disks, screens, readers
 
 
+@pytest.mark.process
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize(
     "arguments", [["list"], ["--help"], ["schema", "scenario"], ["run", "--help"]], ids=" ".join
@@ -204,6 +206,7 @@ def test_a_full_device_for_the_output_gets_one_line(arguments):
     assert done.stderr == "genie-sim: No space left on device\n"
 
 
+@pytest.mark.process
 def test_a_reader_that_goes_away_ends_it_quietly():
     reading, writing = os.pipe()
     os.close(reading)
@@ -212,6 +215,7 @@ def test_a_reader_that_goes_away_ends_it_quietly():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("closed", ["stdout", "stderr"])
 def test_a_closed_output_is_no_reason_to_fail(closed):
     code = (
@@ -222,6 +226,7 @@ def test_a_closed_output_is_no_reason_to_fail(closed):
     assert done.stderr == ""
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("backend", ["foo", "tkagg"])
 def test_figures_need_no_window(backend):
     short = "--set=cars[0].route.window=[0 s, 1 s]"

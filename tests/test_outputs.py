@@ -11,11 +11,12 @@ from genie_sim import outputs
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.paper import figure_tables, paper_figures
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 PAPER = REPOSITORY / "results" / "paper"
 
 
+@pytest.mark.slow
 def test_every_committed_figure_is_drawn_again_from_the_folder_s_data(tmp_path):
     figures = paper_figures.of_evaluation(PAPER)
     assert set(figures) == {path.stem for path in (PAPER / "figures").glob("*.svg")}

@@ -22,7 +22,7 @@ from genie_sim.errors import UserError
 from genie_sim.methods import METHODS
 from genie_sim.scenario.scenario import load_scenario, with_methods
 from genie_sim.settings import plain_data
-from tests.conftest import REPOSITORY, CommandLine
+from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
 SCENARIO = """
@@ -257,6 +257,7 @@ def from_elsewhere(made: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(made, tmp_path / "moved"))
 
 
+@pytest.mark.slow
 def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     from_elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
@@ -282,6 +283,7 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     assert plugins.resolve("method", "mod:Nothing", {}), "and refused for one only"
 
 
+@pytest.mark.process
 def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
     """Where Python itself would look first, and matplotlib for its settings."""
     # needed, needed later, looked for by pandas
@@ -336,6 +338,7 @@ def test_wherever_a_folder_names_a_class_it_is_not_imported(
     assert "pass --allow-own-code" in capsys.readouterr().err
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("where", ["", "    def __init__(self):\n        "])
 def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where, tmp_path):
     (tmp_path / "quits.py").write_text(

@@ -49,6 +49,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.process
 def test_the_wheel_carries_every_shipped_file(wheel: Path):
     packed = set(zipfile.ZipFile(wheel).namelist())
     assert len(SHIPPED_FOLDERS) == 3
@@ -101,6 +102,7 @@ def test_an_installed_package_knows_the_commit_that_it_was_built_from(installed:
     assert known.stdout == told.stdout and len(told.stdout.strip()) >= 12
 
 
+@pytest.mark.process
 def test_a_wheel_of_an_sdist_knows_the_commit(tmp_path: Path):
     build = [sys.executable, "-m", "hatchling", "build", "-d", str(tmp_path)]
     subprocess.run([*build, "-t", "sdist"], cwd=REPOSITORY, capture_output=True, check=True)
@@ -191,7 +193,7 @@ def genie_sim(installed: Path, folder: Path, *arguments: str) -> str:
     return ran.stdout
 
 
-def test_the_lock_file_pins_what_the_project_needs_with_digests_and_names_no_place():
+def test_the_lock_file_pins_every_requirement_with_digests():
     """Every requirement, extras included, has an exact version and the SHA-256 of its files; no
     index, no path of the machine that made it.
     """

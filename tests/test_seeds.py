@@ -45,6 +45,7 @@ def test_neighbouring_streams_are_uncorrelated() -> None:
     assert max(map(abs, correlations)) < 0.05
 
 
+@pytest.mark.process
 def test_the_hash_seed_of_python_does_not_matter() -> None:
     draw = "print(stream(1, 'car1', 'uplink').integers(0, 2**62, 8).tolist())"
     script = f"from genie_sim.seeds import stream; {draw}"

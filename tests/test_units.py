@@ -158,6 +158,7 @@ def test_angles_are_written_exactly(radians: float) -> None:
     assert units.angle_rad(units.angle_text(radians)) == radians
 
 
+@pytest.mark.slow
 @given(st.one_of(st.text(), st.integers(), st.floats(), st.none(), st.booleans()))
 def test_nothing_but_value_errors(value: object) -> None:
     for read in (

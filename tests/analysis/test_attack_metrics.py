@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.analysis import attacks
 from genie_sim.analysis.registry import METRICS
-from tests.analysis.test_outages import table
+from tests.analysis.outage_tables import table
 
 S = 1_000_000_000
 NAN = float("nan")

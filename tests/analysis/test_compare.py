@@ -211,6 +211,7 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     assert f"& {latex.printed(gap.difference, '+')}" in differences
 
 
+@pytest.mark.slow
 def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
     usual: list[Run], tmp_path: Path
 ):
@@ -229,6 +230,7 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
         assert (folders[0] / name).read_bytes() == (folders[1] / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_the_command_and_the_library_say_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -58,6 +58,7 @@ def curves(figure, panel: int = 0) -> dict[str, tuple]:
     }
 
 
+@pytest.mark.slow
 def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables, tmp_path):
     expected = {
         "latency_cdf": [
@@ -104,6 +105,7 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
         assert title not in text and run_id not in text, "a paper has a caption"
 
 
+@pytest.mark.slow
 def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables, tmp_path):
     folders = [tmp_path / "one", tmp_path / "two"]
     for folder, font_size in zip(folders, (10, 33), strict=True):
@@ -179,6 +181,7 @@ def test_a_placement_is_never_in_a_method_s_colour():
     assert not {mpl.colors.to_hex(tone).upper() for tone in tones} & set(style.COLOURS)
 
 
+@pytest.mark.slow
 def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_path):
     """Two of them run Genies: bars, boosts and the legends tell whose they are."""
     frames, lookups, resources = tables
@@ -256,6 +259,7 @@ def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
     assert [tick.get_text() for tick in bars.axes[0].get_xticklabels()] == labels
 
 
+@pytest.mark.slow
 def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
     resources = made_up_run.resources(cars=20, samples=12).to_frame()
     svg, _ = figures.save(figures.resource_use(resources, METHODS, FOOTER), tmp_path, "resources")
@@ -275,7 +279,7 @@ def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_
     assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
 
 
-def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host():
+def test_an_unused_kind_has_no_panel_and_each_host_one_colour():
     frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
     idle = resources.assign(busy_ns=0, queue=0)
     assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
@@ -300,6 +304,7 @@ def test_a_kind_of_which_nothing_is_used_has_no_panel_and_a_colour_is_one_host()
     )
 
 
+@pytest.mark.slow
 def test_a_paper_s_widths(tables):
     for name, width_in in style.WIDTHS.items():
         drawn = figures.of_run(run_of(*tables), width_in)
@@ -308,6 +313,7 @@ def test_a_paper_s_widths(tables):
         }, name
 
 
+@pytest.mark.slow
 def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
     for name, figure in figures.of_run(run_of(*tables)).items():
         figure.draw_without_rendering()
@@ -319,6 +325,7 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
             assert box.x0 >= 0 and box.x1 <= figure.bbox.width, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
 def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
     _, lookups, resources = tables
@@ -346,7 +353,7 @@ def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
         )
 
 
-def test_the_first_updates_do_not_flatten_the_curve_of_the_confidence_boost(tables):
+def test_first_updates_do_not_flatten_the_confidence_boost(tables):
     lookups = tables[1].copy()
     first = lookups.index[lookups["updates"] > 0][0]
     lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
@@ -382,7 +389,7 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     assert ends == [35.5, 71.0] and [text.get_text() for text in axis.texts] == ["35.5", "71"]
 
 
-def test_bars_that_are_short_beside_the_longest_are_drawn_again_on_their_own_scale():
+def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
     means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
     measured = [
         Metric(f"{answer}_part", method, "all", "inference", value, "ms")
@@ -440,6 +447,7 @@ def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
     assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
 
 
+@pytest.mark.slow
 def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
     """Every format, the same bytes twice; another format or folder is refused in one line."""
     few = [

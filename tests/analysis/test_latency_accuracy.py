@@ -41,7 +41,7 @@ def test_marks_are_at_the_values_and_bars_end_where_the_intervals_end():
     assert axis.get_ylabel() == "streaming F1"
 
 
-def test_the_proxy_is_drawn_where_a_run_has_no_truth_and_nothing_without_either():
+def test_the_proxy_is_drawn_only_where_a_run_has_no_truth():
     proxy = numbers("first_proxy_f1")
     assert drawable({"a": numbers(), "b": proxy}) is None
     assert drawable({"a": [*numbers(), *proxy], "b": proxy}) == "first_proxy_f1"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.statistics import mean_bands
@@ -52,6 +51,8 @@ def _wilson(values: list[float]):
 
 
 def test_a_band_of_numbers_is_students_t():
+    from scipy import stats
+
     seeds = np.array([[1.0, 5.0], [2.0, 5.0], [6.0, 5.0]])
     mean, low, high = mean_bands(seeds)
     expected = stats.t.interval(0.95, 2, loc=3.0, scale=stats.sem(seeds[:, 0]))

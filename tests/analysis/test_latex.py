@@ -36,7 +36,7 @@ def test_numbers_are_printed_as_siunitx_reads_them():
     assert latex.printed(2.0, "+") == "+2"
 
 
-def test_a_column_has_room_for_its_longest_number_on_both_sides_of_the_point():
+def test_a_latex_column_fits_its_longest_number():
     rows = [NumberRow("a", [Number("342"), None]), NumberRow("b", [Number("9.12"), Number("+1.5")])]
     text = latex.table(["x", "y"], rows, caption="c", label="tab:c", notes=[])
     assert re.findall(r"S\[(.*)\]", text) == [
@@ -53,7 +53,7 @@ def test_more_columns_than_fit_one_of_two_span_the_page():
     assert r"\begin{table*}" in text and r"\end{table*}" in text and "n}" in text
 
 
-def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kind():
+def test_a_latex_table_says_what_its_brackets_mean():
     run = run_of(
         Metric("frames_published", "local", "all", "", 5, "frames"),
         Metric("frames_published", "mine", "all", "", 5, "frames"),

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 from genie_sim.analysis import metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
@@ -145,7 +144,7 @@ def test_every_published_frame_is_answered_or_dropped_or_in_flight(seed):
             )
 
 
-def test_a_frame_that_is_dropped_after_a_first_answer_is_not_a_dropped_frame():
+def test_a_frame_lost_after_its_first_answer_is_not_dropped():
     """Genie answers from the map, then the detector's queue drops the frame: the car did get an
     answer.
     """
@@ -189,6 +188,7 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
     return table.to_frame()
 
 
+@pytest.mark.slow
 def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
     """Nominal 95 %, 200 runs, seed 5. Taking the frames for independent would cover half of the
     times only.
@@ -212,7 +212,7 @@ def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
     assert naive / 200 < 0.75
 
 
-def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_and_downs():
+def test_paired_frames_narrow_the_interval_of_an_improvement():
     """Genie takes a tenth of what local takes, second by second: so the improvement is exact, the
     means are not.
     """
@@ -238,6 +238,8 @@ def test_the_interval_of_an_improvement_narrows_when_both_arms_share_their_ups_a
 )
 def test_the_interval_of_a_share_is_wilson_s(hits, n):
     """Source: SciPy, for rows that are independent."""
+    from scipy import stats
+
     p = hits / n
     half = 1.959963984540054 * np.sqrt(p * (1 - p) / n)
     expected = stats.binomtest(hits, n).proportion_ci(0.95, method="wilson")
@@ -291,7 +293,7 @@ def test_neighbours_requests_count_apart():
     assert result["image_reuse_with_neighbours", "edge"].value == 5 / 8
 
 
-def test_object_reuse_counts_look_ups_not_messages_and_tells_its_kinds_apart():
+def test_object_reuse_counts_look_ups_of_each_kind_not_messages():
     sightings = events("car1/genie", "sighting", [3, 0], requests=4)
     boosts = events("car1/genie", "boost", [2, 2], requests=2)
     result = of_tables(lookups=lookup_table(*sightings, *boosts))
@@ -400,7 +402,7 @@ def test_what_is_stored_is_what_the_last_look_up_found():
     assert of_tables(lookups=lookups.to_frame())["stored_images", "car"].value == 4.0
 
 
-def test_any_methods_are_measured_in_their_order_and_each_is_compared_with_every_baseline():
+def test_each_method_is_measured_and_compared_with_every_baseline():
     """Two that run Genies, of which one is the better; and two baselines, one of which did not
     run.
     """
@@ -494,6 +496,8 @@ def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
 
 def test_an_interval_over_blocks_of_two_cars_by_hand():
     """Two cars, four blocks each: t with 2 x (4 - 1) degrees of freedom, not with 8 - 1."""
+    from scipy import stats
+
     stamps_ns = np.tile(np.arange(4) * S, 2)
     cars = Columns.of(pd.DataFrame({"car": ["car1"] * 4 + ["car2"] * 4}))["car"]
     values = np.array([1.0, 2.0, 4.0, 5.0, 20.0, 24.0, 22.0, 26.0])

@@ -8,24 +8,11 @@ import pytest
 from genie_sim import runner
 from genie_sim.analysis import outages, summary
 from genie_sim.analysis.registry import METRICS
-from genie_sim.recording.columns import Columns
 from genie_sim.report.data import SHADED
+from tests.analysis.outage_tables import table
 from tests.conformance import small
 
 S, MS = 1_000_000_000, 1_000_000
-
-
-def table(rows: list[tuple], *names: str) -> Columns:
-    frame = pd.DataFrame(rows, columns=list(names))
-    return Columns.of(
-        frame.astype(
-            {
-                name: "category"
-                for name in names
-                if frame[name].dtype == object and name[-2:] != "ns"
-            }
-        )
-    )
 
 
 def metrics(faults: list[tuple], frames: list[tuple], held: list[tuple] | None = None):

@@ -1,4 +1,4 @@
-"""Figures of made-up numbers look as they did: every mark, label and limit."""
+"""Figures of made-up numbers say what they did: titles, units, labels and extents."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import figures, style
+from genie_sim.analysis import figures
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
@@ -40,10 +40,8 @@ def run_of(tables: dict[str, pd.DataFrame]) -> Run:
     return Run("0123456789ab", facts, "", columns, ())
 
 
-@pytest.mark.parametrize("width", [None, "page"])
-def test_figures_of_a_run(tables, width: str | None):
-    width_in = None if width is None else style.WIDTHS[width]
-    outline.check(f"run {width or 'usual'}", figures.of_run(run_of(tables), width_in))
+def test_figures_of_a_run(tables):
+    outline.check("run", figures.of_run(run_of(tables), None))
 
 
 def test_several_seeds_have_bands(tables):
@@ -60,6 +58,7 @@ def test_several_seeds_have_bands(tables):
     outline.check("seeds", drawn)
 
 
+@pytest.mark.slow
 def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
     labels = [f"{cars} cars\n{kind}" for kind in ("homo", "hetero") for cars in (1, 2, 3)]
     frames = dict.fromkeys(labels, tables["frames"])

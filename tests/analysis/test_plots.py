@@ -33,7 +33,7 @@ def run() -> Run:
     return Run("0123456789ab", facts, "", tables, ())
 
 
-def test_into_a_panel_goes_the_use_under_the_last_method_or_the_one_that_is_named(run: Run):
+def test_a_panel_draws_the_last_method_unless_one_is_named(run: Run):
     def drawn(**chosen: str) -> list[list[float]]:
         panel = Figure().subplots()
         figure = Plots(run).resource_use(ax=panel, **chosen)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sim.street import fixed_device, scenario, street
 
 from genie_sim import build
 from genie_sim.analysis import compare, metrics, prices, summary
@@ -22,6 +21,7 @@ from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.settings import SettingError
 from genie_sim.sim.interface import InterfaceUse
+from tests.sim.street import fixed_device, scenario, street
 
 MS = 1_000_000
 S = 1_000 * MS
@@ -151,7 +151,7 @@ def test_energy_of_a_radio_is_a_closed_form():
     assert value(made, "bytes_down_per_frame", "remote") == row["bytes_down"] / frames
 
 
-def test_an_interface_stays_awake_between_transfers_and_counts_both_directions_once():
+def test_an_interface_awake_between_transfers_is_counted_once():
     use = InterfaceUse(tail_time_ns=10)
     use.begin(100)
     use.begin(103)  # the other direction

@@ -36,15 +36,12 @@ class FaultConformance:
         chosen = self.methods if methods is None else methods
         return small.scenario(chosen, perception=street, faults=list(faults))
 
-    def test_every_frame_is_answered_or_dropped(self, fault: dict[str, Any]):
-        rows = small.frames(self.setting({**fault, **self.times}))
+    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, fault: dict[str, Any]):
+        written = small.check_twice_the_same(self.setting({**fault, **self.times}))
+        rows = written["frames"].to_frame()
         small.check_conserved(rows, self.methods)
         if self.drops is not None:
             assert rows["drop"].str.contains(self.drops, regex=False).any(), "it loses nothing"
-
-    def test_twice_the_same(self, fault: dict[str, Any]):
-        setting = self.setting({**fault, **self.times})
-        small.same(small.tables(setting), small.tables(setting))
 
     def test_no_state_goes_from_one_method_to_the_next(self, fault: dict[str, Any]):
         timed = {**fault, **self.times}

@@ -41,7 +41,7 @@ class FrameSourceConformance:
     def test_it_is_the_same_whenever_it_is_opened(self, source: dict[str, Any]):
         one, other = (runner.prepare(self.setting(source)) for _ in range(2))
         assert dict(one.frames.digests()) == dict(other.frames.digests())
-        small.same(small.tables(one.scenario), small.tables(other.scenario))
+        small.same(*(small.arrow(runner.simulate(prepared)) for prepared in (one, other)))
 
     def test_no_state_goes_from_one_method_to_the_next(self, source: dict[str, Any]):
         small.check_order_is_irrelevant(lambda methods: self.setting(source, methods=methods))

@@ -25,9 +25,8 @@ class GeniePartConformance:
         return small.scenario(methods, genie=genie, perception=street)
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, genie: dict[str, Any]):
-        tables = small.tables(self.setting(genie))
-        small.check_conserved(tables["frames"], ["genie"])
-        small.same(tables, small.tables(self.setting(genie)))
+        written = small.check_twice_the_same(self.setting(genie))
+        small.check_conserved(written["frames"].to_frame(), ["genie"])
 
     def test_no_state_goes_from_one_genie_to_the_next(self, genie: dict[str, Any]):
         slower = {"name": "slower", "method": "genie", "model": "yolov8m"}

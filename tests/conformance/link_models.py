@@ -36,9 +36,8 @@ class MediumConformance:
         return small.scenario(methods, cars=cars, edges=edges)
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):
-        tables = small.tables(self.setting(link))
-        small.check_conserved(tables["frames"], small.ALL)
-        small.same(tables, small.tables(self.setting(link)))
+        written = small.check_twice_the_same(self.setting(link))
+        small.check_conserved(written["frames"].to_frame(), small.ALL)
 
     def test_no_state_goes_from_one_method_to_the_next(self, link: Any):
         small.check_order_is_irrelevant(lambda methods: self.setting(link, methods))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
+import pyarrow as pa
 import pytest
 
 from genie_sim import build
@@ -45,38 +46,37 @@ class MethodConformance:
         assert hosts.equals(lookups["placement"].rename(0))
 
     def test_twice_the_same(self, method: str):
-        setting = small.scenario([method], **SETTINGS["lossy"])
-        small.same(small.tables(setting), small.tables(setting))
+        small.check_twice_the_same(small.scenario([method], **SETTINGS["lossy"]))
 
-    def test_alone_or_beside_others_in_any_order(self, method: str):
+    def test_alone_or_between_others(self, method: str):
         """It takes no random number of another method, leaves nothing behind, and finds nothing."""
         name, lossy = from_plain(MethodEntry, method).name, SETTINGS["lossy"]
-        others = [one for one in self.beside if one != method]
-        alone = small.tables(small.scenario([method], **lossy))
-        without = small.tables(small.scenario(others, **lossy))
-        for order in ([method, *others], [*others, method], [others[0], method, *others[:0:-1]]):
-            found = small.tables(small.scenario(order, **lossy))
-            small.same(small.of(name, alone), small.of(name, found))
-            for other in others:
-                small.same(small.of(other, without), small.of(other, found))
+        first, *others = [one for one in self.beside if one != method]
+
+        def tables(*methods: str) -> dict[str, pa.Table]:
+            return small.arrow(small.simulated(small.scenario(methods, **lossy)))
+
+        found, without = tables(first, method, *others), tables(first, *others)
+        small.same(small.of(name, tables(method)), small.of(name, found))
+        for other in (first, *others):
+            small.same(small.of(other, without), small.of(other, found))
 
     def test_settings_of_an_entry_hold_for_that_entry_only(self, method: str):
         name = from_plain(MethodEntry, method).name
         slower = {"name": "slower", "method": method, "model": "yolov8m", "queue_length": 4}
-        alone = small.tables(small.scenario([method]))
-        both = small.tables(small.scenario([slower, method]))
+        plain = {"name": "slower", "method": method}
+        alone, both, by_hand = (
+            small.arrow(small.simulated(one))
+            for one in (
+                small.scenario([method]),
+                small.scenario([slower, method]),
+                small.scenario([plain], model="yolov8m", queue_length=4),
+            )
+        )
         small.same(small.of(name, alone), small.of(name, both))
-        by_hand = small.tables(
-            small.scenario([{"name": "slower", "method": method}], model="yolov8m", queue_length=4)
-        )
         small.same(small.of("slower", by_hand), small.of("slower", both))
-        other, mine = (
-            both["frames"].query("method == @one").reset_index(drop=True)
-            for one in ("slower", name)
-        )
-        assert not other["first_answer_ns"].equals(mine["first_answer_ns"]), (
-            "the settings change nothing"
-        )
+        other, mine = (small.of(one, both)["frames"] for one in ("slower", name))
+        assert other["first_answer_ns"] != mine["first_answer_ns"], "the settings change nothing"
 
     def test_it_says_what_it_is(self, method: str):
         (fact,) = build.method_facts(small.scenario([method]))

@@ -4,14 +4,20 @@ two seconds.
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 
 from genie_sim import build, runner
 from genie_sim.recording.log import Log
 from genie_sim.recording.records import Tables, new_tables
+from genie_sim.recording.tables import Table
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.settings import from_plain
@@ -49,24 +55,41 @@ def car(number: int, **settings: Any) -> dict[str, Any]:
 
 
 def tables(setting: Scenario) -> dict[str, pd.DataFrame]:
-    """Every table of a run of all its methods, by name, texts as such."""
-    written = runner.simulate(runner.prepare(setting))
-    return {name: _plain(table.to_frame()) for name, table in written.items()}
-
-
-def _plain(rows: pd.DataFrame) -> pd.DataFrame:
-    """The values alone, ``None`` for what is not known: a column's type depends on what else
-    ran.
-    """
-    values = rows.astype(object)
-    return values.where(values.notna(), None)
+    """Every table of a run of all its methods, by name, ``None`` for what is not known."""
+    return {name: _plain(table) for name, table in simulated(setting).items()}
 
 
 def frames(setting: Scenario) -> pd.DataFrame:
-    return tables(setting)["frames"]
+    """The table of frames alone."""
+    return _plain(simulated(setting)["frames"])
 
 
-def of(method: str, found: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame]:
+def simulated(setting: Scenario) -> Tables:
+    """Every table of a run of all its methods, by name."""
+    return runner.simulate(runner.prepare(setting))
+
+
+def _plain(table: Table) -> pd.DataFrame:
+    values = table.to_frame().astype(object)
+    return values.where(values.notna(), None)
+
+
+def arrow(written: Tables) -> dict[str, pa.Table]:
+    """The tables as a file has them, texts as such."""
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for name, table in written.items():
+            table.write(Path(folder) / name)
+            rows = pq.read_table(Path(folder) / name)
+            texts = [field for field in rows.schema if pa.types.is_dictionary(field.type)]
+            for field in texts:
+                column = rows[field.name].cast(pa.string())
+                rows = rows.set_column(rows.schema.get_field_index(field.name), field.name, column)
+            found[name] = rows
+    return found
+
+
+def of(method: str, found: Mapping[str, pa.Table]) -> dict[str, pa.Table]:
     """The rows of one method in every table, without those that only a car's first method has: its
     poses, and the judgement of the zero-delay detector.
     """
@@ -74,17 +97,25 @@ def of(method: str, found: Mapping[str, pd.DataFrame]) -> dict[str, pd.DataFrame
     for name, rows in found.items():
         if name == "poses":
             continue
+        mine = pc.equal(rows["method"], method)
         if name == "held":
-            rows = rows[rows["what"] != "zero_delay"]
-        own[name] = _plain(rows[rows["method"] == method].reset_index(drop=True))
+            mine = pc.and_(mine, pc.not_equal(rows["what"], "zero_delay"))
+        own[name] = rows.filter(mine)
     return own
 
 
-def same(one: Mapping[str, pd.DataFrame], other: Mapping[str, pd.DataFrame]) -> None:
+def same(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
     """Raises where two sets of tables are not the same to the last bit."""
     assert one.keys() == other.keys()
     for name, rows in one.items():
-        pd.testing.assert_frame_equal(rows, other[name], check_exact=True, obj=name)
+        assert rows.equals(other[name]), f"{name}:\n{rows}\n{other[name]}"
+
+
+def check_twice_the_same(setting: Scenario) -> Tables:
+    """Two runs give the same bytes; returns the tables of the first."""
+    first = simulated(setting)
+    same(arrow(first), arrow(simulated(setting)))
+    return first
 
 
 def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
@@ -114,15 +145,10 @@ def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:
 def check_order_is_irrelevant(
     setting: Callable[[Sequence[Any]], Scenario], methods: Sequence[Any] = ALL
 ) -> None:
-    """Every method gives the same bytes alone and beside the others in any order, so that nothing
-    that a scenario names keeps state from one method to the next.
+    """Every method gives the same bytes alone and after the others, so that nothing that a scenario
+    names keeps state from one method to the next.
     """
-    names = [from_plain(MethodEntry, method).name for method in methods]
-    alone = {
-        name: of(name, tables(setting([method])))
-        for name, method in zip(names, methods, strict=True)
-    }
-    for order in (methods, methods[::-1]):
-        together = tables(setting(order))
-        for name in names:
-            same(alone[name], of(name, together))
+    together = arrow(simulated(setting(methods[::-1])))
+    for method in methods:
+        name = from_plain(MethodEntry, method).name
+        same(of(name, arrow(simulated(setting([method])))), of(name, together))

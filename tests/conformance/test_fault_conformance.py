@@ -186,7 +186,7 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
 
 
 @pytest.mark.parametrize("what", ["accelerator", "cpu"])
-def test_a_processor_whose_jobs_are_interrupted_is_idle_and_never_done_with_them(what: str):
+def test_a_processor_of_interrupted_jobs_is_idle_and_never_finishes_them(what: str):
     world, _ = small.world(small.scenario(["local"]))
     processor, done = getattr(world.network.graphs["edge1"].host, what), []
     jobs = [

@@ -63,7 +63,7 @@ def test_open_rows_are_the_stored_objects_whenever_a_map_is_asked(policy: str):
 
 
 @pytest.mark.parametrize("policy", ["never", "recommended"])
-def test_objects_of_a_map_that_is_lost_are_closed_and_their_numbers_not_used_again(policy: str):
+def test_objects_of_a_lost_map_end_and_their_numbers_are_not_reused(policy: str):
     run = short_run(policy, f"faults=[{LOST_EDGE}]")
     of_edge = run.objects[run.objects["genie"] == "edge1/genie"]
     lost = of_edge[of_edge["confidence"].isna() & (of_edge["t_ns"] == 10**9)]

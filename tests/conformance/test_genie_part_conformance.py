@@ -75,7 +75,7 @@ def test_a_part_of_a_genie_that_keeps_state_between_methods_is_caught(genie):
 
 def test_a_method_that_keeps_state_is_caught():
     with pytest.raises(AssertionError):
-        MethodConformance().test_alone_or_beside_others_in_any_order(f"{OWN}:LeakyMethod")
+        MethodConformance().test_alone_or_between_others(f"{OWN}:LeakyMethod")
 
 
 def test_a_fault_that_keeps_state_between_methods_is_caught():

@@ -150,7 +150,7 @@ def test_an_answer_nobody_asked_for_is_knowledge_for_the_map_only():
     assert len(asked.object_map) == 1
 
 
-def test_an_object_without_a_place_is_answered_by_its_score_and_stays_out_of_the_map():
+def test_an_object_without_a_place_keeps_its_score_and_enters_no_map():
     first, nowhere, faint = frame(0), seen("person", 0.7, at=None), seen("dog", 0.5, at=None)
     asked = genie(miss_policy="blocking")
     asked.on_message(IMAGES, first, 0)
@@ -264,7 +264,7 @@ def test_an_evicted_answer_is_a_miss_again():
 # The same picture while the first is pending
 
 
-def test_equal_requests_wait_for_one_answer_and_each_gets_it_under_its_own_header():
+def test_equal_requests_share_one_answer_each_under_its_own_header():
     asked = genie(miss_policy="blocking")
     first, second = frame(0.0), frame(0.1)
     asked.on_message(IMAGES, first, 0)
@@ -399,7 +399,7 @@ def test_the_literal_storm_runs_a_neighbours_miss_and_passes_it_on():
     ]
 
 
-def test_in_the_storm_an_answer_that_everybody_gets_is_not_sent_to_the_requester_twice():
+def test_a_broadcast_answer_reaches_the_requester_once():
     theirs, equal = frame(0, car="car2"), frame(0, car="car3")
     asked = genie(neighbour_miss="process")
     asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)
@@ -519,9 +519,7 @@ def test_with_hits_only_a_miss_is_never_answered():
         ("car12/genie", ["car"]),
     ],
 )
-def test_all_fresh_objects_may_reach_the_clients_on_the_nodes_own_host_but_nobody_else(
-    name, delivered
-):
+def test_all_fresh_objects_reach_only_clients_on_the_same_host(name, delivered):
     """The transparent answer: who asks over a link gets what is above C_T, whatever the scenario
     says.
     """
@@ -544,7 +542,7 @@ def test_what_another_genie_says_is_not_the_own_nodes_fresh_answer():
     ) == ["car"]
 
 
-def test_a_neighbour_whose_miss_is_run_gets_the_detection_though_clients_get_hits_only():
+def test_a_neighbour_gets_the_detection_of_its_miss_when_clients_get_hits():
     theirs = frame(0, car="car2")
     asked = genie(miss_policy="hits_only", neighbour_miss="process", share_answers="on_request")
     asked.on_message(TO_OTHERS, theirs, 0, NEIGHBOUR)
@@ -692,14 +690,14 @@ def test_who_comes_between_two_answers_of_the_node_gets_both_each_once():
     assert publications(asked.on_message(FROM_OTHERS, answer(frame(0), CAR), 4)) == []
 
 
-def test_a_topic_on_which_the_node_stays_silent_does_not_expire_who_was_served():
+def test_a_silent_topic_does_not_expire_requests_that_were_served():
     asked = both_topics()
     asked.on_message(FROM_NODE, answer(frame(0), CAR), 1)
     asked.on_message(IMAGES, frame(1), 2)
     assert asked.on_deadline(10 * S) == []
 
 
-def test_who_was_served_by_a_neighbours_answer_waits_only_for_the_other_topic():
+def test_a_request_served_on_one_topic_waits_only_for_the_other():
     """Our node works on the picture; a neighbour's objects for an equal one come first."""
     asked, theirs, late = both_topics(), frame(0, car="car2"), frame(1)
     asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
@@ -712,7 +710,7 @@ def test_who_was_served_by_a_neighbours_answer_waits_only_for_the_other_topic():
     assert [one.header for one in lanes] == [frame(0).header, late.header]
 
 
-def test_who_was_served_by_a_neighbours_answer_does_not_expire_with_those_who_were_not():
+def test_a_request_served_by_a_neighbour_does_not_expire():
     asked, theirs = both_topics(), frame(0, car="car2")
     asked.on_message(TO_OTHERS, theirs, 1, NEIGHBOUR)
     asked.on_message(FROM_OTHERS, answer(theirs, CAR), 2, NEIGHBOUR)
@@ -759,7 +757,7 @@ def test_an_edge_may_send_other_edges_every_object_but_a_car_never():
     assert labels(answers(hit, FROM_OTHERS)[0]) == ["car", "bus"]
 
 
-def test_a_car_that_learns_from_its_own_node_only_passes_the_edges_answer_on():
+def test_a_car_that_learns_from_its_own_node_passes_edge_answers_on():
     asked = genie(name="car1/genie", car_learns="own", share_answers="on_request")
     asked.on_message(IMAGES, frame(0), 0)
     effects = asked.on_message(FROM_OTHERS, answer(frame(0), CAR), 1)

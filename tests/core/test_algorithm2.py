@@ -52,7 +52,7 @@ def test_a_first_sighting_is_stored_with_its_score():
     )
 
 
-def test_an_object_that_another_map_has_confirmed_comes_with_its_confidence():
+def test_an_object_confirmed_by_another_map_keeps_its_confidence():
     _, stored = object_map().sight(replace(seen("car", 0.3), confidence=0.7))
     assert (stored.score, stored.confidence) == (0.3, 0.7)
 
@@ -248,7 +248,7 @@ def test_a_replay_shows_the_nearest_of_several_objects_and_adds_the_others(one_p
     assert boosted.objects[0].location == (21.0, 0.0, 0.0)
 
 
-def test_a_replay_shows_no_confidence_of_another_class_unless_any_object_is_it():
+def test_a_replay_shows_no_confidence_of_another_class():
     stored = answer(Header(S, "02", "car1"), seen("car", 0.4))
     shown = []
     for one_per_location in (False, True):
@@ -416,6 +416,7 @@ def test_nothing_is_forgotten_unless_it_is_said():
     assert len(objects) == 1
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(sightings, st.integers(0, 30)), max_size=8), st.sampled_from([0.3, 2.5]))
 def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
     """Whatever cells it lies in, an object is there for as long as it was sighted within the time,
@@ -436,7 +437,7 @@ def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
             assert there <= held and (id(stored) in there) is (id(stored) in held)
 
 
-def test_every_object_has_a_number_that_no_other_object_of_the_map_ever_gets():
+def test_numbers_of_objects_are_never_reused():
     objects = object_map(freshness=Ttl(S))
     _, car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)))
     objects.sight(seen("car", 0.9, at=(0.2, 0.0)))

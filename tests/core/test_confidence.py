@@ -47,7 +47,7 @@ def test_a_sighting_of_an_object_stored_with_one_half(rule, weaker, stronger):
     assert rule(0.5, 0.9, 0.1) == pytest.approx(stronger)
 
 
-def test_as_printed_the_confidence_of_a_traffic_light_that_many_cars_see_runs_off():
+def test_the_printed_rule_lets_the_confidence_of_a_shared_object_diverge():
     """Section III-D: "even with an initial low score, many cars will see and recognize it". Here
     0.3, then 0.5 each.
     """

@@ -68,7 +68,7 @@ def test_objects_of_one_answer_are_different_ones_however_near():
     assert held(apart, 0.1) == [("person", 10.0)]
 
 
-def test_newest_predicts_what_has_a_velocity_and_lets_it_replace_older_views():
+def test_newest_predicts_objects_with_a_velocity():
     consumer = Newest()
     tell(consumer, 0.0, car(33.0), camera="03")
     map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
@@ -102,9 +102,7 @@ def test_a_tracker_predicts_between_answers_and_takes_caches_for_nothing():
 
 
 @pytest.mark.parametrize(("off_axis_deg", "remaining"), [(40.0, False), (50.0, True)])
-def test_an_answer_that_shows_all_in_view_replaces_older_ones_in_its_field_of_view_alone(
-    off_axis_deg, remaining
-):
+def test_an_answer_replaces_older_ones_only_within_its_field_of_view(off_axis_deg, remaining):
     """The field of view is 90 degrees wide, 45 to either side."""
     off_axis_rad = math.radians(off_axis_deg)
     place = (20.0 * math.cos(off_axis_rad), 20.0 * math.sin(off_axis_rad))

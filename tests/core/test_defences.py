@@ -24,7 +24,7 @@ from genie_sim.core.told import ToldTracks, tracks_to_tell
 from genie_sim.core.track_map import TrackMap
 from genie_sim.messages import SHARED, Detections, Effect, Motion, Publish
 from tests.core.looks import after, car, look, tracks
-from tests.core.test_told import HERE, told, track
+from tests.core.told import HERE, told, track
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame
 
 NOTHING = OwnEvidence(misses=0, finds=0, tracked=False)
@@ -145,7 +145,7 @@ class Noting(Defence):
         self.noted.append(("unseen", header.origin))
 
 
-def test_a_map_asks_its_defence_which_looks_count_and_tells_it_what_they_show():
+def test_a_map_asks_its_defence_which_looks_count():
     defence = Noting()
     policy = MeasuredExistence(measured=False)
     map_ = TrackMap(ObjectMapRules(), policy, defence=defence)
@@ -209,7 +209,7 @@ def signing_edge() -> SharingGenie:
     )
 
 
-def test_an_edge_that_needs_signatures_counts_and_passes_on_signed_looks_alone():
+def test_an_edge_that_needs_signatures_takes_signed_looks_alone():
     genie, image = signing_edge(), frame(0.1)
     genie.on_message(IMAGES, image, S // 10)
     effects = genie.on_message(OBJECTS, answer(image, car(30.0, 2.0)), S // 5)

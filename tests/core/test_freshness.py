@@ -48,7 +48,7 @@ def test_a_parked_car_that_was_passed_stays_and_goes_when_it_has_left():
     assert len(map_) == 0
 
 
-def test_a_van_ahead_that_drives_on_is_served_where_it_is_and_leaves_no_trail():
+def test_a_moving_van_is_served_where_it_is_and_leaves_no_trail():
     """10 m/s away from a camera that sees it every 100 ms: 2 s later one object, and 50 ms on, half
     a metre further.
     """
@@ -177,7 +177,7 @@ def test_existence_follows_the_textbooks_recursion(scores, range_m):
         assert 0.0 <= held.existence <= 1.0
 
 
-def test_autowares_rule_halves_in_half_a_second_and_takes_misses_for_nothing():
+def test_autoware_s_rule_halves_in_half_a_second_and_ignores_misses():
     policy = Existence("autoware")
     (held,) = after(tracks(policy), look(0, car(score=0.8)))
     assert policy.existence(held, S // 2) == pytest.approx(0.4)
@@ -339,7 +339,7 @@ def test_a_sighting_hits_what_may_leave_by_existence_or_by_confidence(
     )
 
 
-def test_another_maps_track_is_taken_over_only_where_nobody_here_has_just_looked():
+def test_a_track_is_taken_over_only_where_nobody_has_just_looked():
     both = car(20.0, 0.0), car(20.0, 30.0)
     edge = after(tracks(), *(look(0.1 * i, *both, car="car2", heading_deg=30.0) for i in range(9)))
     objects, valid_ns = edge.visible(

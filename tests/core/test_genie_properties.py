@@ -100,9 +100,7 @@ def test_blocking_a_clients_frame_is_answered_at_most_once(make_genie, story):
 
 @whatever
 @given(genies(miss_policy="immediate", replay_stamp="request"), any_story)
-def test_immediately_a_clients_frame_is_answered_by_the_map_first_and_once_more_at_most(
-    make_genie, story
-):
+def test_a_frame_is_answered_by_the_map_first_and_once_more_at_most(make_genie, story):
     sources = {}
     for _, effects in tell(make_genie(), story):
         for one in answers(effects):

@@ -103,7 +103,7 @@ def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
 # Sizes
 
 
-def test_an_answer_larger_than_the_whole_cache_is_not_stored_and_pushes_nothing_out():
+def test_an_answer_larger_than_the_cache_is_not_stored_and_evicts_nothing():
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=500))
     cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)
     cache.put("bridge", OBJECTS, answer(HEADER, *[seen("car", 0.9)] * 2), 1)
@@ -154,7 +154,7 @@ def test_a_new_answer_starts_a_new_time():
     assert cache.get("crossing", 18) is not None
 
 
-def test_an_expired_answer_does_not_live_on_beside_a_new_one_of_another_topic():
+def test_an_expired_answer_goes_even_beside_a_new_one_of_another_topic():
     cache = MessageCache(Exact().index(), TTL(10))
     cache.put("crossing", "/lanes", Lanes(HEADER, 3), 0)
     cache.put("crossing", OBJECTS, answer(HEADER), 10)
@@ -229,7 +229,7 @@ def test_requests_expire_in_the_order_they_came():
     assert index.by_key("/image_raw", "picture 1") is None
 
 
-def test_an_equal_picture_joins_even_if_a_more_equal_one_is_answered_already():
+def test_a_similar_image_joins_a_pending_request_despite_a_closer_answer():
     index = PendingIndex(lambda header: header, DHash(radius=2).index)
     answered, open_one = pending_request(key=0b0001), pending_request(key=0b0110)
     index.open(frame(0).header, answered)

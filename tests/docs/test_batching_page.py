@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 METRICS = {
     "frames with a fresh result [%]": ("fresh_answered_share", 100),

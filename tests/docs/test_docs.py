@@ -45,6 +45,7 @@ def as_a_reader(tmp_path: Path) -> dict[str, str]:
     }
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FOLLOWED)
 def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[str, str]):
@@ -146,6 +147,7 @@ def test_every_reading_of_the_paper_is_explained():
                 assert f"`{choice}`" in page, f"genie.{name}: {choice} is not explained"
 
 
+@pytest.mark.process
 def test_a_class_in_the_current_folder_is_found_by_the_installed_command(tmp_path: Path):
     """``-P``: Python does not look into the current folder by itself, as with an installed
     ``genie-sim``.
@@ -227,6 +229,7 @@ false
 """
 
 
+@pytest.mark.process
 def test_a_page_that_shows_something_else_is_noticed_and_can_be_put_right(
     monkeypatch: pytest.MonkeyPatch,
 ):

@@ -37,6 +37,7 @@ def skip(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli):
     window = "cars[0].route.window=[0 s, 3 s]"
     ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window)
@@ -64,6 +65,7 @@ def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, r
         )
 
 
+@pytest.mark.slow
 def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path, run_cli):
     ran = run_cli("sweep", "skips.yaml")
     assert ran.returncode == 0, ran.stderr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 METRICS = {
     "frames answered [%]": ("fault_answered_share", 100),

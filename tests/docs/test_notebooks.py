@@ -67,6 +67,7 @@ def test_a_notebook_reads_nothing_that_a_user_does_not_have(path: Path):
                 }
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs_and_shows_its_figures(

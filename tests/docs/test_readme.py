@@ -16,20 +16,19 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from tests import tiers
+from tests.docs.blocks import matches, script, session
+
 REPOSITORY = Path(__file__).resolve().parents[2]
 README = REPOSITORY / "README.md"
 FOLDERS = ("scenarios", "device_profiles")  # what a command of the README may read of the checkout
 LONGEST_BLOCK_S = 300
-
-# Done by whoever runs this test: getting the project, installing it, and the tests themselves.
-SET_UP = re.compile(
-    r"^(git clone|cd genie-sim|python3? -m (venv|pip|pytest)|pip |source |\. |(\S*/)?\.ci/run)"
-)
 
 
 @dataclass(frozen=True)
@@ -67,49 +66,6 @@ def blocks(text: str) -> list[Block]:
         elif line.strip():
             not_run = None
     return found
-
-
-def without_set_up(command: str) -> str:
-    """What is left of ``python -m venv .venv && . .venv/bin/activate && genie-sim run town``: the
-    last part.
-    """
-    return " && ".join(part for part in command.split(" && ") if not SET_UP.match(part.strip()))
-
-
-def script(lines: tuple[str, ...]) -> str:
-    """The commands of a ``bash`` block, without those that set the project up."""
-    commands = "\n".join(lines).replace("\\\n", " ").splitlines()
-    return "\n".join(filter(None, map(without_set_up, commands)))
-
-
-def session(lines: tuple[str, ...]) -> list[tuple[str, list[str]]]:
-    """The commands of a ``console`` block, each with the output shown below it."""
-    shown: list[tuple[str, list[str]]] = []
-    for line in lines:
-        if shown and shown[-1][0].endswith("\\") and not shown[-1][1]:
-            shown[-1] = (shown[-1][0][:-1] + line.strip().removeprefix("> "), [])
-        elif line.startswith("$ "):
-            shown.append((line[2:], []))
-        else:
-            assert shown, f"a console block begins with '$ command', not {line!r}"
-            shown[-1][1].append(line)
-    return [
-        (without_set_up(command), output) for command, output in shown if without_set_up(command)
-    ]
-
-
-def matches(shown: list[str], printed: str) -> bool:
-    """Whether ``printed`` is what is shown, ``...`` being anything; spaces at the ends of lines do
-    not count.
-    """
-    pattern = ""
-    for line in "\n".join(shown).strip().splitlines():
-        if line.strip() == "...":
-            pattern += r"(?:.*\n)*"
-        else:
-            pattern += ".*".join(re.escape(part) for part in line.rstrip().split("...")) + "\n"
-    text = "".join(f"{line.rstrip()}\n" for line in printed.strip().splitlines())
-    return re.fullmatch(pattern, text) is not None
 
 
 BLOCKS = blocks(README.read_text(encoding="utf-8")) if README.exists() else []
@@ -152,6 +108,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory):
     return run
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.xdist_group("readme")
 @pytest.mark.parametrize("block", BLOCKS, ids=str)
@@ -187,16 +144,23 @@ def test_the_readme_shows_commands_and_what_they_print():
 
 
 def test_continuous_integration_runs_the_tests_as_the_readme_says():
-    """The README's first command word for word; its second in parallel, with no test left out."""
+    """The README's first command word for word; its second before all other tests."""
     said = README.read_text(encoding="utf-8")
     done = (REPOSITORY / ".ci" / "run").read_text(encoding="utf-8")
     assert "python -m pip install '.[test]'" in said
     assert "python -m pip install --quiet '.[test]'" in done
     assert "python -m pytest" in said
-    assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == ["test"]
+    first, *_ = re.findall(r"^ *(?:task \w|python -m pytest).*", done, re.MULTILINE)
+    assert first.startswith("python -m pytest ||"), "the fast tests come first, as they are"
+    assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == ["rest"]
+
+
+def test_the_rest_is_all_that_the_fast_tier_leaves_out_but_nightly():
     tasks = (REPOSITORY / "noxfile.py").read_text(encoding="utf-8")
-    assert 'session.run("python", "-m", "pytest", ' in tasks
-    assert "--ignore" not in tasks
+    fast = tiers.FAST.removeprefix("not ")
+    assert f'REST = "{fast.replace(" or nightly", "")} and not nightly"' in tasks
+    options = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
+    assert tiers.FAST in options["tool"]["pytest"]["ini_options"]["addopts"]
 
 
 @pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"])

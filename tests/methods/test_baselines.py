@@ -85,7 +85,7 @@ def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
     assert "peer_cache" in set(found["frames"]["source"])
 
 
-def test_cachier_answers_from_an_edge_or_from_the_cloud_and_nothing_else_detects():
+def test_cachier_answers_from_an_edge_or_the_cloud_only():
     """The cars of the cloud's own edge are served by it; the cache of the other is filled with what
     it forwards.
     """
@@ -198,7 +198,7 @@ def test_every_baseline_is_a_method_with_a_name():
 @pytest.mark.parametrize(
     "method", [name for name in METHODS if name not in ("local", "remote", "genie")]
 )
-def test_a_method_takes_cars_without_cameras_without_edge_or_without_genie_as_they_are(method: str):
+def test_cars_without_cameras_edge_or_genie_are_allowed(method: str):
     """A car without cameras has nothing to compare; one without an edge is answered by its own
     detector, if at all.
     """

@@ -96,7 +96,6 @@ def test_only_runs_that_are_shown_are_judged():
     assert all(judged[name] == value or math.isnan(value) for name, value in plain.items())
 
 
-@pytest.mark.real_data
 def test_tracklets_and_tracking_labels_tell_of_the_same_street(kitti_root):
     """Sequence 0000 is drive 0005, labelled twice: parked vehicles within 0.2 m on average, in one
     world.

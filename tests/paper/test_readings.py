@@ -4,6 +4,8 @@ metric.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
 
@@ -183,8 +185,16 @@ FALLING, RISING = (
     REUSE | PER_OBJECT | {f"confidence_boost__{place}": boost for place in ("car", "edge")}
     for boost in (-0.1, 0.1)
 )
-DEFAULT = rows(verdicts_of("default", FALLING))
-BENCH = rows(verdicts_of("bench", FALLING, RISING))
+
+
+@functools.cache
+def default():
+    return rows(verdicts_of("default", FALLING))
+
+
+@functools.cache
+def bench():
+    return rows(verdicts_of("bench", FALLING, RISING))
 
 
 def of(claim, shown):
@@ -192,29 +202,34 @@ def of(claim, shown):
 
 
 def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
-    assert (of("C11", DEFAULT)["kind"], of("C11", DEFAULT)["verdict"]) == (
+    assert (of("C11", default())["kind"], of("C11", default())["verdict"]) == (
         "calibrated",
         "calibrated",
     )
-    assert (of("C11", BENCH)["kind"], of("C11", BENCH)["verdict"]) == ("prediction", "reproduced")
+    assert (of("C11", bench())["kind"], of("C11", bench())["verdict"]) == (
+        "prediction",
+        "reproduced",
+    )
 
 
 def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
     assert (
-        of("C26", DEFAULT)["verdict"] == "not reproduced"
-        and of("C26", DEFAULT)["by_default_metrics"] is None
+        of("C26", default())["verdict"] == "not reproduced"
+        and of("C26", default())["by_default_metrics"] is None
     )
-    assert of("C26", BENCH)["verdict"] == "reproduced"
-    assert of("C26", BENCH)["by_default_metrics"]["verdict"] == "not reproduced"
-    assert of("C26", BENCH)["by_default_metrics"]["value"] == pytest.approx(-0.1)
+    assert of("C26", bench())["verdict"] == "reproduced"
+    assert of("C26", bench())["by_default_metrics"]["verdict"] == "not reproduced"
+    assert of("C26", bench())["by_default_metrics"]["value"] == pytest.approx(-0.1)
 
 
 def test_counts_tell_kinds_and_readings_apart():
-    counted = counts_table(DEFAULT + BENCH)
+    counted = counts_table(default() + bench())
     assert "| reproduced | default | bench |" in counted
     assert "| calibrated | 1 of 2 |  |" in counted
     assert "| table | 3 of 3 | 3 of 3 |" in counted
-    predictions = [sum(one["kind"] == "prediction" for one in shown) for shown in (DEFAULT, BENCH)]
+    predictions = [
+        sum(one["kind"] == "prediction" for one in shown) for shown in (default(), bench())
+    ]
     assert predictions[1] == predictions[0] + 2
     assert f"| prediction | 1 of {predictions[0]} | 2 of {predictions[1]} |" in counted
     assert "- default: of 39 claims 4 reproduced (1 prediction, 3 table);" in counted
@@ -224,17 +239,19 @@ def test_counts_tell_kinds_and_readings_apart():
 
 def test_a_line_of_a_table_has_every_reading_s_verdict():
     line = next(
-        one for one in verdict_table.table(DEFAULT + BENCH).splitlines() if one.startswith("| C11 ")
+        one
+        for one in verdict_table.table(default() + bench()).splitlines()
+        if one.startswith("| C11 ")
     )
     assert line.endswith("| calibrated | calibrated: 0.31 | reproduced: 0.31 |")
     line = next(
         one
-        for one in verdict_table.text(DEFAULT + BENCH, 100).splitlines()
+        for one in verdict_table.text(default() + bench(), 100).splitlines()
         if one.startswith("C11 ")
     )
     assert line.split()[1:5] == ["=", "0.31", "+", "0.31"]
     shown = [load_reading(one).as_json() for one in ("default", "bench")]
-    document = verdict_table.document(DEFAULT + BENCH, shown, [])
+    document = verdict_table.document(default() + bench(), shown, [])
     assert (
         "- bench: *reproduced*: 0.1; 12 of 12 shown; decided by 1car_homo confidence_boost:car; "
         "average 0.1; by the default's metrics not reproduced: -0.1." in document

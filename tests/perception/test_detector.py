@@ -217,7 +217,7 @@ def test_a_network_for_other_classes_is_refused(tmp_path):
         make_detector("yolox_nano", path)
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @pytest.mark.skipif(
     not {"GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS"} <= os.environ.keys(),
     reason="GENIE_SIM_KITTI or GENIE_SIM_WEIGHTS is not set",

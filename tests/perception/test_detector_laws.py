@@ -60,7 +60,7 @@ def test_maps_and_trackers_use_them_unless_told_to_assume():
     assert laws[2] is ASSUMED
 
 
-def test_the_street_that_comes_with_the_package_is_judged_with_assumed_laws():
+def test_the_shipped_street_is_judged_with_assumed_laws():
     prepared = prepare(load_scenario("3car_recommended"))
     assert prepared.laws is ASSUMED
 

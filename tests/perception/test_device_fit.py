@@ -46,6 +46,7 @@ def test_location_and_sigma_of_the_law_are_found(loc, sigma):
     assert fitted.sigma == pytest.approx(sigma, rel=0.1)
 
 
+@pytest.mark.slow
 def test_no_other_law_is_closer_in_the_logarithm():
     """Where no law fits, a tail of 5 % that is ten times as slow: against a grid of laws."""
     latencies_ns = np.concatenate([drawn(10, 0.6, 0.3, count=950), drawn(100, 0.6, 0.3, count=50)])
@@ -61,6 +62,7 @@ def test_no_other_law_is_closer_in_the_logarithm():
     assert misfit(fitted.loc, fitted.sigma) <= min(misfit(*law) for law in grid) + 1e-3
 
 
+@pytest.mark.slow
 def test_the_ratios_are_the_laws_quantiles_by_the_measured_ones():
     """A tail of 5 % that is ten times as slow, which no law of one hump reaches."""
     latencies_ns = np.concatenate([drawn(10, 0.6, 0.3, count=950), drawn(100, 0.6, 0.3, count=50)])

@@ -190,7 +190,6 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
     assert truth.moving == frozenset()
 
 
-@pytest.mark.real_data
 def test_labels_of_another_drive_are_refused(kitti_root):
     made = Trace("made up", (49.0, 8.4, 100.0), {"02": (frame(index=0),)}, {})
     with pytest.raises(UserError, match="is not the drive of this trace"):
@@ -200,7 +199,6 @@ def test_labels_of_another_drive_are_refused(kitti_root):
         read_truth(kitti_root, "tracking/0000", only_right)
 
 
-@pytest.mark.real_data
 def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
     """Recall, precision, and the errors of placement of the shipped trace; docs/perception.md has
     all of it.
@@ -223,7 +221,6 @@ def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
         assert p90_m < 1.6
 
 
-@pytest.mark.real_data
 @pytest.mark.slow
 def test_average_precision_on_drive_0005(kitti_root, weights_dir):
     """Every fifth frame of camera 02; all of them give 0.834 and 0.876."""

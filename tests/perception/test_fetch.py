@@ -5,7 +5,6 @@ at all.
 from __future__ import annotations
 
 import hashlib
-import io
 import random
 import stat
 import threading
@@ -17,6 +16,7 @@ import pytest
 
 from genie_sim.errors import UserError
 from genie_sim.perception import fetch
+from tests.perception.archives import archive
 
 CONTENT = bytes(range(256)) * 4000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -105,16 +105,6 @@ def nano(server, monkeypatch):
 
 def quiet(done, total):
     assert done <= total
-
-
-def archive(entries, path=None):
-    made = io.BytesIO()
-    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as packed:
-        for name, content in entries:
-            packed.writestr(name, content)
-    if path is not None:
-        path.write_bytes(made.getvalue())
-    return made.getvalue()
 
 
 def link(name):

@@ -73,7 +73,6 @@ def test_a_tilted_car_is_turned_as_pykitti_turns_it(tmp_path):
     assert open_drive(tmp_path, DRIVE).world_SE3_imu[0] == pytest.approx(reference, abs=1e-6)
 
 
-@pytest.mark.real_data
 def test_the_calibration_is_that_of_pykitti(kitti_root):
     reference = pykitti.raw(str(kitti_root), DATE, "0005").calib
     drive = open_drive(kitti_root, DRIVE, ["02"])
@@ -332,7 +331,7 @@ def test_an_image_cut_short_is_refused_not_half_shown(tmp_path, extension):
         read_image(path)
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @pytest.mark.skipif("GENIE_SIM_KITTI" not in os.environ, reason="GENIE_SIM_KITTI is not set")
 def test_labelled_parked_cars_stay_at_one_place_in_the_world():
     """Drive 0005: cars that KITTI labelled while driving past them. The labels wander by some

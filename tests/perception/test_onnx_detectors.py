@@ -216,7 +216,6 @@ def test_a_detector_of_one_s_own_that_is_none(name, message):
         make_detector(name)
 
 
-@pytest.mark.real_data
 @pytest.mark.slow
 def test_nanodet_on_real_frames(kitti_root, weights_dir):
     """Drive 0005, camera 02, every fifth frame: near the figures of a first measurement (0.786 and

@@ -76,9 +76,7 @@ def test_a_drive_becomes_a_trace(street):
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
 
 
-def test_encoded_pictures_have_their_own_sizes_and_are_found_by_what_they_were_made_from(
-    street, tmp_path
-):
+def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street, tmp_path):
     root, weights = street
     raw, png, jpeg = (perceived(root, weights, encoding=one) for one in ("raw", "png", "jpeg80"))
     for before, lossless, lossy in zip(
@@ -215,7 +213,7 @@ def test_the_made_up_clock_is_kitti_s(street):
     assert first_ns % 60_000_000_000 == pytest.approx(FIRST_STAMP_S * 1e9, abs=1)
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @real_data
 def test_the_shipped_trace_is_made_from_these_frames():
     """Every 30th frame again.
@@ -267,7 +265,7 @@ def _twins(a, b, score, pixels):
     )
 
 
-@pytest.mark.real_data
+@pytest.mark.data
 @pytest.mark.skipif("GENIE_SIM_KITTI" not in os.environ, reason="GENIE_SIM_KITTI not set")
 def test_parked_vehicles_are_placed_where_kitti_s_labels_say():
     """Median horizontal error of the shipped locations below 0.75 m within 30 m, against

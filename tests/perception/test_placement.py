@@ -81,7 +81,7 @@ def test_a_pole_in_front_does_not_pull_a_car_forward():
     assert distance_m == pytest.approx(math.hypot(15.0, 1.0) + HALF_DEPTH_M["car"], abs=0.15)
 
 
-def test_a_parked_car_half_hidden_by_the_next_is_told_by_its_foot_on_the_ground():
+def test_a_half_hidden_parked_car_is_placed_by_its_foot_on_the_ground():
     """The nearer car fills more than half of the box; the box's bottom edge belongs to the farther
     one.
     """

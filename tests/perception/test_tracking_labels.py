@@ -18,14 +18,7 @@ from genie_sim.perception.labels import tracking_labels
 from genie_sim.perception.tracking import POINTRCNN_SCORES, open_sequence, sequences, tracking_trace
 from genie_sim.perception.truth import read_truth
 from genie_sim.perception.truth_table import make_truth
-
-CALIBRATION = """P2: 721.5377 0 609.5593 44.85728 0 721.5377 172.854 0.2163791 0 0 1 0.002745884
-R_rect 1 0 0 0 1 0 0 0 1
-Tr_velo_cam 0 -1 0 0 0 0 -1 0 1 0 0 0
-Tr_imu_velo 1 0 0 0 0 1 0 0 0 0 1 0
-"""
-OXTS = "49.0 8.4 112.0 0 0 0 " + "0 " * 24
-CAR = "{frame},2,500.0,170.0,600.0,230.0,{logit},1.5,1.6,3.9,-2.0,1.6,20.0,-1.6,-1.5\n"
+from tests.perception.tracking_files import CALIBRATION, CAR, OXTS
 
 
 @pytest.fixture
@@ -238,8 +231,7 @@ def test_unknown_names_list_the_known(root):
         tracking_trace(root, "0003", "yolox_nano")
 
 
-@pytest.mark.real_data
-def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(kitti_root):
+def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
     """KITTI's own relation: the middle of each car's box, projected by our camera 2, lies inside
     its labelled box.
     """
@@ -258,7 +250,6 @@ def test_a_labelled_box_in_space_is_where_the_label_says_it_is_in_the_picture(ki
     assert np.mean(inside) > 0.995
 
 
-@pytest.mark.real_data
 def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     """All 15 sequences: the centres of labelled vehicles that do not move. Labels and GPS wander by
     decimetres themselves (sequence 0019 by more); a wrong transform moves centres by metres to tens
@@ -291,7 +282,6 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     assert p90_m < 1.0
 
 
-@pytest.mark.real_data
 def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
     """Sequence 0000 is drive 0005: its camera stands where the raw drive's camera 2 does, frame by
     frame.
@@ -306,7 +296,6 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
         )
 
 
-@pytest.mark.real_data
 @pytest.mark.parametrize("detections", ["pointrcnn", "rrc"])
 def test_all_sequences_become_traces(kitti_root, detections):
     for sequence in sequences(kitti_root / "tracking" / "training"):

@@ -211,9 +211,7 @@ def test_what_is_missing_or_not_known_is_named(tmp_path: Path, monkeypatch: pyte
         v2v4real.folder(None)
 
 
-def test_a_sequence_that_cannot_be_recovered_is_refused_and_nothing_is_written(
-    tmp_path: Path, run_cli
-):
+def test_an_unrecoverable_sequence_is_refused_and_nothing_is_written(tmp_path: Path, run_cli):
     street.write(tmp_path, "val/0001", frames=10)
     refused = run_cli(
         *("perceive", "--format", "v2v4real", str(tmp_path), "--sequence", "val/0001"),

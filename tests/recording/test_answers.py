@@ -112,14 +112,14 @@ def test_answers_are_compared_in_windows_of_any_size_as_one_by_one(window: int):
     assert list(zip(*(columns[name].tolist() for name in columns.names), strict=True)) == expected
 
 
-def test_objects_without_a_place_are_not_counted_even_in_an_answer_that_is_the_same():
+def test_objects_without_a_place_are_never_counted():
     detected = [one("car", 10.0), one("car", None)]
     same = compared(detected, ("own_detector", detected))
     assert same == [("first", "own_detector", 1, 1, 1), ("result", "own_detector", 1, 1, 1)]
     assert compared(detected, ("map", [one("car", None)])) == [("first", "map", 0, 1, 0)]
 
 
-def test_first_answer_and_result_are_judged_each_once_and_a_frame_that_is_settled_no_more():
+def test_first_answer_and_result_are_each_judged_once():
     detected = [one("car", 10.0)]
     answers = ("map", []), ("own_cache", detected), ("edge_detector", [])
     assert compared(detected, *answers) == [

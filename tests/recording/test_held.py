@@ -7,9 +7,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from genie_sim.analysis import screen, summary
 from genie_sim.analysis.correctness import of_held
 from genie_sim.analysis.registry import ZERO_DELAY
 from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Location
+from genie_sim.messages import Detections, Header, Image
 from genie_sim.perception.sources import Recordings
 from genie_sim.perception.trace import Trace, read_trace, write_trace
 from genie_sim.perception.truth_table import (
@@ -40,77 +40,17 @@ from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.scenario.scenario import Scenario, load_scenario
-
-SECOND = 1_000_000_000
-POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
-
-
-class Thing(NamedTuple):
-    label: str
-    location: Location
-    moving: bool = False
-
-
-def thing(label: str, east_m: float, north_m: float = 0.0, moving: bool = False) -> Thing:
-    return Thing(label, (east_m, north_m, 0.8), moving)
-
-
-def one(label: str, east_m: float, north_m: float = 0.0) -> Detection:
-    return Detection(label, 0.9, None, (east_m, north_m, 0.0), 0.9, "made up")
-
-
-@dataclass(frozen=True)
-class Frame:
-    """What the camera took at the origin, looking east."""
-
-    visible: Sequence[Thing]
-    hidden: Sequence[Thing] = ()
-    detections: tuple[Detection, ...] = ()
-
-
-class Street:
-    """Knows cars and people."""
-
-    reach_m, range_m = 2.0, 40.0
-
-    def knows(self, label: str) -> bool:
-        return label in ("car", "truck", "person")
-
-    def visible(self, frame: Any) -> Sequence[Thing]:
-        return frame.visible
-
-    def is_there(self, frame: Any, label: str, east_m: float, north_m: float) -> bool:
-        there = (it for it in (*frame.visible, *frame.hidden) if it.label == label)
-        return any(math.dist(it.location[:2], (east_m, north_m)) <= self.reach_m for it in there)
-
-
-Step = tuple[Frame, Sequence[Detection] | None]
-
-
-def judged(
-    *steps: Step,
-    judged_without_delay: Sequence[str] = ("car1",),
-    what: str = "consumer",
-    objects: Table | None = None,
-) -> list[dict[str, Any]]:
-    """A frame each 100 ms, and after each the answer to it that the consumer is handed, if any: the
-    rows.
-    """
-    table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table, judged_without_delay, objects=objects)
-    for number, (frame, answer) in enumerate(steps):
-        header = Header(number * SECOND // 10, "camera_02", "car1")
-        judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
-        if answer is not None:
-            judge.answered(Detections(header, tuple(answer)), header.stamp_ns + SECOND // 20)
-    judge.close()
-    rows = table.to_frame()
-    return rows[rows["what"] == what].to_dict("records")
-
-
-def last(*steps: Step) -> dict[str, Any]:
-    return judged(*steps)[-1]
-
+from tests.recording.judging import (
+    POSE,
+    SECOND,
+    Frame,
+    Step,
+    Street,
+    judged,
+    last,
+    one,
+    thing,
+)
 
 Listed = Sequence[tuple[str, float, float]]
 
@@ -291,7 +231,7 @@ def test_a_truck_is_a_car():
     )
 
 
-def test_the_zero_delay_detector_is_the_frames_own_detections_and_written_once():
+def test_the_zero_delay_detector_is_written_once():
     frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
     rows = judged((frame, None), judged_without_delay=(), what="zero_delay")
     assert [(row["held"], row["right"], row["age_s"]) for row in rows] == [(1, 1, 0.0)]
@@ -491,7 +431,7 @@ def town(*settings: str) -> Scenario:
     return load_scenario("fleet_30", [*small, *settings])
 
 
-def test_a_town_is_judged_at_the_times_of_its_frames_and_held_may_be_left_out():
+def test_a_town_is_judged_at_the_times_of_its_frames():
     made, silent = (
         runner.run_in_memory(town()),
         runner.run_in_memory(town("record=[lookups, resources]")),

@@ -73,7 +73,7 @@ def test_a_cached_answer_is_a_result_and_as_old_as_its_look():
     assert_row(row_of(cached), first=10, result=10, fresh=None, first_looked_ns=700, looked_ns=700)
 
 
-def test_a_cached_answer_is_not_fresh_even_to_the_frame_that_it_first_answered():
+def test_a_cached_answer_is_never_fresh():
     cached = Detections(FRAME, ()).served("cache", "car1/genie", FRAME)
     assert_row(row_of(cached), result=10, fresh=None, looked_ns=1000)
 
@@ -153,7 +153,7 @@ def test_no_look_is_newer_than_the_answer_that_shows_it(run: Any):
     assert (known["looked_ns"] >= known["first_looked_ns"]).all()
 
 
-def test_nothing_out_of_a_cache_or_a_map_is_fresh_and_it_is_old_on_a_second_lap(run: Any):
+def test_answers_of_caches_and_maps_are_not_fresh_and_age_over_laps(run: Any):
     frames = run.frames[run.frames["method"] == "genie"]
     hits = frames[frames["source"].isin(["own_cache", "edge_cache", "peer_cache"])]
     assert len(hits) > 20

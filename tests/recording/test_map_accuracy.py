@@ -26,8 +26,8 @@ from genie_sim.recording.map_accuracy import MapAccuracy
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.records import HELD, HELD_OBJECTS
 from genie_sim.recording.tables import Table
+from tests.recording.judging import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
 from tests.recording.scalar_judge import ScalarJudge
-from tests.recording.test_held import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
 
 NOTHING = Frame([])
 
@@ -123,7 +123,7 @@ def test_a_place_counts_as_left_for_exactly_ten_seconds():
     assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
 
 
-def test_places_where_nothing_has_been_visible_for_ten_seconds_are_forgotten():
+def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
     """A parked car, and another that is somewhere else each time."""
     places = RecentPlaces()
     now_ns = np.arange(0, 40 * SECOND, SECOND)
@@ -263,6 +263,7 @@ def drive(judge: Judge, seed: int, moments: int) -> None:
     judge.close()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=12)
 @given(
     seed=st.integers(0, 2**32),

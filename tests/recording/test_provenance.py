@@ -15,7 +15,6 @@ import pytest
 from genie_sim.errors import UserError
 from genie_sim.recording import provenance
 from genie_sim.recording.provenance import check_writable, result_folder, run_id
-from tests import kills
 
 FACTS = {
     "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
@@ -37,7 +36,7 @@ def everything_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
-def test_a_run_id_is_12_hex_digits_that_do_not_depend_on_the_order_of_settings():
+def test_a_run_id_does_not_depend_on_the_order_of_settings():
     turned_round = {key: FACTS[key] for key in reversed(FACTS)}
     assert run_id(FACTS) == run_id(turned_round)
     assert len(run_id(FACTS)) == 12 and int(run_id(FACTS), 16) >= 0
@@ -57,6 +56,7 @@ def test_whatever_decides_the_outcome_changes_the_run_id(other):
     assert run_id(other) != run_id(FACTS)
 
 
+@pytest.mark.process
 def test_the_run_id_is_the_same_in_every_process():
     script = (
         "import json, sys; from genie_sim.recording.provenance import run_id;"
@@ -169,7 +169,7 @@ def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
     assert everything_in(tmp_path) == []
 
 
-def test_a_place_for_results_is_checked_before_simulating_and_left_as_it_was(tmp_path):
+def test_the_place_for_results_is_checked_before_simulating(tmp_path):
     check_writable(tmp_path / "not" / "yet" / "there")
     assert everything_in(tmp_path) == []
     (tmp_path / "file").write_text("not a folder")
@@ -276,6 +276,7 @@ def killed_process(final: Path, when: str) -> subprocess.Popen[str]:
     return made
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_path: Path):
     killed, living = (
@@ -298,6 +299,7 @@ def test_what_a_killed_process_left_goes_and_what_a_living_one_makes_stays(tmp_p
     )
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize(
     ("when", "text"), [("before the rename", "earlier"), ("before the earlier goes", "new")]
@@ -310,16 +312,6 @@ def test_a_kill_while_a_result_is_replaced_loses_none(tmp_path: Path, when: str,
     write_whole_result(tmp_path / "other")
     assert (final / "frames.parquet").read_text() == text
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other", "run"]
-
-
-@pytest.mark.unix
-@pytest.mark.slow
-def test_a_run_killed_at_random_instants_loses_nothing(capsys: pytest.CaptureFixture[str]):
-    """Two kills; ``python -m tests.kills --kills 100`` does them by the hundred, of sweeps and of
-    reproduce, too.
-    """
-    assert kills.main(["--kills", "2", "--only", "run"]) == 0, capsys.readouterr().out
-    assert capsys.readouterr().out.count("\n") == 3
 
 
 def test_a_folder_of_several_runs_says_where_they_are(tmp_path: Path):

@@ -123,7 +123,7 @@ def test_a_frame_tells_what_happened_to_it():
     assert np.isnan(dropped.first_answer_ns) and dropped.image_hit is None  # unknown is not False
 
 
-def test_frames_are_sorted_by_method_car_stream_and_frame_whatever_the_order_of_events():
+def test_frames_are_sorted_by_method_car_stream_and_frame():
     frames = a_short_drive().to_frame()
     keys = list(zip(frames.method, frames.car, frames.stream, frames.frame, strict=True))
     assert keys == sorted(keys) and keys[0][1] == "car1"
@@ -165,6 +165,7 @@ def some_objects(table: Table, at_once: int = 1) -> Table:
     return table
 
 
+@pytest.mark.slow
 def test_rows_that_went_to_the_file_at_once_are_the_same_rows(tmp_path):
     """And few of them are in memory: that is what it is for."""
     here, spilled = (
@@ -255,6 +256,7 @@ def test_a_table_without_rows_is_a_table(schema, tmp_path):
     assert empty.names[0] == "method"
 
 
+@pytest.mark.process
 def test_two_processes_with_other_hash_seeds_write_the_same_bytes(tmp_path):
     script = (
         "import sys; from pathlib import Path; from tests.recording.test_records import"
@@ -392,6 +394,7 @@ def test_a_wrong_file_is_named_in_one_line(tmp_path):
         assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_small_file_with_very_many_rows_is_refused_before_it_is_read(tmp_path, monkeypatch):
     """60 million equal rows are 1.7 MB on the disk and 4 GB in memory."""
     path = tmp_path / "objects.parquet"

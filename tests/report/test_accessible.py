@@ -14,17 +14,9 @@ import pytest
 import genie_sim as gs
 from genie_sim.paper import page as evaluation
 from tests.browser import Browser
-from tests.report.test_sweep_page import swept
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 AXE = resources.files("axe_core_python").joinpath("axe.min.js")
-SWEEP = """
-scenario: 1car_homo
-set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
-seeds: 1
-axes:
-  rule: {set: genie.object_map.rule, list: [noisy_or, ema]}
-"""
 CHECK = """(async (only) => {
   for (const one of document.querySelectorAll('details')) one.open = true;
   for (const one of document.querySelectorAll('#metric-filter')) {
@@ -52,8 +44,6 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
         return gs.run("fleet_30", {"fleet.cars": 3, "perception.duration": "2 s"}).report(
             folder / "report.html"
         )
-    if what == "sweep":
-        return swept(SWEEP, folder, "sweep") / "report.html"
     if what == "seeds":
         short = {"cars[0].route.window": ["0 s", "1 s"]}
         seeds = gs.run("1car_homo", short, seeds=2, jobs=1, out=folder)
@@ -73,8 +63,10 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize("what", ["run", "seeds", "fleet", "sweep", "comparison", "evaluation"])
-def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
-    page = page_of(what, run, tmp_path)
+def test_a_page_has_no_serious_finding(
+    browser: Browser, run: gs.Run, drawn: Path, tmp_path: Path, what: str
+):
+    page = drawn / "report.html" if what == "sweep" else page_of(what, run, tmp_path)
     # in the dark, only colours are others
     for dark, rules in ((False, None), (True, ["color-contrast"])):
         browser.size(1200, 900, dark=dark)

@@ -18,7 +18,7 @@ from genie_sim.paper import verdict_table
 from genie_sim.paper.readings import load_reading
 from genie_sim.recording import provenance
 from tests.browser import Browser
-from tests.report.test_report import EVIL, MEGABYTE, embedded, middle, picture
+from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 ROWS = [row for row in verdict_table.read_rows(PAPER) if row["reading"] == "default"]
@@ -149,7 +149,7 @@ def test_first_and_fresh_answers_are_those_of_the_metrics(page):
             assert mean[answer]["genie"][place] == [found["value"], found["low"], found["high"]]
 
 
-def test_the_page_is_small_and_does_not_tell_when_where_or_how_fast_it_was_made(page, folder):
+def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
     rewritten(
         folder / "run.json",

@@ -94,7 +94,7 @@ def test_each_picture_has_one_address(monkeypatch):
     assert notes == []
 
 
-def test_a_page_holds_so_many_copies_and_says_so_while_addresses_are_not_bounded(monkeypatch):
+def test_a_page_limits_its_copies_and_says_so(monkeypatch):
     few, notes = shown(copied=True, most=2, monkeypatch=monkeypatch)
     assert few["addresses"] == ["<a>", "<b>"] and few["of_frame"] == [0, 1, 0, -1, -1]
     assert notes == ["The page holds 2 of 3 pictures, the first ones."]

@@ -5,7 +5,6 @@ with it.
 from __future__ import annotations
 
 import copy
-import io
 import json
 import math
 import re
@@ -15,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.image import imread
 
 import genie_sim as gs
 from genie_sim import report
@@ -25,12 +23,8 @@ from genie_sim.cli import main
 from genie_sim.recording.columns import Text
 from genie_sim.report import data, replay
 from tests.browser import Browser
+from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
-MEGABYTE = 10**6
-EVIL = (
-    "</script><script>window.hacked=1</script><!--<img src=x onerror='window.hacked=2'>%data% &"
-    " \u2028 é"
-)
 NS = 1_000_000_000
 
 
@@ -49,14 +43,6 @@ def run() -> gs.Run:
 @pytest.fixture(scope="module")
 def page(run: gs.Run) -> str:
     return report.page(run)
-
-
-def embedded(page: str) -> dict:
-    """The data of a page, as its script reads it."""
-    (text,) = re.findall(
-        r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL
-    )
-    return json.loads(text)
 
 
 # What the page holds
@@ -171,7 +157,7 @@ def test_there_is_one_end_of_the_simulated_time(run, page):
     )
 
 
-def test_methods_are_those_that_ran_in_their_order_and_no_script_knows_their_names():
+def test_the_page_lists_the_methods_that_ran_in_their_order():
     run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
     assert [one["name"] for one in embedded(report.page(run))["methods"]] == ["genie", "local"]
     for script in Path(report.__file__).parent.glob("*.js"):
@@ -339,28 +325,12 @@ def file(page: str, tmp_path: Path) -> Path:
     return path
 
 
-def picture(png: bytes) -> np.ndarray:
-    """Red, green and blue of each point, 0 to 255."""
-    return 255 * imread(io.BytesIO(png))[..., :3]
-
-
 def pixels(browser: Browser, canvas: str) -> int:
     """How many different colours a canvas shows."""
     return browser.evaluate(
         f"new Set(new Uint32Array(byId('{canvas}').getContext('2d')"
         f".getImageData(0, 0, byId('{canvas}').width, byId('{canvas}').height).data.buffer)).size"
     )
-
-
-def middle(browser: Browser, element: str) -> tuple[float, float]:
-    """Scrolls an element into the window; the point in its middle."""
-    browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
-    browser.evaluate(f"byId('{element}').scrollIntoView({{block: 'center'}})")
-    x, y = browser.evaluate(
-        "(({ x, y, width, height }) => [x + width / 2, y + height /"
-        f" 2])(byId('{element}').getBoundingClientRect())"
-    )
-    return x, y
 
 
 def rectangle(browser: Browser, element: str) -> list[float]:
@@ -736,9 +706,7 @@ def run_end_us(page: str) -> int:
     return embedded(page)["replay"]["end_us"]
 
 
-def test_the_greatest_difference_between_two_methods_is_reached_by_button_and_by_key(
-    browser, file, page, run
-):
+def test_button_and_key_jump_to_the_greatest_difference(browser, file, page, run):
     """Objects that are wrong or missed, counted from the table of held objects."""
     wrong = run.held_objects[run.held_objects["judged"] != "right"]
 

@@ -11,7 +11,7 @@ import genie_sim as gs
 from genie_sim import report, runner
 from genie_sim.report.data import page_data
 from genie_sim.report.streets import ground
-from tests.test_fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
+from tests.fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def test_a_map_has_the_borders_and_cells_of_its_source(on_plain):
     assert area.main_streets == []
 
 
-def test_where_cars_have_driven_there_is_a_street_and_no_part_is_drawn_twice(on_plain):
+def test_streets_are_drawn_where_cars_have_driven_each_once(on_plain):
     (street,) = ground(on_plain).streets
     corners = np.array(street).reshape(-1, 2)
     assert (corners[:, 1] == SOUTH_M + 50).all()

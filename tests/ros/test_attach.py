@@ -78,6 +78,7 @@ def graph(tmp_path: Path, starts: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
             process.stop()
 
 
+@pytest.mark.process
 def test_a_genie_that_does_not_start_leaves_the_node_as_it_was(
     graph: Graph, starts: Path, tmp_path: Path
 ):

@@ -75,7 +75,7 @@ class Site:
         self.gateway.from_ros(topic, said, int(now_s * NS_PER_S), "/somebody")
 
 
-def test_an_opaque_message_is_known_by_its_bytes_and_answered_under_its_own_header():
+def test_an_opaque_message_is_matched_by_bytes_and_answered_by_its_header():
     car = Site("car1", "car")
     car.hear("/scan", message(1, b"same"))
     car.hear("/result_local", message(1, b"answer"))

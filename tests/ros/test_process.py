@@ -47,6 +47,7 @@ def start() -> Iterator[Callable[[str], NodeProcess]]:
         running.wait()
 
 
+@pytest.mark.process
 def test_stop_returns_when_the_process_has_ended(start: Callable[[str], NodeProcess]):
     """Two nodes of one name would shut each other down."""
     node = start(SLOW_END)
@@ -55,6 +56,7 @@ def test_stop_returns_when_the_process_has_ended(start: Callable[[str], NodeProc
     assert not node.alive() and start_of(node.pid) is None
 
 
+@pytest.mark.process
 def test_who_does_not_hear_is_killed(
     start: Callable[[str], NodeProcess], monkeypatch: pytest.MonkeyPatch
 ):
@@ -68,6 +70,7 @@ def test_who_does_not_hear_is_killed(
     assert not node.alive()
 
 
+@pytest.mark.process
 def test_another_process_of_the_same_id_is_left_alone(start: Callable[[str], NodeProcess]):
     node = start(SLOW_END)
     former = NodeProcess(node.pid, node.started - 1, argv=node.argv, env=node.env, cwd=node.cwd)
@@ -76,6 +79,7 @@ def test_another_process_of_the_same_id_is_left_alone(start: Callable[[str], Nod
     assert node.alive()
 
 
+@pytest.mark.process
 def test_it_starts_again_in_its_folder_and_environment(
     start: Callable[[str], NodeProcess], tmp_path: Path
 ):

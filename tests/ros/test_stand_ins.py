@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import sys
 from collections.abc import Iterator
 from types import ModuleType, SimpleNamespace
@@ -17,20 +16,7 @@ from genie_sim.ros import ros1_graph
 from genie_sim.ros.codec import WireType
 from genie_sim.ros.genie_process import GenieProcess
 from genie_sim.ros.plan import AttachPlan
-
-STAND_INS = ("rospy", "rclpy", "rclpy.context", "rclpy.executors", "rclpy.qos")
-
-
-def imported(name: str) -> Iterator[ModuleType]:
-    """A module of genie_sim.ros, imported anew with the stand-ins, for one test."""
-    package = importlib.import_module("genie_sim.ros")
-    with mock.patch.dict(sys.modules, {stand_in: mock.MagicMock() for stand_in in STAND_INS}):
-        sys.modules.pop(f"genie_sim.ros.{name}", None)
-        before = package.__dict__.pop(name, None)
-        yield importlib.import_module(f"genie_sim.ros.{name}")
-        package.__dict__.pop(name, None)
-    if before is not None:
-        setattr(package, name, before)
+from tests.ros.stand_ins import imported
 
 
 @pytest.fixture

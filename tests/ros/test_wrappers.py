@@ -16,7 +16,7 @@ pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros
 
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import WireType
-from tests.ros.test_stand_ins import imported
+from tests.ros.stand_ins import imported
 
 IMAGE, OBJECTS = WireType("sensor_msgs/Image", "12ab"), WireType("my_msgs/Scan", "34cd")
 
@@ -87,7 +87,7 @@ def genie2(ros2: ModuleType, monkeypatch: pytest.MonkeyPatch) -> Any:
     return genie
 
 
-def test_ros_2_has_a_publisher_and_a_subscription_for_each_side_of_the_node(genie2: Any):
+def test_ros_2_publishes_and_subscribes_on_each_side_of_the_node(genie2: Any):
     genie2._node = node = Node2()
     genie2.connect()
     assert node.published == ["/left_local", "/right_local", "/cars"]

@@ -8,12 +8,12 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from sim.street import drive, street
 
 from genie_sim import build, methods, runner
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
+from tests.sim.street import drive, street
 
 CARS: dict[str, Any] = {
     "name": "x",
@@ -84,7 +84,7 @@ def test_the_resolved_scenario_reads_back(settings: dict[str, Any]) -> None:
     assert read_scenario(parse(original.to_yaml(), "resolved")) == original
 
 
-def test_an_entry_has_its_own_settings_and_everything_else_from_the_scenario() -> None:
+def test_an_entry_overrides_the_settings_of_the_scenario() -> None:
     setting = scenario(methods=["genie", SMALL], genie={"view_range": "30 m"}, queue_length=2)
     usual, small = (setting.under(entry) for entry in setting.methods)
     assert (usual.genie.eviction, small.genie.eviction) == ("unlimited", "lru")
@@ -105,7 +105,7 @@ def test_the_literal_preset_of_one_entry_leaves_the_others_alone() -> None:
     assert (usual.object_map.rule, paper.object_map.rule) == ("noisy_or", "literal")
 
 
-def test_the_same_method_twice_sees_the_same_frames_and_differs_by_its_settings() -> None:
+def test_two_entries_of_a_method_differ_only_by_their_settings() -> None:
     again = {"name": "again", "method": "genie"}
     waits = {"name": "waits", "method": "genie", "genie": {"miss_policy": "blocking"}}
     frames = drive(scenario(methods=["genie", again, waits]), street(seconds=4.0))["frames"]
@@ -133,6 +133,7 @@ METHODS = f"{', '.join(sorted(methods.METHODS))}, or package.module:Class"
 FAULTS = "hand_over, outage, or package.module:Class"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("entry", "message"),
     [

@@ -113,7 +113,7 @@ def test_genie_takes_8_8_ms_on_average_on_every_host() -> None:
         assert device.message_time.mean_ns == pytest.approx(8.8e6, rel=1e-3)
 
 
-def test_an_image_hop_on_a_jetson_takes_3_to_3_5_ms_and_half_of_that_on_a_server() -> None:
+def test_an_image_s_ipc_takes_3_ms_on_a_jetson_and_half_on_a_server() -> None:
     hops = {
         name: build.device(load_profile(name), "autoware_vision_detector").hop.of(1_397_297)
         for name in ("jetson_tx2", "quadro_rtx_4000")

@@ -320,6 +320,7 @@ links = st.sampled_from(sorted(LINKS)) | st.fixed_dictionaries(
 names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,10}", fullmatch=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)  # each reads the devices' profiles twice
 @given(
     names,
@@ -687,6 +688,7 @@ def test_a_schema_for_editors_comes_for_free() -> None:
     assert schema["properties"]["start_jitter"]["examples"] == ["30 ms"]
 
 
+@pytest.mark.slow
 @given(
     st.recursive(
         st.none() | st.booleans() | st.integers() | st.text(),

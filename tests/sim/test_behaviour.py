@@ -313,6 +313,7 @@ for table in (tables["frames"], tables["lookups"], tables["resources"]):
 """
 
 
+@pytest.mark.process
 def test_tables_have_the_same_bytes_under_any_hash_seed(tmp_path: Path):
     """Processes of their own, as PYTHONHASHSEED is read at the start; the order of no set or dict
     may show.

@@ -16,7 +16,7 @@ from genie_sim.study.design import load_design
 from genie_sim.study.search_design import load
 from studies import baselines, real_pairs, where_it_pays
 from studies.real_pairs import HELD_OUT, TUNING
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 from tests.perception import made_up_pair as street
 
 STUDIES = REPOSITORY / "studies"

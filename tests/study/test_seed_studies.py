@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from genie_sim import runner
 from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_text
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import load_scenario
+
+pytestmark = pytest.mark.slow
 
 SHORT = ["--set", "cars[0].route.window=[0 s, 2 s]", "--set", "methods=[remote, genie]"]
 RUN = ["run", "1car_hetero", *SHORT]
@@ -37,6 +38,8 @@ def seeds_of(folder: Path) -> SeedRuns:
 
 def test_means_and_intervals_are_those_of_separate_runs(folder):
     """Source: the same runs, one by one, and SciPy's t interval."""
+    from scipy import stats
+
     overrides = SHORT[1::2]
     values = []
     for seed in (2, 5, 9):
@@ -57,7 +60,7 @@ def test_means_and_intervals_are_those_of_separate_runs(folder):
     assert mean.n == 3 and len(set(values)) == 3
 
 
-def test_every_seed_has_its_whole_results_and_the_folder_a_page_and_figures(folder, capsys):
+def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, capsys):
     for seed in (2, 5, 9):
         assert {"run.json", "frames.parquet", "report.html"} <= {
             path.name for path in (folder / "runs" / f"seed-{seed}").iterdir()
@@ -75,7 +78,7 @@ def test_every_seed_has_its_whole_results_and_the_folder_a_page_and_figures(fold
     capsys.readouterr()
 
 
-def test_two_processes_give_the_same_bytes_and_what_is_done_is_not_run_again(
+def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
     folder, tmp_path, monkeypatch, capsys
 ):
     assert main([*RUN, "--seeds", "5,2", "--jobs", "2", "--out", str(tmp_path)]) == 0

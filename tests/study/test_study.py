@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy import stats
 
 import genie_sim
 from genie_sim import files, runner
@@ -41,7 +40,7 @@ from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.tasks import LocalWorkers
 from genie_sim.town import town
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 from tests.made_up_run import METHODS
 
 
@@ -314,6 +313,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
     right, wrong, message = MISTAKES[mistake]
@@ -360,8 +360,11 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "s"
 
 
+@pytest.mark.slow
 def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     """Source: the same runs, one by one, and SciPy's t intervals over seeds 1 to 3."""
+    from scipy import stats
+
     overrides = ["cars[0].route.window=[0 s, 1 s]", "methods=[genie]", "genie.object_map.rate=0.5"]
     overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
     measured: dict[tuple[str, ...], list[float]] = {}
@@ -407,7 +410,7 @@ def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
 
 
 @pytest.mark.drawn
-def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_over_it(
+def test_a_figure_along_one_axis_draws_each_value_of_the_other(
     uninterrupted,
 ):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
@@ -423,6 +426,7 @@ def test_a_figure_along_an_axis_shows_every_value_of_the_other_one_and_no_mean_o
     assert cells == [f"{mean[gate, rate]:.3g}" for rate in (0.1, 0.5) for gate in (1.0, 3.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupted):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
@@ -442,8 +446,11 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     assert drawn["rate-2"].get_suptitle() == "at rule = noisy_or"
 
 
+@pytest.mark.slow
 def test_differences_are_paired_by_seed(uninterrupted):
     """Source: SciPy's paired t interval over seeds 1 to 3."""
+    from scipy import stats
+
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     mine = runs[(runs["metric"] == "first_answer_mean") & (runs["gate [m]"] == 3.0)]
     low, high = (mine[mine["rate"] == rate].set_index("seed")["value"] for rate in (0.1, 0.5))
@@ -478,9 +485,8 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
         genie_sim.differences(runs, "method", to="local")
 
 
-def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
-    uninterrupted, monkeypatch
-):
+@pytest.mark.slow
+def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(
         figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
@@ -499,7 +505,7 @@ def test_a_sweep_from_python_is_that_of_the_file_and_draws_what_is_kept_only(
         genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
-def test_what_a_spreadsheet_would_take_for_a_formula_is_made_harmless_and_numbers_stay_numbers(
+def test_formulas_are_made_harmless_for_spreadsheets_numbers_are_kept(
     tmp_path,
 ):
     cases = ["=1+1", "+x", "-y", "@z", "plain", "\tq"]
@@ -543,6 +549,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
     assert Path("results/s/report.html").is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterrupted, monkeypatch):
     finished(uninterrupted)
@@ -555,7 +562,7 @@ def test_figures_of_an_axis_that_is_gone_go_though_nothing_is_run_again(uninterr
     assert {path.stem for path in Path("results/s/figures").iterdir()} == {"rate"}
 
 
-def test_the_folder_says_what_its_tables_are_though_another_sweep_of_its_name_has_begun(
+def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
     uninterrupted,
 ):
     finished(uninterrupted)
@@ -573,6 +580,7 @@ def test_one_seed_gives_no_interval():
     assert table["low"].isna().all() and table["value"].notna().any() and table["runs"].max() == 1
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
     assert main(["sweep", write(SMALL), "--jobs", "2"]) == 0
@@ -582,6 +590,7 @@ def test_two_processes_make_the_same_bytes_as_one(uninterrupted):
 # Nothing is run twice, nothing is lost
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     """kill -9 of the sweep and its processes in the middle, then the same command."""
@@ -601,6 +610,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
 
 
+@pytest.mark.process
 @pytest.mark.unix
 def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
     write(SMALL)
@@ -613,11 +623,10 @@ def test_a_sweep_whose_main_process_alone_is_killed_ends_its_workers():
         assert not processes_of(run.pid)
 
 
+@pytest.mark.process
 @pytest.mark.unix
 @pytest.mark.parametrize("asked", [signal.SIGINT, signal.SIGTERM])
-def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_what_is_done(
-    asked, uninterrupted
-):
+def test_an_interrupted_sweep_keeps_finished_runs_and_exits_with_130(asked, uninterrupted):
     write(SMALL)
     with in_the_middle("--jobs", "2") as run:
         os.killpg(run.pid, asked)  # as a terminal and Slurm do
@@ -628,6 +637,7 @@ def test_ctrl_c_or_the_end_of_a_batch_job_ends_with_130_and_one_line_and_keeps_w
     same_bytes(uninterrupted)
 
 
+@pytest.mark.process
 @pytest.mark.skipif(
     not Path("/proc").is_dir(),
     reason="only /proc tells when a process has begun to listen to Ctrl-C",
@@ -644,6 +654,7 @@ def test_ctrl_c_while_workers_begin_is_one_line_too():
     assert error == f"genie-sim: interrupted; finished runs are kept in {Path('results/s')}\n"
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monkeypatch):
     finished(uninterrupted)
@@ -736,8 +747,10 @@ def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
     assert list(parts.read(["second"])["run_id"]) == ["second"]
 
 
-def test_a_difference_of_shares_has_an_interval_around_it_and_may_be_negative():
+def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
     """Two arms with shares around .2 and .5: no interval of a share, which would begin at zero."""
+    from scipy import stats
+
     noise = (-0.01, 0.0, 0.01)
     rows = [
         {"arm": arm, "seed": seed, "value": share + sign * noise[seed], **SHARE}
@@ -762,6 +775,7 @@ def test_points_that_say_the_same_share_their_runs(monkeypatch):
     )
 
 
+@pytest.mark.slow
 def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, monkeypatch, capsys):
     simulated = count_runs(monkeypatch)
     write(SMALL)
@@ -776,6 +790,7 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
     same_bytes(uninterrupted)
 
 
+@pytest.mark.slow
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared, packed = [], []
     prepare, unpack = runner.prepare, tasks.pickle.loads
@@ -790,7 +805,7 @@ def test_profiles_and_traces_are_read_once(monkeypatch):
 # Folders that are not as they should be
 
 
-def test_a_town_is_laid_out_once_a_point_and_every_seed_has_the_id_of_its_own(monkeypatch):
+def test_a_town_is_laid_out_once_a_point_and_each_seed_has_its_own_id(monkeypatch):
     settings = "scenario: fleet_30\nset: {perception.duration: 1 s}\nseeds: 5"
     design = load_design(
         Path(write(f"{settings}\naxes:\n  cars: {{set: fleet.cars, list: [2, 3]}}\n"))
@@ -840,6 +855,7 @@ def test_a_worker_with_another_version_is_refused():
 # On Dask
 
 
+@pytest.mark.process
 @pytest.mark.slow
 @pytest.mark.unix
 def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
@@ -857,6 +873,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
     same_bytes(uninterrupted)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     monkeypatch.setattr("genie_sim.study.tasks.SCHEDULER_TIMEOUT_S", 1)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from genie_sim.scenario.yaml_input import dump
 from genie_sim.study import figures
@@ -86,6 +87,7 @@ def test_one_axis_of_each_kind():
     )
 
 
+@pytest.mark.slow
 def test_two_axes_and_their_map():
     crossed = design({"rate": RATE, "gate": GATE})
     table = runs({"rate": [0.1, 0.2, 0.5], "gate [m]": [1.0, 32.5, 64.0]})

@@ -31,7 +31,10 @@ from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
 from tests.sim.processes import job
 
-pytestmark = pytest.mark.no_cover  # long runs of what the tests of sim run already
+pytestmark = [
+    pytest.mark.no_cover,
+    pytest.mark.slow,
+]  # long runs of what the tests of sim run already
 
 SERVICE_NS = 65_000_000
 WARM_UP = 300  # customers before the queue has forgotten that it began empty

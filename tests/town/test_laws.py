@@ -136,6 +136,7 @@ def test_known_laws_are_found_again():
     assert validation.distance(across, np.linspace(-0.5, 0.5, 1000)) < 0.08
 
 
+@pytest.mark.slow
 def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     """Share of looks that find an object: the same for all without lasting and gradual effects, all
     or nothing with.
@@ -153,6 +154,7 @@ def test_a_lasting_effect_makes_some_objects_easy_and_others_hard():
     assert spread[2] > 0.4
 
 
+@pytest.mark.slow
 def test_the_copula_is_fitted_from_looks_alone():
     """Planted: half of the variance with the object, 0.3 with the view; found within 0.15 from 150
     objects.
@@ -231,6 +233,7 @@ def test_the_laws_are_those_of_the_shipped_trace(laws, trace):
     assert laws.provenance["detector"] == trace.provenance["detector"]
 
 
+@pytest.mark.slow
 def test_a_frame_of_the_town_shows_as_much_as_one_of_the_trace(trace, town_frames):
     """Detections a frame: means within a fifth; Kolmogorov-Smirnov distance of vehicles up to 0.2,
     of persons 0.3.
@@ -304,7 +307,7 @@ def _bins(group: str, rows: Sequence[fit.Look]):
             yield (low_m, high_m), here
 
 
-@pytest.mark.real_data
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("group", "margins"),
     [("vehicles", (0.03, 0.06, 0.08, 0.08)), ("persons", (0.05, 0.1, 0.15, 0.08))],
@@ -345,7 +348,6 @@ def test_the_town_detector_says_what_the_real_one_said(laws, looks, group, margi
     assert across < margins[3]
 
 
-@pytest.mark.real_data
 @pytest.mark.parametrize("group", ["vehicles", "persons"])
 def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
     """How often found changes to missed from one picture to the next: the real share is within
@@ -367,7 +369,6 @@ def test_the_town_detector_misses_in_runs_as_the_real_one(laws, looks, group):
 
 
 @pytest.mark.nightly
-@pytest.mark.real_data
 def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_frames):
     """Wrong detections a frame, of places and transient ones: within a fifth of camera 02's by
     KITTI's labels.
@@ -388,7 +389,6 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
 
 
 @pytest.mark.nightly
-@pytest.mark.real_data
 def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
     """Correlation of the normal scores of two looks at one vehicle, up to 8 m of view apart: mean
     gap below 0.12.
@@ -410,7 +410,6 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
         assert gap < 0.12, name
 
 
-@pytest.mark.real_data
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):

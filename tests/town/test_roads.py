@@ -40,6 +40,7 @@ def _from_crossing_m(places: np.ndarray) -> np.ndarray:
     return np.abs(places - np.round(places / RULES.block_m) * RULES.block_m)
 
 
+@pytest.mark.slow
 def test_cars_stay_in_their_lane(ways):
     """Between junctions a car is in the middle of a lane, to the right of its street's middle."""
     for way in ways:

@@ -123,6 +123,7 @@ def test_a_longer_drive_begins_as_the_shorter_one(town):
     assert content(long)[: len(short.frames["02"])] == content(short)[: len(short.frames["02"])]
 
 
+@pytest.mark.process
 @pytest.mark.parametrize("hash_seed", ["0", "12345"])
 def test_the_same_drive_under_any_hash_seed(town, hash_seed):
     script = (

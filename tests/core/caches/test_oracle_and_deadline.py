@@ -14,7 +14,7 @@ from tests.core.caches.vectors import answer
 MS = 10**6
 
 
-def test_the_oracle_finds_the_newest_right_answer_as_looking_at_all_of_them_would():
+def test_the_oracle_finds_the_newest_right_answer_of_all():
     rng = np.random.default_rng(3)
     known, answers = AnswerHistory(), []
     hits = 0
@@ -69,7 +69,7 @@ def test_the_faster_way_is_taken_once_both_are_known():
         assert ways[1:] == [[(expected, 1000)]] * 9
 
 
-def test_quality_is_lowered_until_it_is_in_time_and_else_the_frame_is_dropped():
+def test_quality_is_lowered_to_meet_the_deadline_or_the_frame_is_dropped():
     slow = Scheduler(60 * MS, (1.0, 0.5, 0.1), 10**18)
     ways = drive(slow, 6, 300, 0, per_byte_ns=100_000)  # 100 ms for all of it
     assert ways[1:] == [[("remote", 500)]] * 5
@@ -94,7 +94,7 @@ def test_frames_that_wait_for_the_own_detector_make_it_later():
     ]
 
 
-def test_an_answer_tells_that_earlier_frames_were_dropped_and_later_ones_still_wait():
+def test_an_answer_shows_which_earlier_frames_were_dropped():
     scheduler = Scheduler(10_000 * MS, (1.0,), 10**18)
     scheduler.choose(header(0), 1000, 0)
     scheduler.answered("local", header(0), 100 * MS)  # 100 ms each; the edge never answers

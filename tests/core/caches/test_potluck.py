@@ -45,7 +45,7 @@ def test_a_wider_boundary_gives_a_wider_threshold():
     assert wide > 2 * narrow
 
 
-def test_different_answers_within_the_threshold_tighten_it_and_equal_ones_beyond_loosen_it():
+def test_wrong_hits_tighten_the_threshold_and_missed_hits_loosen_it():
     cache = AdaptiveThresholdCache(
         None, np.random.default_rng(1), dropout=0.0, warm=1, tighten=4.0, keep=0.8
     )

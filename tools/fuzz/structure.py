@@ -39,11 +39,11 @@ from genie_sim.recording import provenance
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.settings import plain_data
 from tests.conformance import own, small
-from tests.conformance.test_wrong_types import CASES
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import VALUES, broken, changed
-from tests.fuzz.settings import LONG_NS, TINY, run_command
-from tests.perception.test_trace import KARLSRUHE, frame
+from tests.conformance.wrong_types import CASES
+from tests.perception.traces import KARLSRUHE, frame
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import VALUES, broken, changed
+from tools.fuzz.settings import LONG_NS, TINY, run_command
 
 NUMBERS: tuple[Any, ...] = (
     *(0, 1, -1, 2, 255, 2**31 - 1, 2**31, 2**62, 2**63 - 1, -(2**63)),

@@ -26,11 +26,11 @@ from genie_sim.ros.message import RosMessage, checked_pose
 from genie_sim.ros.plan import ROLES, AttachPlan, make_gateway
 from genie_sim.ros.poses import POSE_TYPES, Poses
 from genie_sim.ros.typestore import message, time, typestore
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import VALUES, broken, changed
-from tests.ros import test_bags
+from tests.ros import bag_files
+from tests.ros.bag_files import BagWriter
 from tests.ros.conftest import HERE, Keys
-from tests.ros.test_bags import BagWriter
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import VALUES, broken, changed
 
 DEFINITION = (HERE / "objects.txt").read_text()
 
@@ -38,12 +38,12 @@ DEFINITION = (HERE / "objects.txt").read_text()
 def small_street(path: Path) -> BagWriter:
     """Two small frames with all that a bag can say."""
     bag = BagWriter(path)
-    bag.camera_info(test_bags.START_NS, np.array([[70.0, 0, 32], [0, 70, 18], [0, 0, 1]]), (64, 36))
-    bag.transform(test_bags.START_NS, "imu_link", test_bags.CAMERA, test_bags.IMU_SE3_CAMERA)
-    bag.transform(test_bags.START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
+    bag.camera_info(bag_files.START_NS, np.array([[70.0, 0, 32], [0, 70, 18], [0, 0, 1]]), (64, 36))
+    bag.transform(bag_files.START_NS, "imu_link", bag_files.CAMERA, bag_files.IMU_SE3_CAMERA)
+    bag.transform(bag_files.START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
     for number in range(2):
-        stamp_ns = test_bags.START_NS + number * test_bags.STEP_NS
-        bag.position(stamp_ns, test_bags.ORIGIN, (0.0, 0.0, 0.1 * number))
+        stamp_ns = bag_files.START_NS + number * bag_files.STEP_NS
+        bag.position(stamp_ns, bag_files.ORIGIN, (0.0, 0.0, 0.1 * number))
         bag.image(stamp_ns, np.full((36, 64, 3), 10 * number, np.uint8))
         bag.scan(
             stamp_ns + 2_000_000,
@@ -93,7 +93,7 @@ def bags(folder: Path) -> Case:
             made = path.with_suffix(f".{kind}")
             made.write_bytes(broken(files[kind], rng))
         try:
-            write_trace(folder / "trace.parquet", perceive_bag(made, detections=test_bags.OBJECTS))
+            write_trace(folder / "trace.parquet", perceive_bag(made, detections=bag_files.OBJECTS))
             read_trace(folder / "trace.parquet")
         finally:
             for part, content in parts.items():

@@ -1,6 +1,6 @@
 """Prints how much of each room of the package the tests ran; fails where one is below its least.
 
-    python tests/coverage_gate.py coverage.json
+    python tools/coverage_gate.py coverage.json
 
 The file is what ``coverage json`` writes: statements and branches. The simulator's rooms, which its
 own tests must run, have a higher least share than the others, whose commands mostly run in

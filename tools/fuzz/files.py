@@ -16,14 +16,14 @@ from genie_sim.perception.labels import label_file, tracking_labels, tracklets
 from genie_sim.perception.trace import read_trace, write_trace
 from genie_sim.perception.tracking import open_sequence, tracking_trace
 from genie_sim.scenario.profiles import load_profile
-from tests.conftest import REPOSITORY
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import broken, changed
+from tests.checkout import REPOSITORY
 from tests.kitti_folder import DATE, make_drive, make_network
 from tests.made_up_networks import make_nanodet, make_yolov8
-from tests.perception.test_fetch import archive
-from tests.perception.test_trace import trace
-from tests.perception.test_tracking_labels import CALIBRATION, CAR, OXTS
+from tests.perception.archives import archive
+from tests.perception.traces import trace
+from tests.perception.tracking_files import CALIBRATION, CAR, OXTS
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import broken, changed
 
 
 def with_one_broken(folder: Path, read: Callable[[], object], patterns: str = "*") -> Case:

@@ -1,4 +1,4 @@
-"""``python -m tests.kills --kills 100``: kills runs, sweeps and evaluations at random instants, and
+"""``python -m tools.kills --kills 100``: kills runs, sweeps and evaluations at random instants, and
 looks what is lost.
 
 Every command is killed (SIGKILL, its processes too, or a Dask worker alone), begun again, killed
@@ -24,7 +24,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tests.conftest import REPOSITORY
+from tests.checkout import REPOSITORY
 
 SCENARIO = """
 edges: [{name: edge1, device: agx_xavier}]

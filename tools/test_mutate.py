@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests import mutate
+from tools import mutate
 
 SOURCE = """
 def first(values, limit=3):

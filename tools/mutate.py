@@ -1,6 +1,6 @@
 """Puts single errors into the package, one at a time: does a test notice?
 
-    python -m tests.mutate --seed 7 --count 150 [--room core] [--work FOLDER] [--list]
+    python -m tools.mutate --seed 7 --count 150 [--room core] [--work FOLDER] [--list]
 
 Every place of the package where an operator below fits is a candidate. Places are drawn with the
 seed, one file after the other and in each file one operator after the other, so that neither large
@@ -59,9 +59,9 @@ MAX_SURVIVORS = 0.05
 MAX_CPU_S = 20  # of one process that runs tests
 MAX_MEMORY = 8 * 2**30  # bytes that it writes to; Chromium reserves far more
 LONGEST_S, LONGEST_TEST_S = 900, 100
-NOT_RUN = ("tests/docs", "tests/fuzz", "tests/test_mutate")
+NOT_RUN = ("tests/docs",)
 FAST = (
-    *("-q", "-m", "not slow and not real_data and not nightly and not alone"),
+    *("-q", "-m", "not (slow or ros or data or nightly or alone)"),
     *(f"--ignore={folder}" for folder in NOT_RUN),
 )
 # Each process with tests begins as a copy of one that has these modules.
@@ -419,7 +419,7 @@ def run_tests(copy: Path) -> None:
     )
     options = ["-x", "-rfE", "--tb=line", f"--timeout={LONGEST_TEST_S}", "@tests.txt"]
     options.append("--hypothesis-profile=no_shrinking")
-    status = pytest.main([*FAST, "-p", "no:cacheprovider", *options])
+    status = pytest.main([*FAST, "-n", "0", "-p", "no:cacheprovider", *options])
     os._exit(status)  # at once: workers that a test left running would be waited for
 
 
@@ -474,7 +474,7 @@ def report(mutation: Mutation) -> str:
 
 def main() -> int:
     """Runs the tool; returns the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m tests.mutate", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tools.mutate", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--count", type=int, default=150, help="how many errors")
     parser.add_argument("--room", help="a folder or file of the package: core, sim/link.py")

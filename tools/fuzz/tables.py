@@ -10,10 +10,10 @@ from pathlib import Path
 from genie_sim.perception.pose_import import import_recordings, write_recordings
 from genie_sim.traffic.source import RecordedTraffic
 from genie_sim.units import NS_PER_S
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import broken
-from tests.perception.test_pose_import import DETECTIONS, POSES, TRUTH
+from tests.perception.pose_tables import DETECTIONS, POSES, TRUTH
 from tests.traffic.fcd_files import fcd_text
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import broken
 
 NUMBERS = ("nan", "inf", "-1e308", "1e-300", "0", "-0.0", "1e9", "9" * 400, "", "x", "٣", "1_0")
 

@@ -1,4 +1,4 @@
-"""2,820 broken inputs: each works or is refused with one clear line. ``python -m tests.fuzz`` does
+"""2,820 broken inputs: each works or is refused with one clear line. ``python -m tools.fuzz`` does
 more.
 """
 
@@ -13,8 +13,8 @@ import pytest
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
 from genie_sim.errors import UserError
-from tests.fuzz import harness
-from tests.fuzz.__main__ import ALL, TARGETS
+from tools.fuzz import harness
+from tools.fuzz.__main__ import ALL, TARGETS
 
 
 @pytest.mark.parametrize("target", TARGETS, ids=lambda target: target.name)

@@ -1,4 +1,4 @@
-"""``python -m tests.fuzz --cases 100000``: broken input of every kind, and a table of what became
+"""``python -m tools.fuzz --cases 100000``: broken input of every kind, and a table of what became
 of it.
 
 ``--only NAME`` takes one kind, ``--first N`` begins with case N: ``--only bags --first 37 --cases
@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.fuzz import files, harness, ros, settings, structure, tables
+from tools.fuzz import files, harness, ros, settings, structure, tables
 
 TARGETS = (
     *files.TARGETS,

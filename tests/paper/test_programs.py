@@ -301,7 +301,6 @@ def test_the_page_shows_what_the_committed_runs_say():
     assert drives.tables(runs) == shown("drives")
 
 
-@pytest.mark.real_data
 def test_a_real_sequence_gives_the_committed_numbers(kitti_root, tmp_path):
     """The shortest one, with one seed."""
     trace, path = drives.trace_of(kitti_root, "0014", tmp_path)

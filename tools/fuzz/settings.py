@@ -28,10 +28,10 @@ from genie_sim.study import page as sweep_page
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study, load_design
 from genie_sim.study.tasks import LocalWorkers
-from tests.conftest import REPOSITORY
-from tests.fuzz.files import one_file
-from tests.fuzz.harness import Case, Target
-from tests.fuzz.mutation import broken, changed
+from tests.checkout import REPOSITORY
+from tools.fuzz.files import one_file
+from tools.fuzz.harness import Case, Target
+from tools.fuzz.mutation import broken, changed
 
 TINY = """
 description: One car and one edge, for a moment.
