@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim.street import build, fixed_device, scenario, street
 
 from genie_sim.perception.trace import Trace
 from genie_sim.scenario.scenario import Scenario
@@ -23,6 +22,7 @@ from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 from genie_sim.sim.ros_graph import Node
 from genie_sim.sim.world import DRAIN_NS, World
+from tests.sim.street import build, fixed_device, scenario, street
 
 TRACE = street(seconds=2.0)
 SENT = Trace(

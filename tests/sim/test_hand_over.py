@@ -10,8 +10,13 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim.street import build, drive, fixed_device, scenario, street
-from sim.test_way_of_one_frame import (
+
+from genie_sim.errors import UserError
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.link import Link
+from genie_sim.sim.world import World
+from tests.sim.street import build, drive, fixed_device, scenario, street
+from tests.sim.test_way_of_one_frame import (
     EDGE_DETECTOR,
     EDGE_HOP_ANSWER,
     LINK_ANSWER,
@@ -22,11 +27,6 @@ from sim.test_way_of_one_frame import (
     trace,
     view,
 )
-
-from genie_sim.errors import UserError
-from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.link import Link
-from genie_sim.sim.world import World
 
 AT_EDGE = UP + EDGE_DETECTOR + EDGE_HOP_ANSWER
 ANSWERED = AT_EDGE + LINK_ANSWER

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from sim.street import build, drive, scenario
 
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim import topology
 from genie_sim.sim.settings import Edge
+from tests.sim.street import build, drive, scenario
 
 NAMES = ("edge1", "edge2", "edge3")
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sim.street import build, fixed_device, scenario
 
 from genie_sim.build import device as built_device
 from genie_sim.messages import Header, Publish
@@ -19,6 +18,7 @@ from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
+from tests.sim.street import build, fixed_device, scenario
 
 WORK_NS = 1000
 HOP_NS = 10

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sim.street import FOV_RAD, fixed_device, scenario
 
 from genie_sim import build
 from genie_sim.errors import UserError
@@ -27,6 +26,7 @@ from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Admission, Serving
 from tests.sim.processes import job
+from tests.sim.street import FOV_RAD, fixed_device, scenario
 
 MS = 1_000_000
 SERVICE_MS = 10

@@ -9,8 +9,22 @@ from typing import Any
 import pandas as pd
 import pytest
 from numpy.random import default_rng
-from sim.street import build, scenario, street
-from sim.test_way_of_one_frame import (
+
+from genie_sim.build import device
+from genie_sim.messages import CameraPose, Detections, Header, Image, Publish
+from genie_sim.methods import METHODS
+from genie_sim.monitor import Span, SpanLabel
+from genie_sim.recording.log import Log
+from genie_sim.recording.records import Tables, new_tables
+from genie_sim.runner import run_in_memory
+from genie_sim.scenario.scenario import RECORDS, load_scenario
+from genie_sim.sim.clock import Clock
+from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
+from genie_sim.sim.nodes import InterceptorNode
+from genie_sim.sim.ros_graph import Graph, Subscriber
+from tests.sim.street import build, scenario, street
+from tests.sim.test_way_of_one_frame import (
     CAR_DETECTOR,
     CAR_GENIE,
     CAR_HOP_ANSWER,
@@ -34,20 +48,6 @@ from sim.test_way_of_one_frame import (
     trace,
     view,
 )
-
-from genie_sim.build import device
-from genie_sim.messages import CameraPose, Detections, Header, Image, Publish
-from genie_sim.methods import METHODS
-from genie_sim.monitor import Span, SpanLabel
-from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables, new_tables
-from genie_sim.runner import run_in_memory
-from genie_sim.scenario.scenario import RECORDS, load_scenario
-from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host, Processor
-from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
-from genie_sim.sim.nodes import InterceptorNode
-from genie_sim.sim.ros_graph import Graph, Subscriber
 
 S = 1000 * MS
 

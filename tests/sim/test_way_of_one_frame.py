@@ -9,11 +9,11 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from sim.street import FOV_RAD, drive, fixed_device, scenario
 
 from genie_sim.messages import CameraPose, Detection
 from genie_sim.perception.trace import Trace, TraceFrame
 from genie_sim.scenario.profiles import DeviceProfile
+from tests.sim.street import FOV_RAD, drive, fixed_device, scenario
 
 MS = 1_000_000
 IMAGE_BYTES = 1_397_297

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
-from theory.replications import equivalent
 
 from genie_sim.seeds import stream
 from genie_sim.sim.clock import Clock
@@ -20,6 +19,7 @@ from genie_sim.sim.link_models.fields import NormalField
 from genie_sim.sim.link_models.path_loss import StreetCanyon, los_db, los_probability, nlos_db
 from genie_sim.sim.link_models.wire import Wire
 from tests.sim.processes import send
+from tests.theory.replications import equivalent
 
 SEED, S = 5, 1_000_000_000
 FREE = Cell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up

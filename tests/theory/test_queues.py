@@ -14,8 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sim.street import FOV_RAD, fixed_device
-from theory.replications import equivalent, replicate
 
 from genie_sim import build
 from genie_sim.messages import CameraPose, Detections, Header, Image
@@ -30,6 +28,8 @@ from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
 from tests.sim.processes import job
+from tests.sim.street import FOV_RAD, fixed_device
+from tests.theory.replications import equivalent, replicate
 
 pytestmark = [
     pytest.mark.no_cover,

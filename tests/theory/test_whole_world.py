@@ -14,8 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from sim.street import drive, scenario, street
-from theory.replications import equivalent, replicate
 
 from genie_sim import build
 from genie_sim.monitor import SpanLabel
@@ -26,6 +24,8 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.service import Device, ServiceTime
 from tests.sim.processes import then
+from tests.sim.street import drive, scenario, street
+from tests.theory.replications import equivalent, replicate
 from tests.theory.test_queues import arrivals, pollaczek_khinchine
 
 pytestmark = [pytest.mark.no_cover, pytest.mark.slow]
