@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from genie_sim import report, runner
 from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import seed_runs
+from genie_sim.analysis import compare_tables, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -380,7 +380,7 @@ class Comparison:
 
     def text(self, format: str = "markdown") -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
-        return comparison.text(self._made, format)
+        return compare_tables.text(self._made, format)
 
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""

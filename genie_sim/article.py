@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from genie_sim.analysis import compare_tables, latex, screen, summary, text_table
 from genie_sim.analysis import figures as of_runs
-from genie_sim.analysis import latex, screen, summary, text_table
 from genie_sim.analysis.compare import ComparedRuns, compare, compared
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.seed_runs import ABOUT, SeedRuns, is_seeds_folder, load, with_methods
@@ -96,7 +96,7 @@ def table(
 
     text_table.checked(format)
     if len(folders) > 1:
-        return comparison.text(_compared(folders, allow_changed, methods), format)
+        return compare_tables.text(_compared(folders, allow_changed, methods), format)
     (folder,) = folders
     if _is_evaluation(folder):
         if methods:
@@ -106,7 +106,7 @@ def table(
         return printed.table_of(folder, format, methods, allow_changed)
     run = with_methods(load(folder, allow_changed=allow_changed), methods)
     with provenance.of_this_version(folder):
-        return latex.tables(run) if format == "latex" else summary.table(run, format)
+        return summary.table(run, format)
 
 
 def write(

@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim.analysis import text_table
-from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.build import Prepared
 from genie_sim.core.rules import SIMILARITY

@@ -111,7 +111,7 @@ def test_the_page_in_a_browser(folder: Path, browser: Browser):
         "(() => { const one = document.getElementById('against'); one.value = '1';"
         " one.dispatchEvent(new Event('change')); })()"
     )
-    assert "against false objects held" in browser.evaluate(
+    assert "against false objects" in browser.evaluate(
         "document.querySelector('#scatter h3').textContent"
     )
     assert browser.errors == []
