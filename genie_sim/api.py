@@ -32,6 +32,7 @@ from genie_sim.paths import expanded
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
 from genie_sim.report import comparison, notebook
+from genie_sim.report.output import Output
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario, with_methods
 from genie_sim.settings import plain_data
@@ -301,7 +302,7 @@ def _run_seeds(
             reports=kept,
         )
         work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
-        status = work.finish(pictures=kept)
+        status = work.finish(Output(page=kept))
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
     if kept:
@@ -468,7 +469,7 @@ def sweep(
             reports=out is not None,
         )
         work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
-        status = work.finish(pictures=out is not None)
+        status = work.finish(Output(page=out is not None))
         table = pd.read_parquet(
             status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
         )

@@ -20,6 +20,7 @@ from genie_sim.errors import UserError
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Run
 from genie_sim.report import comparison
+from genie_sim.report.output import Output
 from genie_sim.scenario.scenario import load_scenario
 
 WINDOW = "cars[0].route.window=[2 s, 5 s]"
@@ -233,7 +234,9 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
 def test_the_command_and_the_library_say_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    made = runner.run_to_folder(load_scenario("1car_hetero", [WINDOW]), tmp_path, with_report=False)
+    made = runner.run_to_folder(
+        load_scenario("1car_hetero", [WINDOW]), tmp_path, output=Output(page=False)
+    )
     assert (
         cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")])
         == 0
