@@ -231,7 +231,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns)
+    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
     return Run(
         run_id=run_id,
         facts=facts(prepared),
@@ -330,6 +330,10 @@ def prepare(
     the profiles that the scenario read. Raises ``UserError``.
     """
     build.check_own_plugins(scenario)
+    if scenario.metrics:
+        from genie_sim.analysis.registry import own_metrics
+
+        own_metrics(scenario.metrics)
     source = frame_source(scenario)
     if getattr(source, "is_map", False):
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}

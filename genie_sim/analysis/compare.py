@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.registry import METRICS
+from genie_sim import plugins
+from genie_sim.analysis.registry import definition
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
@@ -75,7 +76,7 @@ WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
 
 def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
     """A metric's sums in one run under one method."""
-    ratio = METRICS[metric].over_rows
+    ratio = definition(metric).over_rows
     if ratio is None:
         return _whole_run(metric, run, method)
     rows = run.tables[ratio.table].where(method=method.name, **ratio.only)
@@ -194,7 +195,7 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
                 references[label] = reference
             arms.append(arm)
     rows = []
-    for metric in COMPARED:
+    for metric in (*COMPARED, *_own(arms)):
         for arm in arms:
             row = _difference(metric, arm, references.get(arm.label))
             if row is not None:
@@ -202,6 +203,12 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
     warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
     differing = _settings([_any(by_seed) for by_seed in settings])
     return ComparedRuns(arms, rows, names, settings=differing, warning=warning)
+
+
+def _own(arms: Sequence[ComparedMethod]) -> list[str]:
+    """The metrics of the user's own that were computed in any run."""
+    names = (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured)
+    return [name for name in dict.fromkeys(names) if plugins.is_own(name)]
 
 
 def _any(by_seed: Mapping[int, Run]) -> Run:
@@ -328,7 +335,7 @@ def _difference(
     if not values:
         return None
     mean = float(np.mean(list(values.values())))
-    alone = Difference(metric, arm.label, mean, METRICS[metric].unit_in_files)
+    alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
     if reference is None:
         return alone
     other_sums, gaps = {}, []
@@ -347,7 +354,7 @@ def _difference(
         if ours.value is None or theirs.value is None:
             return alone._replace(against=reference.label)
         by, gap = BLOCKS, ours.value - theirs.value
-        if METRICS[metric].over_rows is None:
+        if definition(metric).over_rows is None:
             return alone._replace(against=reference.label, difference=gap)
         half_of_blocks, n = _over_blocks(ours, theirs)
         low, high = around(gap, half_of_blocks)
@@ -413,14 +420,16 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]
     """
     metrics = []
     for arm in comparison.arms:
-        for name in COMPARED:
+        for name in (*COMPARED, *_own(comparison.arms)):
             of_runs = _metrics_of(arm, name)
             if len(of_runs) == 1:
                 metrics.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
                 values = [metric.value for metric in of_runs if metric.value is not None]
                 mean, half = over_seeds(values)
-                low, high = wilson(mean, half) if METRICS[name].unit == "%" else around(mean, half)
+                low, high = (
+                    wilson(mean, half) if definition(name).unit == "%" else around(mean, half)
+                )
                 metrics.append(
                     replace(of_runs[0], method=arm.label, value=mean, low=low, high=high)
                 )

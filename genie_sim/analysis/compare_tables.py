@@ -13,7 +13,7 @@ from genie_sim.analysis.compare import (
     as_metrics,
 )
 from genie_sim.analysis.metric import MARKS
-from genie_sim.analysis.registry import METRICS, cell
+from genie_sim.analysis.registry import cell, definition
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
@@ -52,7 +52,7 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
     rows = []
     for row in comparison.rows:
         if row.against:
-            metric = METRICS[row.metric]
+            metric = definition(row.metric)
             reference = by_place.get((row.metric, row.against))
             value, its_value = (
                 metric.cell(of.value if of else None)._replace(unit=metric.unit)
@@ -85,7 +85,7 @@ def values(comparison: ComparedRuns) -> ResultTable:
     return ResultTable(
         columns=[method.title for method in methods],
         rows=[
-            Row(METRICS[name].label, [cell(by_place.get((name, arm.name))) for arm in methods])
+            Row(definition(name).label, [cell(by_place.get((name, arm.name))) for arm in methods])
             for name in dict.fromkeys(metric.metric for metric in metrics)
         ],
         title=f"{' and '.join(comparison.names)}, compared",
@@ -117,7 +117,9 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     return ResultTable(
         columns=[titles[arm] for arm in arms],
         rows=[
-            Row(METRICS[metric].label, [_difference(by_place.get((metric, arm))) for arm in arms])
+            Row(
+                definition(metric).label, [_difference(by_place.get((metric, arm))) for arm in arms]
+            )
             for metric in dict.fromkeys(row.metric for row in rows)
         ],
         title=f"{name}: paired differences from {against}",
@@ -132,4 +134,4 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
 def _difference(row: Difference | None) -> Cell:
     if row is None:
         return Cell()
-    return METRICS[row.metric].cell(row.difference, row.low, row.high, sign="+")
+    return definition(row.metric).cell(row.difference, row.low, row.high, sign="+")

@@ -121,7 +121,7 @@ class Reuse(MetricDefinition):
     section = GENIES
     view = Lookups
     mark = WINDOWS
-    reads = "lookups: genie, kind, requests, hits"
+    reads = "lookups: genie, t_ns, kind, requests, hits"
 
     def asked(self, view: Lookups) -> Columns:
         """The look-ups that count."""
@@ -150,7 +150,7 @@ class ImageReuse(Reuse):
     """Hits / requests of the message caches, asked by their own clients, mean over Genies."""
 
     title = "image reuse"
-    reads = "lookups: genie, kind, requests, hits, requester"
+    reads = "lookups: genie, t_ns, kind, requests, hits, requester"
 
     def asked(self, view: Lookups) -> Columns:
         return view.of_clients
@@ -160,7 +160,7 @@ class PooledImageReuse(PooledReuse):
     """Hits / requests of all message caches together."""
 
     title = "image reuse, pooled"
-    reads = "lookups: genie, kind, requests, hits, requester"
+    reads = "lookups: genie, t_ns, kind, requests, hits, requester"
 
     def asked(self, view: Lookups) -> Columns:
         return view.of_clients

@@ -14,6 +14,8 @@ import numpy as np
 from genie_sim.analysis.result_table import Cell
 from genie_sim.analysis.statistics import Blocks, Measured, ratio
 from genie_sim.analysis.style import PLACEMENTS
+from genie_sim.errors import UserError, short_repr
+from genie_sim.plugins import is_own, own_fault
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
@@ -72,6 +74,11 @@ class MetricDefinition:
         a paired difference inside one run.
         """
         return None
+
+    def columns_read(self) -> dict[str, list[str]]:
+        """What ``reads`` names, by table."""
+        parts = (part.partition(":") for part in self.reads.split(";") if part)
+        return {table.strip(): columns.replace(",", " ").split() for table, _, columns in parts}
 
     @property
     def meaning(self) -> str:
@@ -183,9 +190,22 @@ def measured(metrics: Mapping[str, MetricDefinition], views: Views) -> Iterator[
         by_view.setdefault(metric.view, {})[name] = metric
     for where, view in views:
         for name, metric in by_view.get(type(view), {}).items():
-            number = metric.of(view)
+            number = _own_number(name, metric, view) if is_own(name) else metric.of(view)
             if number is not None:
                 yield Metric(name, *where, unit=metric.unit_in_files, **number._asdict())
+
+
+def _own_number(name: str, metric: MetricDefinition, view: Any) -> Measured | None:
+    """The number of a metric of the user's own. Raises ``UserError`` for whatever goes wrong."""
+    try:
+        number = metric.of(view)
+    except Exception as error:
+        text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
+        raise UserError(own_fault(error) or text) from error
+    if number is not None and not isinstance(number, Measured):
+        text = f"of() must return Measured or None, not {short_repr(number)}"
+        raise UserError(f"metric {name!r}: {text}")
+    return number
 
 
 def average(values: Any) -> Measured:

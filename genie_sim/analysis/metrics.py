@@ -28,7 +28,7 @@ from genie_sim.analysis import (
     resource_metrics,
 )
 from genie_sim.analysis.metric import Views, measured
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.registry import METRICS, own_metrics
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.text import significant
@@ -49,6 +49,7 @@ def compute(
     *,
     intervals: bool = True,
     fresh: Fresh = "look",
+    own: Sequence[str] = (),
 ) -> list[Metric]:
     """All metrics of one run, in a fixed order.
 
@@ -65,14 +66,17 @@ def compute(
         Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
     fresh : str
         What makes an answer fresh.
+    own : sequence of str
+        Metrics of the user's own, ``package.module:Class``. Raises ``UserError`` for one that
+        cannot be computed.
     """
     filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
     frames = with_fresh(Columns.of(tables["frames"]), fresh)
-    views = _views({**filled, "frames": frames}, filled.keys(), methods, intervals)
-    return [_rounded(metric) for metric in measured(METRICS, views)]
+    of_run = views({**filled, "frames": frames}, filled.keys(), methods, intervals)
+    return [rounded(metric) for metric in measured({**METRICS, **own_metrics(own)}, of_run)]
 
 
-def _views(
+def views(
     tables: Mapping[str, Columns],
     filled: Set[str],
     methods: Sequence[MethodInfo],
@@ -113,7 +117,7 @@ def with_fresh(frames: Columns, fresh: Fresh) -> Columns:
     )
 
 
-def _rounded(metric: Metric) -> Metric:
+def rounded(metric: Metric) -> Metric:
     """A metric with its numbers as they are written down."""
     return replace(metric, value=_ten(metric.value), low=_ten(metric.low), high=_ten(metric.high))
 

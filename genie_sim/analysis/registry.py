@@ -5,8 +5,9 @@ A class of the user's own (``metric.MetricDefinition``) is named ``package.modul
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
+from genie_sim import plugins
 from genie_sim.analysis import (
     attacks,
     correctness,
@@ -19,6 +20,9 @@ from genie_sim.analysis import (
 )
 from genie_sim.analysis.metric import ZERO_DELAY, MetricDefinition
 from genie_sim.analysis.result_table import Cell
+from genie_sim.errors import UserError, unknown
+from genie_sim.plugins import Choice
+from genie_sim.recording.records import SCHEMAS
 from genie_sim.recording.results import MethodInfo, Metric
 
 COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
@@ -36,9 +40,48 @@ METRICS: Mapping[str, MetricDefinition] = {
 }
 
 
+class Unregistered(MetricDefinition):
+    """A metric whose class is not here."""
+
+    unit = ""
+
+    def __init__(self, name: str) -> None:
+        self.title = name
+
+
+def own_metrics(names: Iterable[str]) -> dict[str, MetricDefinition]:
+    """Metrics of the user's own, each ``package.module:Class``. Raises ``UserError``."""
+    found = {}
+    for name in names:
+        metric = plugins.make("metric", Choice(name), {}, ("of", "title", "view"))
+        if not isinstance(metric, MetricDefinition):
+            base = f"{MetricDefinition.__module__}.{MetricDefinition.__name__}"
+            raise UserError(f"metric {name!r}: is no subclass of {base}")
+        for table, columns in metric.columns_read().items():
+            if table not in SCHEMAS:
+                raise UserError(f"metric {name!r}: reads: {unknown('table', table, SCHEMAS)}")
+            known = [column.name for column in SCHEMAS[table].columns]
+            for column in columns:
+                if column not in known:
+                    text = unknown("column", column, known)
+                    raise UserError(f"metric {name!r}: reads: {table}: {text}")
+        found[name] = metric
+    return found
+
+
+def definition(name: str) -> MetricDefinition:
+    """A metric by its name; one of the user's own whose class cannot be had goes by its name."""
+    if name in METRICS:
+        return METRICS[name]
+    try:
+        return own_metrics([name])[name]
+    except UserError:
+        return Unregistered(name)
+
+
 def title_of(metric: str) -> str:
     """A metric's title; the name of one that is not registered."""
-    return METRICS[metric].title if metric in METRICS else metric
+    return definition(metric).title
 
 
 def component_title(component: str, methods: Sequence[MethodInfo] = ()) -> str:
@@ -53,7 +96,7 @@ def cell(metric: Metric | None) -> Cell:
         return Cell()
     if metric.value is None:
         return Cell(math.nan)
-    return METRICS[metric.metric].cell(metric.value, metric.low, metric.high)
+    return definition(metric.metric).cell(metric.value, metric.low, metric.high)
 
 
 def spans_much(numbers: Sequence[float]) -> bool:
@@ -65,4 +108,4 @@ def is_drawn_logarithmically(metric: str, numbers: Sequence[float]) -> bool:
     """Whether an axis of a metric is logarithmic with these values on it; one of shares never
     is.
     """
-    return METRICS[metric].unit != "%" and spans_much(numbers)
+    return definition(metric).unit != "%" and spans_much(numbers)

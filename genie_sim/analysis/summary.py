@@ -13,7 +13,7 @@ from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES
 from genie_sim.analysis.metric import MARKS, RECENT_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.outages import FAULTS
-from genie_sim.analysis.registry import METRICS, cell, component_title
+from genie_sim.analysis.registry import METRICS, cell, component_title, definition
 from genie_sim.analysis.result_table import ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
@@ -111,6 +111,11 @@ class _Numbers:
             if place[1] != ZERO_DELAY:
                 self._places.setdefault(name, {})[place[0], place[1]] = None
 
+    @property
+    def own(self) -> list[str]:
+        """The metrics of the user's own."""
+        return [name for name in self._places if name not in METRICS]
+
     def is_measured(self, metrics: Iterable[str]) -> bool:
         """Whether there is a number of any of these metrics."""
         return any(name in self._places for name in metrics)
@@ -135,15 +140,14 @@ class _Numbers:
                     for column in columns
                 ]
                 if any(found.is_known for found in cells):
-                    title = METRICS[name].titled(
-                        placement, component_title(component, self.methods)
-                    )
-                    yield Row(METRICS[name].labelled(title), cells)
+                    metric = definition(name)
+                    title = metric.titled(placement, component_title(component, self.methods))
+                    yield Row(metric.labelled(title), cells)
 
     def section(self, title: str) -> ResultTable:
         """The table of a section, of the columns that have a number."""
         columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
-        names = [name for name, metric in METRICS.items() if metric.section == title]
+        names = [name for name in (*METRICS, *self.own) if definition(name).section == title]
         rows = list(self.rows(names, columns))
         table = ResultTable([column.title for column in columns], rows, title)
         return table.without_empty_columns()
@@ -266,7 +270,7 @@ def main_table(run: Run | SeedRuns) -> ResultTable:
     """
     numbers = _Numbers(run)
     columns = [*numbers.columns, *numbers.zero_delay()]
-    rows = list(numbers.rows(MAIN, columns, whole=True))
+    rows = list(numbers.rows((*MAIN, *numbers.own), columns, whole=True))
     busiest = list(numbers.busiest(columns))
     notes = [ABOUT_TIMES, ABOUT_ANSWERS]
     if busiest:

@@ -12,7 +12,7 @@ from genie_sim import units
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
 from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
-from genie_sim.analysis.registry import METRICS, component_title
+from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
 from genie_sim.analysis.summary import energy_note
@@ -111,9 +111,9 @@ def zero_delay() -> dict[str, str]:
 
 def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, str]]:
     """What pages say of these metrics: title, unit, which is better, and meaning."""
-    names = sorted(set(metrics) & METRICS.keys())
     shown = ("title", "unit", "better", "meaning")
-    return {name: {key: getattr(METRICS[name], key) for key in shown} for name in names}
+    found = {name: definition(name) for name in sorted(set(metrics))}
+    return {name: {key: getattr(found[name], key) for key in shown} for name in found}
 
 
 def _methods(run: "Run") -> Iterator[dict[str, Any]]:
@@ -216,7 +216,7 @@ def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
     """All metrics but those of the less busy of very many resources."""
     use: dict[tuple[str, str], float] = {}
     for metric in measured:
-        if isinstance(METRICS[metric.metric], ResourceMetric):
+        if isinstance(definition(metric.metric), ResourceMetric):
             resource = metric.method, metric.component
             value = metric.value if metric.metric == "utilization" else None
             use[resource] = max(use.get(resource, 0.0), value or 0.0)

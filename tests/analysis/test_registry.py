@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from genie_sim import runner
-from genie_sim.analysis.metric import HIGHER, LOWER
+from genie_sim.analysis import attacks, correctness, metrics, outages, prices
+from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric, Run
 from genie_sim.scenario.scenario import load_scenario
 
@@ -25,6 +27,45 @@ def run() -> Run:
 def test_a_run_with_everything_has_a_number_of_every_metric(run: Run):
     never = METRICS.keys() - {metric.metric for metric in run.measured}
     assert not never, "registered, but no number of a run with everything recorded"
+
+
+KEYS = {  # what tells of whom and of when a row is
+    "frames": ("method", "car", "stamp_ns", "lap"),
+    "lookups": ("method", "placement", "kind", "requester"),
+    "looks": ("method", "car", "stamp_ns", "way"),
+    "answers": ("method", "car", "stamp_ns"),
+    "held": ("method", "car", "stamp_ns", "what"),
+    "hosts": ("method", "placement"),
+    "resources": ("method", "resource", "t_ns"),
+    "attacks": ("method", "attacker", "receiver"),
+    "faults": ("method", "fault", "begin_ns", "end_ns"),
+}
+ENERGY = prices.Energy().columns_read()
+OF_VIEWS = {  # what else a view reads, by the metrics that it is for
+    (*attacks.METRICS,): {"held": ()},
+    (*outages.METRICS,): {"faults": ()},
+    (*prices.METRICS,): ENERGY,
+    ("first_answer_part", "fresh_answer_part"): {"frames": ("first_answer_ns", "fresh_answer_ns")},
+    ("shared_share", "shared_right_share"): {"looks": ()},
+    ("fault_recall", "fault_ghosts"): correctness.StreamingF1().columns_read(),
+}
+
+
+def test_every_metric_reads_the_columns_that_it_says(run: Run):
+    """With these columns alone it has the same numbers."""
+    for name, metric in METRICS.items():
+        columns: dict[str, set[str]] = {"frames": set(KEYS["frames"])}
+        more = [tables for names, tables in OF_VIEWS.items() if name in names]
+        for tables in (metric.columns_read(), *more):
+            for table, read in tables.items():
+                columns.setdefault(table, set()).update(read, KEYS.get(table, ("method",)))
+        tables = {
+            table: Columns({one: run.tables[table][one] for one in sorted(read)})
+            for table, read in columns.items()
+        }
+        views = metrics.views(tables, set(tables), run.methods, intervals=True)
+        numbers = [metrics.rounded(one) for one in measured({name: metric}, views)]
+        assert numbers == [one for one in run.measured if one.metric == name]
 
 
 def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
