@@ -171,15 +171,36 @@ class WrongHits(Ratio):
 
 
 class HeldRatio(Ratio):
-    """A ratio over what consumers hold at each instant."""
+    """A ratio of sums of columns over what consumers hold at each instant."""
 
     section = CORRECTNESS
     view = HeldRows
     table = "held"
     only = MappingProxyType({"what": CONSUMER})
+    above: tuple[str, ...] = ()
+    """The columns whose sum is above; a column may count twice."""
+
+    below: tuple[str, ...] = ()
+    """The columns whose sum is below."""
+
+    def __init_subclass__(cls) -> None:
+        if "reads" not in vars(cls):
+            cls.reads = f"held: {', '.join(dict.fromkeys((*cls.above, *cls.below)))}"
 
     def counts(self, rows: Rows) -> Any:
         return rows.chosen
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return sum(rows[name] for name in self.above), sum(rows[name] for name in self.below)
+
+
+class HeldMean(HeldRatio):
+    """The mean of the column ``above``, weighted with the column ``below``, if there is one."""
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        values = rows[self.above[0]]
+        weights = rows[self.below[0]] if self.below else np.ones(len(rows))
+        return values * weights, weights
 
 
 class ObjectPrecision(HeldRatio):
@@ -187,10 +208,8 @@ class ObjectPrecision(HeldRatio):
 
     title = "streaming precision"
     better = HIGHER
-    reads = "held: right, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["right"], rows["held"]
+    above = ("right",)
+    below = ("held",)
 
 
 class ObjectRecall(HeldRatio):
@@ -198,10 +217,8 @@ class ObjectRecall(HeldRatio):
 
     title = "recall of visible objects"
     better = HIGHER
-    reads = "held: right, visible_static, visible_moving"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["right"], rows["visible_static"] + rows["visible_moving"]
+    above = ("right",)
+    below = ("visible_static", "visible_moving")
 
 
 class StaticRecall(HeldRatio):
@@ -209,10 +226,8 @@ class StaticRecall(HeldRatio):
 
     title = "recall of static objects"
     better = HIGHER
-    reads = "held: found_static, visible_static"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["found_static"], rows["visible_static"]
+    above = ("found_static",)
+    below = ("visible_static",)
 
 
 class MovingRecall(HeldRatio):
@@ -220,10 +235,8 @@ class MovingRecall(HeldRatio):
 
     title = "recall of moving objects"
     better = HIGHER
-    reads = "held: found_moving, visible_moving"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["found_moving"], rows["visible_moving"]
+    above = ("found_moving",)
+    below = ("visible_moving",)
 
 
 class StreamingF1(HeldRatio):
@@ -231,11 +244,8 @@ class StreamingF1(HeldRatio):
 
     title = "streaming F1"
     better = HIGHER
-    reads = "held: right, visible_static, visible_moving, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        visible = rows["visible_static"] + rows["visible_moving"]
-        return 2 * rows["right"], rows["held"] + visible
+    above = ("right", "right")
+    below = ("held", "visible_static", "visible_moving")
 
 
 class FalseObjects(HeldRatio):
@@ -243,7 +253,8 @@ class FalseObjects(HeldRatio):
 
     title = "false objects"
     better = LOWER
-    reads = "held: right, held"
+    above = ("held", "right")
+    below = ("held",)
 
     def parts(self, rows: Columns) -> tuple[Any, Any]:
         return rows["held"] - rows["right"], rows["held"]
@@ -254,10 +265,8 @@ class MovedAway(HeldRatio):
 
     title = "false objects: moved away"
     better = LOWER
-    reads = "held: moved_away, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["moved_away"], rows["held"]
+    above = ("moved_away",)
+    below = ("held",)
 
 
 class NeverThere(HeldRatio):
@@ -265,10 +274,8 @@ class NeverThere(HeldRatio):
 
     title = "false objects: never there"
     better = LOWER
-    reads = "held: never_there, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["never_there"], rows["held"]
+    above = ("never_there",)
+    below = ("held",)
 
 
 class Duplicates(HeldRatio):
@@ -276,46 +283,37 @@ class Duplicates(HeldRatio):
 
     title = "false objects: duplicates"
     better = LOWER
-    reads = "held: duplicate, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["duplicate"], rows["held"]
+    above = ("duplicate",)
+    below = ("held",)
 
 
-class Gospa(HeldRatio):
+class Gospa(HeldMean):
     """Mean GOSPA distance from the held objects to those in view."""
 
     title = "GOSPA"
     unit = "m"
     better = LOWER
-    reads = "held: gospa_m"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["gospa_m"], np.ones(len(rows))
+    above = ("gospa_m",)
 
 
-class HeldAge(HeldRatio):
+class HeldAge(HeldMean):
     """Mean time since the held objects were detected."""
 
     title = "age of held objects"
     unit = "s"
     better = LOWER
-    reads = "held: age_s, held"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["age_s"] * rows["held"], rows["held"]
+    above = ("age_s",)
+    below = ("held",)
 
 
-class PositionError(HeldRatio):
+class PositionError(HeldMean):
     """Mean distance of the right held objects to the true ones."""
 
     title = "position error"
     unit = "m"
     better = LOWER
-    reads = "held: error_m, right"
-
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["error_m"] * rows["right"], rows["right"]
+    above = ("error_m",)
+    below = ("right",)
 
 
 class LapRecall(MetricDefinition):

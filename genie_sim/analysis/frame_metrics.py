@@ -192,10 +192,11 @@ class FirstInTime(FrameShare):
     title = f"first answer within {DEADLINE_MS:g} ms"
     better = HIGHER
     section = TIMES
+    answer = "first"
     reads = "frames: received_ns, first_answer_ns"
 
     def flags(self, frames: Columns) -> Any:
-        return response_ms(frames, "first") < DEADLINE_MS
+        return response_ms(frames, self.answer) < DEADLINE_MS
 
 
 class FirstInTimeOfAnswered(FirstInTime):
@@ -219,16 +220,12 @@ class WithFreshResult(FrameShare):
         return ~np.isnan(frames.floats("fresh_answer_ns"))
 
 
-class FreshInTime(FrameShare):
+class FreshInTime(FirstInTime):
     """Share of all published frames with a fresh result within 33 ms."""
 
     title = f"fresh result within {DEADLINE_MS:g} ms"
-    better = HIGHER
-    section = TIMES
-    reads = "frames: received_ns, fresh_answer_ns"
-
-    def flags(self, frames: Columns) -> Any:
-        return response_ms(frames, "fresh") < DEADLINE_MS
+    answer = "fresh"
+    reads = FreshResult.reads
 
 
 class WithRecentResult(FrameShare):

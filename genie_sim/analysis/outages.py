@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.correctness import FalseObjects, HeldRatio, ObjectRecall
+from genie_sim.analysis.frame_metrics import Answered, FrameShare, LookAge, WithFreshResult
 from genie_sim.analysis.metric import HIGHER, LOWER, MetricDefinition, Views, Where, average
 from genie_sim.analysis.statistics import Measured
 from genie_sim.recording.columns import Columns
@@ -100,24 +101,21 @@ class FaultAnswered(FaultMetric):
     pattern = "frames answered {}"
     better = HIGHER
     view = PhaseFrames
-    reads = "frames: first_answer_ns"
+    share: FrameShare = Answered()
+    reads = Answered.reads
 
     def of(self, view: PhaseFrames) -> Measured:
-        return average(~np.isnan(view.frames.floats("first_answer_ns")))
+        return average(self.share.flags(view.frames))
 
 
-class FaultFresh(FaultMetric):
+class FaultFresh(FaultAnswered):
     """Share of the frames with a fresh result, before, during or after the first fault that is no
     hand-over (the component).
     """
 
     pattern = "frames with a fresh result {}"
-    better = HIGHER
-    view = PhaseFrames
-    reads = "frames: fresh_answer_ns"
-
-    def of(self, view: PhaseFrames) -> Measured:
-        return average(~np.isnan(view.frames.floats("fresh_answer_ns")))
+    share = WithFreshResult()
+    reads = WithFreshResult.reads
 
 
 class FaultLatency(FaultMetric):
@@ -145,11 +143,10 @@ class FaultLookAge(FaultMetric):
     unit = "ms"
     better = LOWER
     view = PhaseFrames
-    reads = "frames: first_looked_ns, stamp_ns, first_answer_ns"
+    reads = LookAge.reads
 
     def of(self, view: PhaseFrames) -> Measured:
-        age_ns = view.frames["stamp_ns"] - view.frames.floats("first_looked_ns")
-        ages_ms = np.maximum(age_ns, 0.0) / NS_PER_MS
+        ages_ms = LookAge("mean").times_ms(view.frames)
         return average(ages_ms[~np.isnan(ages_ms)])
 
 

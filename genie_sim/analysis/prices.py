@@ -309,6 +309,7 @@ class EnergyPerFresh(Energy):
     """
 
     title = "energy per fresh result"
+    section = ""
     per = "fresh"
 
 
@@ -330,6 +331,7 @@ class ActiveEnergyPerFrame(Energy):
     """Energy per published frame beyond what the computers and ports take when idle."""
 
     title = "energy per frame without idle"
+    section = ""
 
     def joules(self, energy: Ledger, end: End) -> float | None:
         return energy.without_idle(end)

@@ -104,8 +104,11 @@ class ResultTable:
         return [self.corner, *self.columns]
 
     def texts(self, intervals: bool = True) -> list[list[str]]:
-        """Each row as text, its title first."""
-        return [[row.title, *(cell.text(intervals) for cell in row.cells)] for row in self.rows]
+        """Each row as text that cannot steer a terminal, its title first."""
+        return [
+            [one_line(text) for text in (row.title, *(cell.text(intervals) for cell in row.cells))]
+            for row in self.rows
+        ]
 
     def part(self, columns: slice, rows: slice = slice(None)) -> "ResultTable":
         """The table with some of its columns and rows."""
@@ -187,10 +190,10 @@ class ResultTable:
         known = [row for row in self.rows if any(cell.is_known for cell in row.cells)]
         texts = replace(self, rows=known).texts(intervals)
         title_width = max((len(title) for title, *_ in texts), default=0)
-        headings = [[heading] for heading in self.columns]
+        headings = [[one_line(heading)] for heading in self.columns]
         widths = _widths(headings, texts)
         if title_width + sum(widths) > width:
-            headings = [heading.split() for heading in self.columns]
+            headings = [heading.split() for (heading,) in headings]
             widths = _widths(headings, texts)
             title_width = min(title_width, max(width - sum(widths), MIN_TITLE_WIDTH))
         height = max(map(len, headings), default=0)
@@ -198,7 +201,7 @@ class ResultTable:
         for words in zip(*above, strict=True):
             yield _line("", title_width, words, widths)
         for title, *cells in texts:
-            *lines, last = textwrap.wrap(title, title_width)
+            *lines, last = textwrap.wrap(title, title_width) or [""]
             yield from lines
             yield _line(last, title_width, cells, widths)
 
