@@ -235,9 +235,9 @@ METRICS = {
     "looks_in_flight_share": LooksInFlight(),
     "look_round_trip_mean": LookRoundTrip(),
     "view_age_mean": ViewAge("mean"),
-    "view_age_p50": ViewAge("p50"),
+    "view_age_p50": ViewAge("p50", section=""),
     "view_age_p95": ViewAge("p95"),
-    "view_age_p99": ViewAge("p99"),
+    "view_age_p99": ViewAge("p99", section=""),
     "shared_share": Shared(),
     "shared_right_share": SharedRight(),
 }
