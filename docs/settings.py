@@ -17,7 +17,7 @@ GROUPS = {  # a setting belongs to the longest path that it is below
     ),
     "What cameras see": ("perception",),
     "Cameras": ("cameras", "image_encoding"),
-    "Edges": ("edges", "edge_network", "serving"),
+    "Edges": ("edges", "edge_neighbours", "edge_network", "serving"),
     "Cars": ("cars", "interface"),
     "Convoy": ("convoy",),
     "Fleet": ("fleet",),

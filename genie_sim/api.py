@@ -196,6 +196,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
+    observer: runner.Observer | None = None,
     progress: Progress | None = None,
 ) -> Run: ...
 
@@ -226,6 +227,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
+    observer: runner.Observer | None = None,
     progress: Progress | None = None,
 ) -> Run | Runs:
     """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
@@ -253,6 +255,9 @@ def run(
     workers : int
         Processes for one run: several methods side by side, or the only method of a fleet in parts.
         The results do not depend on it.
+    observer : runner.Observer, optional
+        Sees the world of each method before and after it runs: it may subscribe to topics and look
+        at nodes and their maps. For one run in memory, in this process.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
@@ -263,6 +268,8 @@ def run(
     label = results.checked_label(label)
     if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
         raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
+    if observer is not None and (workers != 1 or seeds is not None or out is not None):
+        raise UserError("observer: is for one run in memory, without workers, seeds and out")
     if seeds is not None:
         if seed is not None:
             raise UserError("seed and seeds: give one of them")
@@ -270,7 +277,9 @@ def run(
             raise UserError("workers: is for one run; with seeds give jobs")
         return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
-        run = runner.run_in_memory(setting, progress, label=label, workers=workers)
+        run = runner.run_in_memory(
+            setting, progress, label=label, workers=workers, observer=observer
+        )
     else:
         run = runner.run_to_folder(setting, expanded(out), progress, label=label, workers=workers)
     return _one_in_hand(run)
@@ -494,8 +503,7 @@ def search(
 
     Returns one row per design of the front, and one per method of the scenario as it is: objectives
     and constraints with 95 % intervals over the held-out set, which the search has not seen; which
-    designs cannot be told apart (``equal_to``) or are worse beyond doubt (``dominated_by``); and
-    the values of the parameters.
+    designs cannot be told apart (``equal_to``); and the values of the parameters.
 
     Parameters
     ----------
@@ -517,15 +525,13 @@ def search(
     jobs : int, optional
         Processes; by default one per core.
     out : str or Path, optional
-        A folder that gets the search's folder. Points in it are not tried again.
+        A folder that gets the search's folder. Runs in it are not run again.
     progress : callable, optional
         Called with how many points are done, how many there are, and what is going on.
     """
-    import pandas as pd
-
     from genie_sim import parallel
+    from genie_sim.study.search_design import load
     from genie_sim.study.tasks import LocalWorkers
-    from genie_sim.tuning import design as designs
 
     changes: dict[str, Any] = {"set": dict(settings)} if settings else {}
     if maximize or minimize:
@@ -535,15 +541,14 @@ def search(
         for key, value in (("subject_to", subject_to), ("points", points), ("seed", seed))
         if value not in ((), None)
     }
-    design = designs.load(search, methods, changes)
-    from genie_sim.tuning.search import Search
+    design = load(search, methods, changes)
+    from genie_sim.study.search import Search
 
     with tempfile.TemporaryDirectory() as scratch:
-        work = Search(design, expanded(out or scratch))
         workers = LocalWorkers(jobs or parallel.workers_here())
-        work.run(workers, progress=progress)
-        status = work.finish(workers, progress, pictures=out is not None)
-        return pd.read_parquet(status.folder / "designs.parquet", use_threads=False)
+        work = Search(design, expanded(out or scratch), workers)
+        work.run(progress)
+        return work.finish(progress, pictures=out is not None)[0]
 
 
 def _axis(path: str, axis: Any) -> tuple[str, Any]:

@@ -116,18 +116,6 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
     return latitude, longitude, altitude_m
 
 
-def count_or_auto(option: str, text: str) -> int | None:
-    """``4`` or ``auto``, which is ``None``: to be found out."""
-    if text == "auto":
-        return None
-    count = _count(text)
-    if count is None or not 1 <= count <= MAX_COUNT:
-        raise UserError(
-            f"{option}: {short_repr(text)} is neither auto nor a number from 1 to {MAX_COUNT}"
-        )
-    return count
-
-
 def listed(option: str, text: str | None) -> list[str]:
     """``a,b`` to its names; nothing for no text. Raises ``UserError``."""
     if text is None:

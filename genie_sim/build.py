@@ -30,6 +30,7 @@ from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
 from genie_sim.sim.setup import Setup
+from genie_sim.sim.topology import ALL_SHARE, NEAREST
 
 DETECTOR = PlugIn("detector", {})
 
@@ -181,7 +182,7 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
     """
     median_ns = profile.median_ns(model)
     law = getattr(profile.spreads, spread)
-    return ServiceTime(median_ns, law.loc, law.sigma, profile.models[model].quantiles_ns)
+    return ServiceTime(median_ns, law.loc, law.sigma)
 
 
 def link_model(choice: Choice) -> LinkModel | Medium:
@@ -235,10 +236,17 @@ def notes(scenario: Scenario) -> list[str]:
         and looks.edge == "beside"
         and not scenario.is_one_world
     ]
-    if not silent:
-        return []
-    why = "cars replay recordings at different times, so what one sees is not there for others"
-    return [f"{', '.join(silent)}: edges tell cars nothing, because {why}."]
+    said = []
+    if silent:
+        why = "cars replay recordings at different times, so what one sees is not there for others"
+        said.append(f"{', '.join(silent)}: edges tell cars nothing, because {why}.")
+    unnamed = sum(edge.neighbours is None for edge in scenario.edges)
+    if unnamed and len(scenario.edges) > ALL_SHARE and scenario.edge_neighbours is None:
+        said.append(
+            f"Of {len(scenario.edges)} edges each shares with the {NEAREST} nearest; "
+            "edge_neighbours says with how many."
+        )
+    return said
 
 
 def check_faults_of(scenario: Scenario) -> None:

@@ -21,12 +21,12 @@ from genie_sim.arguments import (
     scheduler_option,
     seeds_option,
 )
-from genie_sim.cli_compare import compare, figures, table, write_article
+from genie_sim.cli_compare import compare, figures, table
 from genie_sim.cli_files import copy, show
 from genie_sim.cli_import import import_tables
 from genie_sim.cli_links import links
 from genie_sim.cli_perceive import perceive, truth
-from genie_sim.cli_ros import attach, detach, keys
+from genie_sim.cli_ros import attach, detach
 from genie_sim.cli_search import search
 from genie_sim.errors import UserError, unknown
 from genie_sim.paths import expanded
@@ -65,8 +65,6 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 @click.option(
     "--debug/--no-debug", expose_value=False, help="Show where a class of your own failed."
 )
-@completion.install_option
-@completion.show_option
 @click.pass_context
 def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:
@@ -233,9 +231,7 @@ def _show(result: "Run | SeedRuns", output: "Output") -> None:
 
 
 @app.command()
-@click.argument(
-    "folder", type=PATH, help="A result folder of 'run', 'reproduce', 'sweep' or 'search'."
-)
+@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
@@ -274,13 +270,11 @@ def report(
     from genie_sim.report import comparison
     from genie_sim.run_pictures import kitti_pictures
     from genie_sim.study import page as sweep
-    from genie_sim.tuning import page as search_page
 
     path = out if out is not None else folder / terminal.PAGE
     pages = {
         "verdicts.json": evaluation.page,
         "sweep.json": sweep.page,
-        "search.json": search_page.page,
     }
     page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
     if is_seeds_folder(folder):
@@ -306,40 +300,19 @@ def report(
 @click.option("--seeds", type=COUNT, help="How many seeds; default: those of the assumptions.")
 @click.option("--jobs", type=COUNT, help="Parallel processes; default: one per core.")
 @click.option(
-    "--drives", is_flag=True, help="The main claims on each of KITTI's tracking sequences, too."
-)
-@click.option(
     "--reading",
     help="One reading of the paper, or a file of your own; default: all that there are.",
 )
-@click.option(
-    "--explore",
-    is_flag=True,
-    help="Instead: the claims all over the paper's open choices. Resumable.",
-)
-@click.option(
-    "--out",
-    type=PATH,
-    help="The folder that gets it; default: results/reproduce or results/explore.",
-)
+@click.option("--out", type=PATH, default="results/reproduce", help="The folder that gets it.")
 def reproduce(
     *,
     quick: bool,
     seeds: int | None,
     jobs: int | None,
-    drives: bool,
     reading: str | None,
-    explore: bool,
-    out: Path | None,
+    out: Path,
 ) -> None:
     """Run the paper's evaluation: figures and verdicts."""
-    if explore:
-        if quick or drives or seeds is not None or reading is not None:
-            raise UserError(
-                "--explore: cannot be combined with --quick, --drives, --seeds or --reading"
-            )
-        return _explore(out or Path("results/explore"), jobs)
-    out = out or Path("results/reproduce")
     from genie_sim.paper import verdict_table
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
@@ -350,26 +323,14 @@ def reproduce(
             seeds=seeds,
             workers=jobs,
             progress=progress,
-            with_drives=drives,
             reading=reading,
         )
     click.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
-    if result.drives:
-        click.echo(f"\n{result.drives}\n")
     click.echo(
         f"Results: {result.folder} ({result.wall_time_s:.0f} s)\n"
         f"Figures: {result.folder / 'figures'}"
     )
     click.echo(f"Report:  {result.folder / terminal.PAGE}")
-
-
-def _explore(out: Path, jobs: int | None) -> None:
-    from genie_sim.paper import explore
-    from genie_sim.parallel import workers_here
-
-    with Progress(unit="runs") as progress:
-        answers = explore.explore(out, jobs or workers_here(), progress)
-    click.echo(f"{explore.text(answers)}\n\nResults: {out}")
 
 
 @app.command()
@@ -388,7 +349,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, write_article, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive, truth, import_tables):
     app.add_command(_command)
 
 
@@ -446,9 +407,6 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
-@click.option(
-    "--empirical", is_flag=True, help="Keep the measured distribution instead of the fitted law."
-)
 def profile(
     *,
     out: Path,
@@ -457,7 +415,6 @@ def profile(
     model: str | None,
     weights: Path | None,
     runs: int,
-    empirical: bool,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies."""
     from genie_sim import device_fit
@@ -474,7 +431,7 @@ def profile(
             assert detector is not None
             measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
     fit = device_fit.fit(measured.latencies_ns)
-    device_fit.write(out, measured, fit, empirical)
+    device_fit.write(out, measured, fit)
     click.echo(f"{out}: {measured.model}: {fit}")
 
 
@@ -550,7 +507,7 @@ def sweep(
         )
 
 
-for _command in (links, search, attach, detach, keys):
+for _command in (links, search, attach, detach):
     app.add_command(_command)
 
 

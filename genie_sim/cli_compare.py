@@ -107,7 +107,7 @@ def figures(
     \b
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf
     """
-    from genie_sim import article
+    from genie_sim import outputs
     from genie_sim.analysis.figures import FORMATS, save_all
     from genie_sim.recording import provenance
 
@@ -117,7 +117,7 @@ def figures(
             raise UserError(f"--format: {unknown('format', name, FORMATS)}")
     if width not in (None, *WIDTHS):
         raise UserError(f"--width: {unknown('width', str(width), WIDTHS)}")
-    drawn = article.figures(folders, width, allow_changed)
+    drawn = outputs.figures(folders, width, allow_changed)
     if out is None and len(folders) > 1:
         raise UserError("figures: of several results: say where to, with --out")
     target = provenance.contained(folders[0], "figures") if out is None else out
@@ -148,38 +148,8 @@ def table(folders: tuple[Path, ...], format: str, methods: str | None, allow_cha
     \b
     genie-sim table results/3car_hetero-65c23e86c242 --format latex
     """
-    from genie_sim import article
+    from genie_sim import outputs
 
     click.echo(
-        article.table(folders, format, listed("--methods", methods), allow_changed), nl=False
+        outputs.table(folders, format, listed("--methods", methods), allow_changed), nl=False
     )
-
-
-@click.command("article")
-@FOLDERS
-@click.option("--out", type=PATH, required=True, help="The folder that gets the article.")
-@click.option(
-    "--publisher",
-    default="ieee",
-    shell_complete=completion.fixed("ieee", "acm"),
-    help="Whose columns: ieee or acm.",
-)
-@changed_option
-@own_code_option
-def write_article(
-    folders: tuple[Path, ...], out: Path, publisher: str, allow_changed: bool
-) -> None:
-    """Write an article in two columns from results.
-
-    LaTeX, with tables and figures. It says what was run, what came out and what each metric means;
-    pdflatex makes pages of it.
-
-    \b
-    genie-sim article results/3car_hetero-65c23e86c242 --out article
-    """
-    from genie_sim import article
-
-    if publisher not in article.CLASSES:
-        raise UserError(f"--publisher: {unknown('publisher', publisher, article.CLASSES)}")
-    paths = article.write(folders, out, publisher, allow_changed)
-    click.echo("\n".join(map(str, paths)))

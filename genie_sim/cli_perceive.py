@@ -2,7 +2,7 @@
 parsed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, get_args
 import click
 
 from genie_sim import arguments
-from genie_sim.arguments import PATH
+from genie_sim.arguments import MAX_COUNT, PATH
 from genie_sim.errors import UserError
 from genie_sim.messages import Encoding
 from genie_sim.terminal import Progress
@@ -56,12 +56,8 @@ if TYPE_CHECKING:
     default="CPUExecutionProvider",
     help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
 )
-@click.option(
-    "--threads", default="1", metavar="N|auto", help="The network's; auto: what is fastest here."
-)
-@click.option(
-    "--batch", default="1", metavar="N|auto", help="Pictures at a time; auto: what is fastest here."
-)
+@click.option("--threads", type=click.IntRange(1, MAX_COUNT), default=1, help="The network's.")
+@click.option("--batch", type=click.IntRange(1, MAX_COUNT), default=1, help="Pictures at a time.")
 @click.option(
     "--min-score",
     type=click.FloatRange(0.0, 1.0),
@@ -83,8 +79,6 @@ if TYPE_CHECKING:
     default="raw",
     help="How pictures reach the detector.",
 )
-@click.option("--frames", type=PATH, help="A folder for the frames with what was found drawn in.")
-@click.option("--video", type=PATH, help="The same as a video (.mp4).")
 def perceive(
     *,
     root: Path | None,
@@ -102,26 +96,23 @@ def perceive(
     weights: Path | None,
     size: str | None,
     providers: str,
-    threads: str,
-    batch: str,
+    threads: int,
+    batch: int,
     min_score: float | None,
     origin: str | None,
     allow_missing_scans: bool,
     evaluate: bool,
     labels: str | None,
     encoding: Encoding,
-    frames: Path | None,
-    video: Path | None,
 ) -> None:
     """Run a detector over a drive, a bag or a data set; write traces."""
     from genie_sim.perception import perceive as perception
     from genie_sim.perception.detector import DetectorSettings
 
-    needs_kitti = evaluate or frames is not None or video is not None
     if [drive, bag, data_set].count(None) != 2:
         raise UserError("perceive: give either --drive, --bag or --format")
     if data_set is not None:
-        if needs_kitti or encoding != "raw" or origin is not None:
+        if evaluate or encoding != "raw" or origin is not None:
             raise UserError(
                 "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
             )
@@ -131,17 +122,15 @@ def perceive(
         if value is not None:
             raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
     min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
-    if out is None and not needs_kitti:
-        raise UserError("perceive: say what you want: --out, --evaluate, --frames or --video")
+    if out is None and not evaluate:
+        raise UserError("perceive: say what you want: --out or --evaluate")
     if bag is not None and encoding != "raw":
         raise UserError(
             "perceive: --encoding is for drives: a bag's pictures are looked at as they were "
             "recorded"
         )
-    if bag is not None and needs_kitti:
-        raise UserError(
-            "perceive: --evaluate, --frames and --video need KITTI; with --bag use --out only"
-        )
+    if bag is not None and evaluate:
+        raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
     world = arguments.geodetic("--origin", origin)
     settings = DetectorSettings(
         name=detector,
@@ -149,8 +138,8 @@ def perceive(
         size=arguments.width_height("--size", size),
         min_score=min_score,
         providers=providers.split(","),
-        threads=arguments.count_or_auto("--threads", threads),
-        batch=arguments.count_or_auto("--batch", batch),
+        threads=threads,
+        batch=batch,
         encoding=encoding,
     )
     if bag is not None:
@@ -165,7 +154,7 @@ def perceive(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with Progress(unit="frames") as progress:
-        whole = perception.perceive(root, selection, settings, progress=progress, report=click.echo)
+        whole = perception.perceive(root, selection, settings, progress=progress)
     trace = whole.at_least(min_score)
     _write(out, trace)
     if evaluate:
@@ -173,8 +162,6 @@ def perceive(
 
         labelled = truth.read_truth(root, labels or drive, whole)
         click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
-    if frames is not None or video is not None:
-        _draw(trace, perception.images(root, drive, camera_names), frames, video)
 
 
 def _of_pair(
@@ -238,14 +225,12 @@ def _of_bag(
     """
     from genie_sim.ros.bags import perceive_bag
 
-    if settings.threads is None or settings.batch != 1:
-        raise UserError(
-            "perceive: a bag's pictures go one at a time: give --threads a number, and no --batch"
-        )
+    if settings.batch != 1:
+        raise UserError("perceive: --batch: a bag's pictures go one at a time")
     with Progress(unit="frames") as progress:
         trace = perceive_bag(
             bag,
-            detector=None if detections else settings.opened(settings.threads),
+            detector=None if detections else settings.opened(),
             cameras=topics,
             detections=detections,
             origin=world,
@@ -265,19 +250,6 @@ def _write(out: Path | None, trace: "Trace") -> None:
         click.echo(
             f"{out}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
         )
-
-
-def _draw(
-    trace: "Trace", images: Mapping[tuple[str, int], Path], frames: Path | None, video: Path | None
-) -> None:
-    from genie_sim.perception import pictures
-
-    with Progress(unit="frames") as progress:
-        if frames is not None:
-            pictures.write_frames(frames, trace, images, progress)
-        if video is not None:
-            pictures.write_video(video, trace, images, progress)
-    click.echo("\n".join(f"Pictures: {place}" for place in (frames, video) if place is not None))
 
 
 @click.command()

@@ -1,4 +1,4 @@
-"""The commands for real ROS: ``attach``, ``detach``, ``keys``. What is heavy is imported late."""
+"""The commands for real ROS: ``attach``, ``detach``. What is heavy is imported late."""
 
 from pathlib import Path
 from typing import Any
@@ -7,7 +7,6 @@ import click
 
 from genie_sim.arguments import PATH
 from genie_sim.errors import UserError
-from genie_sim.terminal import Commands
 
 
 @click.command()
@@ -32,13 +31,12 @@ from genie_sim.terminal import Commands
     "--fov", default="0 deg", help="The camera's horizontal field of view, such as '81 deg'."
 )
 @click.option("--listen", metavar="HOST:PORT", help="Other Genies connect here.")
+@click.option("--car", multiple=True, help="The name of a car that may connect. Repeatable.")
+@click.option("--edge", multiple=True, help="The name of an edge that may connect. Repeatable.")
 @click.option(
-    "--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this Genie. Repeatable."
+    "--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this edge. Repeatable."
 )
-@click.option("--key", type=PATH, help="This Genie's key file, made by 'genie-sim keys peer'.")
-@click.option(
-    "--revoked", type=PATH, help="A list of revoked certificates, kept by 'genie-sim keys revoke'."
-)
+@click.option("--keys", type=PATH, help="A folder with ca.pem, NAME.pem and NAME.key.")
 @click.option("--record", type=PATH, help="Write every look-up here, as lines of JSON.")
 @click.option("--pid", type=int, help="Process of the node, for ROS 2; without it, ROS 1.")
 def attach(
@@ -52,9 +50,10 @@ def attach(
     pose_topic: str | None,
     fov: str,
     listen: str | None,
+    car: tuple[str, ...],
+    edge: tuple[str, ...],
     connect: tuple[str, ...],
-    key: Path | None,
-    revoked: Path | None,
+    keys: Path | None,
     record: Path | None,
     pid: int | None,
 ) -> None:
@@ -79,9 +78,10 @@ def attach(
         pose_topic=pose_topic,
         horizontal_fov_rad=fov_rad,
         listen=listen,
+        cars=car,
+        edges=edge,
         connect=connect,
-        key_file=key,
-        revoked_file=revoked,
+        keys=keys,
         record=record,
         pid=pid,
         say=click.echo,
@@ -97,42 +97,3 @@ def detach(node: str, network: str | None) -> None:
 
     detach_genie(node, network)
     click.echo(f"{node}: back as it was")
-
-
-@click.group(cls=Commands)
-def keys() -> None:
-    """Make the keys of Genies that are linked over TLS."""
-
-
-@keys.command("ca")
-@click.argument(
-    "folder", type=PATH, default="keys", help="A folder for the authority and its peers."
-)
-@click.option("--days", default=3650, help="How long it is valid.")
-def keys_ca(folder: Path, days: int) -> None:
-    """Make a certificate authority: the one that all linked Genies trust."""
-    from genie_sim.ros.certificates import make_authority
-
-    click.echo(make_authority(folder, days))
-
-
-@keys.command("peer")
-@click.argument("name", help="The Genie's name, as in 'genie-sim attach --name'.")
-@click.option("--role", required=True, help="car or edge.")
-@click.option("--ca", type=PATH, default="keys", help="The folder of 'genie-sim keys ca'.")
-@click.option("--days", default=365, help="How long it is valid.")
-def keys_peer(name: str, role: str, ca: Path, days: int) -> None:
-    """Make one Genie's key file, to be copied to its machine."""
-    from genie_sim.ros.certificates import make_peer
-
-    click.echo(make_peer(ca, name, role, days))
-
-
-@keys.command("revoke")
-@click.argument("key_file", type=PATH, help="The key file that counts no longer.")
-@click.option("--ca", type=PATH, default="keys", help="The folder of 'genie-sim keys ca'.")
-def keys_revoke(key_file: Path, ca: Path) -> None:
-    """Add a certificate to the list of 'genie-sim attach --revoked'."""
-    from genie_sim.ros.certificates import revoke
-
-    click.echo(revoke(ca, key_file))

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from genie_sim import arguments, completion, terminal
+from genie_sim import completion
 from genie_sim.arguments import COUNT, PATH, backend_option, jobs_option, scheduler_option
 from genie_sim.terminal import Progress
 
@@ -42,18 +42,9 @@ from genie_sim.terminal import Progress
 @click.option("--points", type=COUNT, help="How many points are tried of each method.")
 @click.option("--seed", type=click.IntRange(min=0), help="Of the search itself.")
 @click.option("--out", type=PATH, default="results", help="The folder that gets the search's.")
-@click.option(
-    "--storage",
-    type=click.Choice(("journal", "sqlite")),
-    default="journal",
-    help="How points are stored in the folder.",
-)
 @jobs_option
 @backend_option
 @scheduler_option
-@click.option(
-    "--shard", default="1/1", metavar="I/N", help="Only this part of the points, for job arrays."
-)
 def search(
     *,
     search: str,
@@ -65,11 +56,9 @@ def search(
     points: int | None,
     seed: int | None,
     out: Path,
-    storage: str,
     jobs: int | None,
     backend: str,
     scheduler: str | None,
-    shard: str,
 ) -> None:
     """Search the settings that pay. What has been done is not done again.
 
@@ -78,12 +67,11 @@ def search(
     genie-sim search where_it_pays --methods genie,sim_lru,remote
     genie-sim search mine.yaml --subject-to 'ghost_share <= 0.3' --points 500
     """
-    part = arguments.shard(shard)
     if (backend == "dask") != (scheduler is not None):
         raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     changes: dict[str, Any] = {}
     if set_:
-        from genie_sim.tuning.design import fixed_settings
+        from genie_sim.study.search_design import fixed_settings
 
         changes["set"] = fixed_settings(set_)
     if maximize or minimize:
@@ -93,13 +81,12 @@ def search(
     given = (("points", points), ("seed", seed))
     changes |= {key: value for key, value in given if value is not None}
     from genie_sim import parallel
+    from genie_sim.study.search_design import load
     from genie_sim.study.tasks import DaskWorkers, LocalWorkers
-    from genie_sim.tuning.design import load
 
     design = load(search, methods.split(",") if methods else (), changes)
-    from genie_sim.tuning.search import Search
+    from genie_sim.study.search import Search
 
-    work = Search(design, out, storage)
     with (
         closing(
             LocalWorkers(jobs or parallel.workers_here())
@@ -108,21 +95,16 @@ def search(
         ) as workers,
         Progress(unit="points") as progress,
     ):
+        work = Search(design, out, workers)
         try:
-            work.run(workers, part, progress)
-            done = work.finish(workers, progress)
+            work.run(progress)
+            _, picks = work.finish(progress)
         except KeyboardInterrupt:
-            click.echo(f"genie-sim: interrupted; points are kept in {work.folder}", err=True)
+            text = f"interrupted; the same command goes on with what is in {work.folder}"
+            click.echo(f"genie-sim: {text}", err=True)
             sys.exit(130)
-    if not done.complete:
-        click.echo(
-            f"{done.tried:,} of {done.points:,} points are in {done.folder}; "
-            "the last shard makes the report"
-        )
-        return
-    for pick in done.picks:
+    for pick in picks:
         click.echo(pick.text)
-    click.echo(f"\n{done.points:,} points; held-out results: {done.folder / 'designs.csv'}")
-    click.echo(f"To run a design: genie-sim run {done.folder / 'designs' / 'most_accurate.yaml'}")
-    if (done.folder / terminal.PAGE).is_file():
-        click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
+    click.echo(f"\nHeld-out results: {work.folder / 'designs.csv'}")
+    click.echo(f"To run a design: genie-sim run {work.folder / 'designs' / 'most_accurate.yaml'}")
+    click.echo(f"Figures: {work.folder / 'figures'}")

@@ -29,7 +29,6 @@ MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
 PICTURE = (375, 1242, 3)  # KITTI's
 SHARES = np.arange(0.01, 1.0, 0.01)
-KEPT_QUANTILES = 101
 
 Times = npt.NDArray[np.float64]
 
@@ -177,7 +176,7 @@ def fit(latencies_ns: Times) -> Fit:
     )
 
 
-def write(path: Path, measured: Measurement, fitted: Fit, empirical: bool = False) -> DeviceProfile:
+def write(path: Path, measured: Measurement, fitted: Fit) -> DeviceProfile:
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
     Reads it back.
     """
@@ -188,9 +187,6 @@ def write(path: Path, measured: Measurement, fitted: Fit, empirical: bool = Fals
         "tag": "M",
         "source": measured.source,
     }
-    if empirical:
-        quantiles = np.quantile(measured.latencies_ns, np.linspace(0, 1, KEPT_QUANTILES))
-        model["quantiles"] = [units.duration_text(round(float(value))) for value in quantiles]
     assumed = "not measured apart: as measured in one condition"
     profile = {
         "name": path.stem,

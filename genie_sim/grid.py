@@ -38,7 +38,11 @@ class Grid(Generic[Item]):
 
     def add(self, cell: Cell, item: Item) -> None:
         """Puts an item into a cell, behind those that are there."""
-        self._cells.setdefault(cell, []).append(item)
+        items = self._cells.get(cell)
+        if items is None:
+            self._cells[cell] = [item]
+        else:
+            items.append(item)
 
     def remove(self, cell: Cell, item: Item) -> None:
         """Takes an item out of a cell in which it is."""

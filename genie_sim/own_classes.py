@@ -85,7 +85,10 @@ INTERCEPTOR_METHODS = {
 CHANNEL_METHODS = {"occupied_ns": WHOLE, "delay_ns": optional(WHOLE)}
 RADIO = Contract("a radio with sender", lambda value: hasattr(value, "sender"))
 NOTHING = Contract("None", lambda value: value is None)
-SENDER_METHODS = {"send": NOTHING, "delay_ns": optional(WHOLE), "set_up": NOTHING}
+EVENT = Contract(
+    "an event, such as air.clock.timeout(10**6)", lambda value: hasattr(value, "callbacks")
+)
+SENDER_METHODS = {"sent": EVENT, "delay_ns": optional(WHOLE), "set_up": NOTHING}
 
 POSE = Contract(
     "a CameraPose of four numbers",

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from genie_sim.errors import UserError, as_user_error, short_repr, unknown
@@ -112,10 +113,23 @@ def own_fault(error: BaseException) -> str | None:
     other.
     """
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        if whose := _own_modules.get(frame.f_globals.get("__name__", "")):
-            where = f"{Path(frame.f_code.co_filename).name}, line {line}, in {frame.f_code.co_name}"
-            return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where})"
+        place = own_place(frame, line)
+        if place:
+            whose, where = place.split(" (", 1)
+            return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where}"
     return None
+
+
+def own_place(frame: FrameType, line: int | None = None) -> str | None:
+    """The class of the user's own to which code belongs that is running, and where it is:
+    ``fault 'mine:Flap' (mine.py, line 12, in run)``; ``None`` for any other code.
+    """
+    whose = _own_modules.get(frame.f_globals.get("__name__", ""))
+    if whose is None:
+        return None
+    code = frame.f_code
+    name = Path(code.co_filename).name
+    return f"{whose} ({name}, line {line or frame.f_lineno}, in {code.co_name})"
 
 
 def make(

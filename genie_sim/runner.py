@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from genie_sim import build, own_classes, plugins
 from genie_sim.build import Prepared, check_faults_of, method_facts, plugin_digests
@@ -48,6 +48,8 @@ from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
     from genie_sim.perception.sources import MapFrames
+
+TEXT_S = 0.1  # how long a text of progress holds
 
 
 def run_to_folder(
@@ -106,13 +108,35 @@ def write(
     return replace(run, folder=folder)
 
 
+class Observer(Protocol):
+    """Sees the simulated world of each method of a run, outside simulated time. It may subscribe to
+    topics, as a node does, and look at nodes and their maps; it changes nothing.
+    """
+
+    def before(self, method: str, world: World) -> None:
+        """The world is built; nothing has happened in it yet."""
+
+    def after(self, method: str, world: World) -> None:
+        """The world has run to its end."""
+
+
 def run_in_memory(
-    scenario: Scenario, progress: Progress | None = None, *, label: str = "", workers: int = 1
+    scenario: Scenario,
+    progress: Progress | None = None,
+    *,
+    label: str = "",
+    workers: int = 1,
+    observer: Observer | None = None,
 ) -> Run:
-    """Simulates a scenario and writes nothing. Raises ``UserError`` before it simulates."""
+    """Simulates a scenario and writes nothing. An ``observer`` sees what one worker simulates.
+    Raises ``UserError`` before it simulates.
+    """
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(facts(prepared))
-    tables = simulate_with(prepared, workers, progress)
+    if observer is None:
+        tables = simulate_with(prepared, workers, progress)
+    else:
+        tables = simulate(prepared, progress, observer=observer)
     return replace(finished(prepared, run_id, tables), label=label)
 
 
@@ -472,7 +496,10 @@ def _hosts(prepared: Prepared, entry: MethodEntry) -> set[str]:
 
 
 def simulate(
-    prepared: Prepared, progress: Progress | None = None, spill: Path | None = None
+    prepared: Prepared,
+    progress: Progress | None = None,
+    spill: Path | None = None,
+    observer: Observer | None = None,
 ) -> Tables:
     """Every method of the scenario, one after the other, on the same random streams.
 
@@ -483,7 +510,9 @@ def simulate(
     driven: set[str] = set()
     for number, entry in enumerate(methods):
         report = _of_all(progress, number, len(methods))
-        driven |= simulate_method(prepared, entry, tables, driven=driven, progress=report)
+        driven |= simulate_method(
+            prepared, entry, tables, driven=driven, progress=report, observer=observer
+        )
     return tables
 
 
@@ -504,12 +533,13 @@ def simulate_method(
     *,
     driven: Collection[str],
     progress: Progress,
+    observer: Observer | None = None,
 ) -> set[str]:
     """Adds the rows of one method to the tables; returns the hosts on which it runs something.
 
     ``driven`` are the hosts on which methods before it do: rows that are the same under every
-    method are written once. ``progress`` is called with the time now and at the end [s]. With a
-    ``share`` only that is simulated.
+    method are written once. ``progress`` is called with the time now and at the end [s]. An
+    ``observer`` sees the world before and after.
     """
     scenario = prepared.expanded
     samples: Samples = "all" if scenario.fleet is None else "edges"
@@ -528,7 +558,11 @@ def simulate_method(
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
         world = World(setup, build.method(entry), log)
+        if observer is not None:
+            observer.before(entry.name, world)
         world.run(_progress_of(log, progress))
+        if observer is not None:
+            observer.after(entry.name, world)
         hosts = set(world.network.graphs)
         world.dismantle()
     return hosts
@@ -554,14 +588,19 @@ def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
     the memory of its process.
     """
     began_s = time.perf_counter()
+    text, text_until_s = "", began_s
 
     def report(now_ns: int, end_ns: int) -> None:
-        rate = log.published_frames / max(time.perf_counter() - began_s, 1e-9)
-        words = [log.method, f"{rate:,.0f} frames/s"]
-        memory_bytes = max_memory_bytes()
-        if memory_bytes is not None:
-            words.append(f"{memory_bytes / 10**6:,.0f} MB")
-        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, ", ".join(words))
+        nonlocal text, text_until_s
+        time_s = time.perf_counter()
+        if time_s >= text_until_s:
+            rate = log.published_frames / max(time_s - began_s, 1e-9)
+            words = [log.method, f"{rate:,.0f} frames/s"]
+            memory_bytes = max_memory_bytes()
+            if memory_bytes is not None:
+                words.append(f"{memory_bytes / 10**6:,.0f} MB")
+            text, text_until_s = ", ".join(words), time_s + TEXT_S
+        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, text)
 
     return report
 

@@ -36,6 +36,7 @@ from typing import (
 from genie_sim import plugins, units
 from genie_sim.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.plugins import Choice, Parameter
+from genie_sim.removed import instead_of_setting
 
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
@@ -56,8 +57,12 @@ class SettingError(ValueError):
 
     @property
     def message(self) -> str:
-        """The text, and how many mistakes there are besides."""
-        return self.text + (f" (and {self.more} more)" if self.more else "")
+        """The text, or what to write instead of a setting that was removed, and how many mistakes
+        there are besides.
+        """
+        instead = instead_of_setting(self.field)
+        text = self.text if instead is None else f"was removed. {instead}"
+        return text + (f" (and {self.more} more)" if self.more else "")
 
 
 @dataclasses.dataclass(frozen=True)

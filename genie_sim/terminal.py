@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from genie_sim.errors import unknown
+from genie_sim.removed import instead_of_option
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
@@ -78,8 +79,9 @@ def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -
 
 
 class Commands(click.Group):
-    """The commands, under one roof: a misspelt one is answered with the nearest, Ctrl-C or SIGTERM
-    ends any with one line and status 130, and a reader that has gone away ends it quietly.
+    """The commands, under one roof: a misspelt one is answered with the nearest, one that was
+    removed, or an option, with what to write instead; Ctrl-C or SIGTERM ends any with one line and
+    status 130, and a reader that has gone away ends it quietly.
     """
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -92,9 +94,13 @@ class Commands(click.Group):
             ctx.fail(unknown("command", name, self.list_commands(ctx)))
         return super().resolve_command(ctx, args)
 
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        with _removed_options():
+            return super().make_context(*args, **extra)
+
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable():
+            with _terminable(), _removed_options():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)
@@ -102,6 +108,19 @@ class Commands(click.Group):
         except BrokenPipeError:
             drop_output()
             raise SystemExit(0) from None
+
+
+@contextmanager
+def _removed_options() -> Iterator[None]:
+    """An option that was removed is answered with what to write instead."""
+    try:
+        yield
+    except click.NoSuchOption as error:
+        command = "" if error.ctx is None else error.ctx.command_path
+        if instead := instead_of_option(command, error.option_name):
+            text = f"No such option {error.option_name!r}, which was removed. {instead}"
+            raise click.UsageError(text, error.ctx) from None
+        raise
 
 
 @contextmanager

@@ -45,7 +45,7 @@ FIRST = (
     "test_figures.py",
     "test_reproduce.py",
     "test_fuzz.py",
-    "test_link.py",
+    "test_links.py",
     "test_mishaps.py",
     "test_interrupted.py",
     "test_feel.py",

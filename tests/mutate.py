@@ -49,6 +49,7 @@ COPIED = (
     "results",
     "docs",
     "benchmarks",
+    "studies",
     "notebooks",
     "pyproject.toml",
     "README.md",

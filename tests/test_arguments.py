@@ -33,14 +33,6 @@ READ = {
         "٤,0,0": "expected latitude, longitude and altitude",
         "4_9,0,0": "expected latitude, longitude and altitude",
     },
-    arguments.count_or_auto: {
-        "auto": None,
-        "1": 1,
-        "1024": 1024,
-        "0": "'0' is neither auto nor a number from 1 to 1024",
-        "1025": "neither auto nor a number from 1 to 1024",
-        "many": "neither auto nor",
-    },
     arguments.listed: {
         None: [],
         "a": ["a"],

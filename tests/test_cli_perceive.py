@@ -12,7 +12,7 @@ import pytest
 
 from genie_sim import cli_perceive, files
 from genie_sim.cli import main
-from genie_sim.perception import evaluation, perceive, pictures, trace, truth, truth_table, v2v4real
+from genie_sim.perception import evaluation, perceive, trace, truth, truth_table, v2v4real
 from genie_sim.ros import bags
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
@@ -42,7 +42,7 @@ class Trace:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """What perception, evaluation and drawing are asked for, by name."""
+    """What perception and evaluation are asked for, by name."""
     told: dict[str, Any] = {}
 
     def noting(name: str, answer: Any = None) -> Any:
@@ -54,13 +54,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
-    monkeypatch.setattr(perceive, "images", noting("images", {}))
     monkeypatch.setattr(trace, "write_trace", noting("write"))
     monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
     monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
     monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
-    monkeypatch.setattr(pictures, "write_frames", noting("frames"))
-    monkeypatch.setattr(pictures, "write_video", noting("video"))
     monkeypatch.setattr(bags, "perceive_bag", noting("bag", Trace()))
     monkeypatch.setattr(v2v4real, "folder", lambda root: root)
     monkeypatch.setattr(v2v4real, "recordings", noting("pair", {"ego": Trace(), "cav1": Trace()}))
@@ -87,7 +84,7 @@ def test_every_option_of_a_drive_is_heard(asked):
     line = (
         "--out t.parquet --kitti /k --cameras 02 --detector nanodet_m_416 --weights /w --size 8x4"
     )
-    line += " --providers CUDAExecutionProvider,CPUExecutionProvider --threads 4 --batch auto"
+    line += " --providers CUDAExecutionProvider,CPUExecutionProvider --threads 4 --batch 2"
     line += " --min-score 0.2 --origin 49,8,112 --allow-missing-scans --encoding jpeg-q75"
     encodings = cli_perceive.get_args(cli_perceive.Encoding)
     line = line.replace("jpeg-q75", encodings[-1])
@@ -96,7 +93,7 @@ def test_every_option_of_a_drive_is_heard(asked):
     assert root == Path("/k") and selection.cameras == ["02"]
     assert selection.origin == (49.0, 8.0, 112.0) and selection.allow_missing_scans
     assert (settings.name, settings.weights) == ("nanodet_m_416", Path("/w"))
-    assert (settings.size, settings.threads, settings.batch) == ((8, 4), 4, None)
+    assert (settings.size, settings.threads, settings.batch) == ((8, 4), 4, 2)
     assert settings.providers == ["CUDAExecutionProvider", "CPUExecutionProvider"]
     assert (settings.min_score, settings.encoding) == (0.2, encodings[-1])
 
@@ -117,17 +114,6 @@ def test_labels_are_those_of_the_drive_itself(asked):
     assert main([*DRIVE, "--evaluate"]) == 0
     (((_, drive, _), _),) = asked["labels"]
     assert drive == "2011_09_26/0005"
-
-
-@pytest.mark.parametrize("what", [["frames"], ["video"], ["frames", "video"]])
-def test_pictures_are_drawn_where_they_are_asked_for(asked, capsys, what):
-    options = [word for name in what for word in (f"--{name}", f"/{name}")]
-    assert main([*DRIVE, *options]) == 0
-    for name in what:
-        (((path, drawn, images, _), _),) = asked[name]
-        assert path == Path(f"/{name}") and drawn.from_score == 0.3 and images == {}
-    assert ("frames" in asked, "video" in asked) == ("frames" in what, "video" in what)
-    assert capsys.readouterr().out == "".join(f"Pictures: /{name}\n" for name in what)
 
 
 def test_a_bag_with_its_own_detections(asked):
@@ -171,21 +157,16 @@ BAG = ["--bag", "b.bag", "--out", "t.parquet"]
         ([*PAIR, "--sequence", "s"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--out", "o"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--evaluate"], "--format goes with ROOT, --sequence, --partner, --min-score"),
-        ([*PAIR, "--video", "v.mp4"], "--format goes with ROOT, --sequence"),
-        ([*PAIR, "--frames", "f"], "--format goes with ROOT, --sequence"),
         ([*PAIR, "--origin", "1,2,3"], "--format goes with ROOT, --sequence"),
         ([*PAIR, "--encoding", "jpeg"], "--format goes with ROOT, --sequence"),
         (["--drive", "a", "root"], "ROOT root goes with --format v2v4real only"),
         (["--drive", "a", "--sequence", "s"], "--sequence s goes with --format v2v4real only"),
         (["--drive", "a", "--partner", "3"], "--partner 3 goes with --format v2v4real only"),
-        (["--drive", "a"], "say what you want: --out, --evaluate, --frames or --video"),
+        (["--drive", "a"], "say what you want: --out or --evaluate"),
         (["--bag", "b.bag"], "say what you want: --out"),
         ([*BAG, "--encoding", "jpeg"], "--encoding is for drives: a bag's pictures are looked at"),
-        ([*BAG, "--evaluate"], "--evaluate, --frames and --video need KITTI; with --bag use --out"),
-        ([*BAG, "--frames", "f"], "need KITTI; with --bag use --out only"),
-        ([*BAG, "--threads", "auto"], "a bag's pictures go one at a time: give --threads a number"),
+        ([*BAG, "--evaluate"], "--evaluate needs KITTI; with --bag use --out only"),
         ([*BAG, "--batch", "2"], "a bag's pictures go one at a time"),
-        ([*BAG, "--batch", "auto"], "a bag's pictures go one at a time"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):

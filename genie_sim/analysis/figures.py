@@ -40,7 +40,7 @@ from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.resource_metrics import running_use
-from genie_sim.analysis.seed_runs import SeedRuns, tables_of_runs
+from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import mean_bands, over_seeds, wilson
 from genie_sim.analysis.style import (
     CHARACTER_IN,
@@ -50,7 +50,6 @@ from genie_sim.analysis.style import (
     percent_tick,
     thinned,
 )
-from genie_sim.analysis.tornado import tornado
 from genie_sim.paths import atomic_write, usable
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Run
@@ -73,7 +72,6 @@ FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "png": ("Title", "Description", ("Software",)),
     "pdf": ("Title", "Subject", ("CreationDate", "Creator", "Producer")),
 }
-ENERGY = ("energy_per_frame", "all")
 ALWAYS = "latency_cdf"  # the figure of every run
 MIN_USE = 0.01
 FEW_UPDATES = 50
@@ -99,8 +97,6 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
     )
     if any(metric.metric in PART.values() for metric in run.measured):
         figures["time_parts"] = time_parts(run.measured, methods, footer, width_in)
-    if has_energy(run):
-        figures["energy"] = tornado(tables_of_runs(run), methods, footer, width_in)
     if all(map(len, resources)):
         figures["resources"] = resource_use(resources, methods, footer)
     if any(map(len, lookups[run.title])):
@@ -110,14 +106,6 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
     if isinstance(run, SeedRuns) and len(methods) > 1:
         figures["differences"] = differences(compared([run]), footer, width_in)
     return figures
-
-
-def has_energy(run: Run | SeedRuns) -> bool:
-    """Whether the energy per frame is known under any method."""
-    return any(
-        (metric.metric, metric.placement) == ENERGY and metric.value is not None
-        for metric in run.measured
-    )
 
 
 def tables_of(run: Run | SeedRuns, name: str) -> list[Columns]:

@@ -49,16 +49,6 @@ class Plots:
             raise UserError("time_parts: the run has no steps: its scenario does not record them")
         return time_parts(self._run.measured, self._run.methods, self._run.footer)
 
-    def energy(self) -> "Figure":
-        """How much the energy per frame depends on each power; it has a panel a method."""
-        from genie_sim.analysis.figures import has_energy
-        from genie_sim.analysis.seed_runs import tables_of_runs
-        from genie_sim.analysis.tornado import tornado
-
-        if not has_energy(self._run):
-            raise UserError("energy: the run's is not known: a device has no power")
-        return tornado(tables_of_runs(self._run), self._run.methods, self._run.footer)
-
     def image_reuse(self, *, ax: "Axes | None" = None) -> "Figure":
         """Hits / requests of the message caches, on cars and on edges."""
         return self._of_lookups("image_reuse", ax)

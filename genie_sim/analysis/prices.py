@@ -395,28 +395,6 @@ def order(runs: Sequence[Mapping[str, Columns]], methods: Sequence[str]) -> dict
     }
 
 
-class Swing(NamedTuple):
-    """An energy [J], and what it is with one power at the ends of its range."""
-
-    key: Key
-    value: float
-    low: float
-    high: float
-
-
-def swings(of: Ledger) -> list[Swing]:
-    """How the energy changes with each power alone; the largest change first."""
-    value = of.joules()
-    assert value is not None, "all powers are known"
-    result = []
-    for key, amount in of.amounts.items():
-        power = of.powers[key]
-        low, high = (value + amount * (power[end] - power["value"]) for end in ENDS[1:])
-        if low < high:
-            result.append(Swing(key, value, low, high))
-    return sorted(result, key=lambda swing: (swing.low - swing.high, swing.key))
-
-
 def per_frame(runs: Sequence[Mapping[str, Columns]], method: str) -> Ledger:
     """The energy of all hosts of a method per published frame, mean over runs of one setting."""
     amounts: defaultdict[Key, float] = defaultdict(float)

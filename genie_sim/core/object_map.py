@@ -252,12 +252,10 @@ class ObjectMap(Map):
         """The confident objects in view. See ``maps.Map``."""
         keeps_back = self._keeps_back
         car = viewer.header.origin
-        detections = []
-        for stored in self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m):
-            if keeps_back and not self._freshness.serves(stored, car, now_ns):
-                continue
-            detections.append(stored.as_detection())
-        return tuple(detections), None
+        objects = self.in_view(viewer.pose, viewer.horizontal_fov_rad, range_m)
+        if keeps_back:
+            objects = [stored for stored in objects if self._freshness.serves(stored, car, now_ns)]
+        return tuple([stored.as_detection() for stored in objects]), None
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest
@@ -285,12 +283,7 @@ class ObjectMap(Map):
         in_sector = self._places.in_sector(
             sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m
         )
-        objects = []
-        for stored in in_sector:
-            if stored.confidence < threshold:
-                continue
-            objects.append(stored)
-        return objects
+        return [stored for stored in in_sector if stored.confidence >= threshold]
 
     def _add(
         self, seen: Detection, location: Location, now_ns: int, header: Header | None

@@ -21,4 +21,4 @@ FAULTS: dict[str, str] = {
     "replay": "genie_sim.faults.replay:Replay",
     "inflate": "genie_sim.faults.inflate:Inflate",
 }
-MUST_HAVE = ("begin", "end")
+MUST_HAVE = ("begin or run", "end or run")

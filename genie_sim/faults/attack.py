@@ -87,7 +87,9 @@ class Attack:
         if self.share is None:
             return (self.target,) if isinstance(self.target, str) else self.target
         cars = network.cars
-        order = network.stream("attackers").permutation(len(cars))
+        if network.forgeries.order is None:
+            network.forgeries.order = network.stream("attackers").permutation(len(cars)).tolist()
+        order = network.forgeries.order
         return [cars[i] for i in sorted(order[: round(self.share * len(cars))])]
 
     def begin(self, network: AffectedNetwork) -> None:

@@ -1,7 +1,6 @@
 """Verdicts on the paper's claims, and how far they depend on the choice of seeds."""
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from genie_sim.paper.checks import CHECKS, load_claims
@@ -45,7 +44,7 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
     """Tests one claim, and once more on resampled seeds to see whether the verdict depends on which
     ones were drawn.
     """
-    finding = _look(claim, evidence)
+    finding = look(claim, evidence)
     verdict = verdict_of(claim, finding)
     if finding is None:
         return Verdict(claim, None, verdict, False)
@@ -55,7 +54,7 @@ def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
     others = 0
     # few seeds often give the same
     for places, times in Counter(drawn if finding.n > 1 else ()).items():
-        others += times * (verdict_of(claim, _look(claim, evidence.resampled(places))) != verdict)
+        others += times * (verdict_of(claim, look(claim, evidence.resampled(places))) != verdict)
     return Verdict(claim, finding, verdict, finding.one_seed or others > MARGINAL * RESAMPLES)
 
 
@@ -70,20 +69,9 @@ def verdict_of(claim: Claim, finding: Finding | None) -> str:
     return VERDICTS[1] if finding.direction and claim.kind != "invariant" else VERDICTS[2]
 
 
-def _look(claim: Claim, evidence: Evidence) -> Finding | None:
+def look(claim: Claim, evidence: Evidence) -> Finding | None:
+    """What a claim's test finds; ``None`` without a run that it needs."""
     try:
         return CHECKS[claim.id](evidence, claim)
     except KeyError:  # a run that this evaluation did not make
         return None
-
-
-def holds_under(claim: Claim, evidence: Mapping[str, Evidence]) -> dict[str, bool]:
-    """Of each evidence by name, whether the claim's test holds there; where it cannot be tried,
-    nothing.
-    """
-    findings = {name: _look(claim, of_runs) for name, of_runs in evidence.items()}
-    return {
-        name: finding.holds
-        for name, finding in findings.items()
-        if finding is not None and finding.known
-    }

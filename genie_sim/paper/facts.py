@@ -1,4 +1,4 @@
-"""The numbers of one run that claims, calibration and comparisons use, each under a typed key."""
+"""The numbers of one run that claims use, each under a typed key."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,6 @@ METHODS = (  # of the paper's evaluation
     MethodInfo("remote", "remote (R)", baseline=True),
     MethodInfo("genie", "Genie (DG)", baseline=False),
 )
-BASELINES = tuple(method.name for method in METHODS if method.baseline)
 
 FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
@@ -145,11 +144,6 @@ def _of_bytes(frames: Columns) -> Facts:
         return {}
     share = ratio(remote["bytes_up"].sum(), remote["bytes_down"].sum())
     return {Fact("image_to_objects_bytes", "remote"): share}
-
-
-def of_baselines(facts: Facts) -> Facts:
-    """The facts of the baselines."""
-    return {fact: value for fact, value in facts.items() if fact.method in BASELINES}
 
 
 def highest_running_ratios(lookups: Columns) -> Facts:

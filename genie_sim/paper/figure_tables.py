@@ -39,8 +39,7 @@ SCHEMAS = {
     for of_run, names in DRAWN.items()
 }
 FILES = {name: f"{name}.parquet" for name in SCHEMAS}
-FITTED, TRIED = "calibration.json", "sensitivity.json"  # not every evaluation has them
-FIGURES = (  # those that take longest come first
+FIGURES = (  # by their file names; those that take longest come first
     "latency_cdf",
     "latency_cdf_of_published",
     "confidence_boost",
@@ -55,7 +54,7 @@ Tables = Mapping[str, Sequence[Mapping[str, Columns]]]
 
 
 def write(folder: Path, runs: Mapping[str, Sequence[Outcome]], seeds: Sequence[int]) -> None:
-    """Writes the tables of runs that kept them, by scenario and in the order of the seeds. Raises
+    """Writes the tables of runs that are shown, by scenario and in the order of the seeds. Raises
     OSError.
     """
     for name, schema in SCHEMAS.items():
@@ -63,16 +62,10 @@ def write(folder: Path, runs: Mapping[str, Sequence[Outcome]], seeds: Sequence[i
         parts = []
         for scenario, outcomes in runs.items():
             for seed, outcome in zip(seeds, outcomes, strict=True):
-                table = outcome.table(name)
+                table = outcome.tables[name]
                 columns = Columns({column: table[column] for column in wanted})
                 parts.append(columns.assign(scenario=scenario, seed=np.full(len(table), seed)))
         tables.write(folder / FILES[name], schema, concat(parts))
-
-
-def figures(folder: Path) -> list[str]:
-    """The figures of an evaluation, by their file names; ``paper_figures`` draws them."""
-    more = {"sensitivity": TRIED, "calibration": FITTED}
-    return [*(name for name, file in more.items() if (folder / file).is_file()), *FIGURES]
 
 
 def read(folder: Path) -> Tables:

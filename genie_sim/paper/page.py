@@ -1,6 +1,4 @@
-"""The page of an evaluation: verdicts with their evidence, the paper's figures, and what the open
-parameters do.
-"""
+"""The page of an evaluation: verdicts with their evidence, the paper's figures, and all numbers."""
 
 import base64
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,13 +32,9 @@ FIGURES = {  # in the paper's order, then ours
     "object_reuse": "Object reuse",
     "confidence_boost": "Confidence boost",
     "case_study": "Vision-assisted driving: a car without cameras",
-    "calibration": "Calibration",
-    "sensitivity": "Sensitivity",
     "worth": "How accurate the answers are",
 }
-# the files with the numbers, and those that not every evaluation has
-NUMBERS = ("verdicts", "readings", "metrics", "quality")
-OPTIONAL_NUMBERS = ("calibration", "sensitivity", "drives")
+NUMBERS = ("verdicts", "readings", "metrics", "quality")  # the files that hold them
 # kind: that of the first reading
 CLAIMED = ("id", "where", "claim", "test", "expect", "tolerance", "kind")
 COMPARED = [method.name for method in METHODS]
@@ -75,7 +69,7 @@ ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (
 
 def files_of(folder: Path) -> list[str]:
     """The files of an evaluation that its page is made of, besides ``run.json``."""
-    names = [f"{name}.json" for name in (*NUMBERS, *OPTIONAL_NUMBERS)]
+    names = [f"{name}.json" for name in NUMBERS]
     names += [f"figures/{name}.svg" for name in FIGURES]
     return [name for name in names if (folder / name).exists()]
 
@@ -108,7 +102,7 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
         for row in measured
         if row["reading"] == readings[0]["name"]
     }
-    names = ("genie_sim", "quick", "seeds", "calibration", "trace")
+    names = ("genie_sim", "quick", "seeds", "trace")
     worth = _read(folder / "quality.json")
     return {
         "about": {
@@ -136,12 +130,9 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
             for row in measured
         ],
         "figures": list(_figures(folder / "figures", notes)),
-        "calibration": _calibration(_read(folder / "calibration.json", may_be_missing=True)),
-        "sensitivity": _sensitivity(_read(folder / "sensitivity.json", may_be_missing=True)),
         "worth": worth,
         "metric_info": metric_info(row["name"] for row in worth),
         "zero_delay": {"component": ZERO_DELAY, "title": component_title(ZERO_DELAY)},
-        "drives": _read(folder / "drives.json", may_be_missing=True),
         "notes": notes,
     }
 
@@ -222,50 +213,6 @@ def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
         yield {"name": name, "title": title, "source": source}
 
 
-def _calibration(calibration: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    if calibration is None:
-        return None
-    names = ("overlap", "gate_m", "object_reuse", "image_reuse", "ratio")
-    best = dict(calibration["best"])
-    best["ratio"] = best["object_reuse"] / best["image_reuse"] if best["image_reuse"] else None
-    return {
-        "reached": calibration["reached"],
-        "targets": calibration["targets"],
-        "best": {name: finite(best[name]) for name in names},
-        "tried": [[finite(point[name]) for name in names] for point in calibration["tried"]],
-    }
-
-
-def _sensitivity(sensitivity: Mapping[str, Any] | None) -> dict[str, Any] | None:
-    """The sweeps, and each variant with how many of the claims' tests hold under it."""
-    if sensitivity is None:
-        return None
-    measures = ("object_reuse", "image_reuse", "first_answer_ms", "fresh_answer_ms")
-    sweeps = [
-        {name: row[name] for name in ("parameter", "title", "unit", "paper", "used")}
-        | {"values": [point["value"] for point in row["points"]]}
-        | {
-            name: [[finite(end) for end in point[name]] for point in row["points"]]
-            for name in measures
-        }
-        for row in sensitivity["sweeps"]
-    ]
-    # C2 before C10
-    ordered = sorted(
-        sensitivity["claims_that_hold_under"].items(), key=lambda item: (len(item[0]), item[0])
-    )
-    variants = [
-        {
-            "name": name,
-            "plausible": variant["plausible"],
-            "holds": [claim for claim, under in ordered if name in under],
-        }
-        | {measure: [finite(end) for end in variant[measure]] for measure in measures}
-        for name, variant in sensitivity["variants"].items()
-    ]
-    return {"sweeps": sweeps, "variants": variants}
-
-
 def _of(metrics: Measured, scenario: str, fact: Fact) -> list[float | None] | None:
     metric = metrics.get((scenario, fact))
     return None if metric is None else _interval(metric)
@@ -275,10 +222,8 @@ def _interval(metric: Mapping[str, Any]) -> list[float | None]:
     return [finite(metric[name]) for name in ("value", "low", "high")]
 
 
-def _read(path: Path, may_be_missing: bool = False) -> Any:
-    """A file's JSON, or ``None``. Raises ``UserError``."""
-    if path.exists():
-        return provenance.read_json(path)
-    if not may_be_missing:
+def _read(path: Path) -> Any:
+    """A file's JSON. Raises ``UserError``."""
+    if not path.exists():
         raise UserError(f"{path}: missing; the evaluation is not whole")
-    return None
+    return provenance.read_json(path)

@@ -1,6 +1,5 @@
 """The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's
-arrangement, homogeneous above heterogeneous; and what the open parameters and the calibration do,
-in the same style.
+arrangement, homogeneous above heterogeneous.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -9,19 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import figures, frame_metrics, genie_metrics, style
 from genie_sim.analysis.drawing import in_style, is_narrow, letter_panels
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper import figure_tables
-from genie_sim.paper.assumptions import load_assumptions
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.paper.figure_tables import FITTED, TRIED
 from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns, Text, concat
 
@@ -38,9 +34,6 @@ IMAGES_LINE: dict[str, Any] = {
     "linewidth": 1.6,
     "linestyle": (0, (4, 1.2)),
 }
-PAPER_LINE: dict[str, Any] = {"linewidth": 0.9, "linestyle": (0, (1, 1.5))}
-# a sweep whose largest value is this many times its smallest gets a logarithmic axis
-LOGARITHMIC_FROM = 10.0
 FORMATS = ("svg", "png", "pdf")
 
 Row = Mapping[str, Any]
@@ -67,7 +60,6 @@ def of_evaluation(
     since they were written, unless they are allowed.
     """
     names = [*figure_tables.FILES.values(), "readings.json", "quality.json"]
-    names += [name for name in (FITTED, TRIED) if (evaluation / name).is_file()]
     known = provenance.read_json(evaluation / "run.json").get("digests")
     changed = provenance.changed_files(evaluation, known, names)
     provenance.refuse_changed(evaluation, changed, allow_changed)
@@ -80,7 +72,6 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
     first = provenance.read_json(evaluation / "readings.json")[0]
     seeds = len(tables[CASE])
     footer = f"genie-sim reproduce, {first['name']}: {', '.join(first['settings'])}, {seeds} seeds"
-    targets = load_assumptions().targets
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: tables[name][0]["lookups"] for name in (*HO, *HE)}
@@ -88,7 +79,7 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
     of_first = look | {"footer": f"{footer}; the first seed"}
     page_in = width_in or PAGE_IN
     worth = provenance.read_json(evaluation / "quality.json")
-    makers: dict[str, Callable[[], Figure]] = {
+    return {
         "latency_cdf": partial(latency_cdf, frames, of="answered", **look),
         "latency_cdf_of_published": partial(latency_cdf, frames, **look),
         "image_reuse": partial(figures.image_reuse, lookups, **look),
@@ -97,13 +88,6 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
         "case_study": partial(_case_study, tables[CASE], footer, page_in),
         "worth": partial(_worth, worth, footer, page_in),
     }
-    if (search := evaluation / FITTED).is_file():
-        fitted = provenance.read_json(search)
-        makers["calibration"] = partial(_calibration, fitted, targets, footer, page_in)
-    if (tried := evaluation / TRIED).is_file():
-        sweeps = provenance.read_json(tried)["sweeps"]
-        makers["sensitivity"] = partial(_sweeps, sweeps, targets, footer, page_in)
-    return makers
 
 
 def _side_by_side(width_in: float, height_in: float, **options: Any) -> tuple[Figure, Any, Any]:
@@ -154,98 +138,6 @@ def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: f
 
 
 @in_style()
-def _sweeps(
-    rows: Sequence[Row], targets: Mapping[str, float], footer: str, width_in: float
-) -> Figure:
-    """Object and image reuse, means of the twelve bars with 95 % intervals over seeds, against each
-    open parameter.
-
-    ``rows``: ``parameter``, ``unit``, ``used`` (the evaluation's own value, or ``None``), and
-    ``points``: a list of ``value``, ``object_reuse`` and ``image_reuse`` as (mean, low, high).
-    """
-    columns = 2 if is_narrow(width_in) else 3
-    lines = -(-len(rows) // columns)
-    figure = Figure(figsize=(width_in, 0.9 + 1.75 * lines), layout="constrained")
-    figure.set_label(
-        f"Reuse against each parameter that the paper leaves open, all else unchanged\n{footer}"
-    )
-    grid = figure.subplots(lines, columns, sharey=True, squeeze=False)
-    axes = list(grid.flat)
-    for axis, row in zip(axes, rows, strict=False):
-        _sweep(axis, row, targets, every_tick=2 if is_narrow(width_in) else 1)
-    for axis in axes[len(rows) :]:
-        axis.remove()
-    for line in grid:
-        line[0].set_ylabel("mean of 12 bars")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=2 if is_narrow(width_in) else 4
-    )
-    letter_panels(figure)
-    return figure
-
-
-@in_style()
-def _calibration(
-    search: Mapping[str, Any], targets: Mapping[str, float], footer: str, width_in: float
-) -> Figure:
-    """Both calibrated numbers over the two fitted parameters, with the paper's level as a line
-    where it is reached.
-    """
-    points, best = search["tried"], search["best"]
-    figure, left, right = _side_by_side(width_in, 3.0, sharey=True)
-    figure.set_label(
-        f"Calibration: the two published numbers over the two fitted parameters\n{footer}"
-    )
-    for axis, name, target, title in (
-        (left, "object_reuse", targets["object_reuse_mean"], "object reuse, mean of 12 bars"),
-        (right, "ratio", targets["object_to_image_reuse"], "object reuse / image reuse"),
-    ):
-        overlap, gate_m, values = (
-            np.array([row[key] for row in points]) for key in ("overlap", "gate_m", name)
-        )
-        shades = axis.scatter(
-            overlap, gate_m, c=values, cmap="cividis", s=42, edgecolors="black", linewidths=0.4
-        )
-        for x, y, value in zip(overlap, gate_m, values, strict=True):
-            is_best = (x, y) == (best["overlap"], best["gate_m"])
-            in_the_way = (abs(overlap - x) < 0.09) & (gate_m >= y) & (gate_m < y + 0.3)
-            if is_best or in_the_way.sum() == 1:  # its own point alone
-                offset = (0, -12 if is_best else 6)
-                axis.annotate(
-                    f"{value:.2f}",
-                    (x, y),
-                    offset,
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=6,
-                )
-        if values.min() < target < values.max():
-            axis.tricontour(
-                overlap, gate_m, values, levels=[target], colors="#C44E00", linewidths=1.4
-            )
-            title += f"; line: {target:g}"
-        else:
-            title += f"; {target:g} not reached"
-        axis.plot(
-            best["overlap"],
-            best["gate_m"],
-            marker="x",
-            color="#C44E00",
-            markersize=9,
-            markeredgewidth=2,
-        )
-        axis.set_title(title)
-        axis.set_xlabel("overlap of the routes")
-        axis.set_xlim(overlap.min() - 0.08, overlap.max() + 0.08)
-        axis.set_ylim(gate_m.min() - 0.25, gate_m.max() + 0.3)
-        figure.colorbar(shades, ax=axis)
-    left.set_ylabel("gate of the object map [m]")
-    letter_panels(figure)
-    return figure
-
-
-@in_style()
 def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
     """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
@@ -287,33 +179,6 @@ def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     figure.legend(loc="outside lower center", ncols=3)
     return figure
-
-
-def _sweep(axis: Axes, row: Row, targets: Mapping[str, float], every_tick: int) -> None:
-    points = row["points"]
-    values = np.array([point["value"] for point in points])
-    for name, look, label in (
-        ("object_reuse", OBJECTS_LINE, "object reuse"),
-        ("image_reuse", IMAGES_LINE, "image reuse"),
-    ):
-        mean, low, high = np.array([point[name] for point in points], dtype=float).T
-        axis.plot(values, mean, label=label, **look)
-        axis.fill_between(values, low, high, color=look["color"], alpha=0.2, linewidth=0)
-    level = targets["object_reuse_mean"]
-    axis.axhline(level, color="0.1", label=f"paper: {100 * level:.0f} % of objects", **PAPER_LINE)
-    images = level / targets["object_to_image_reuse"]
-    axis.axhline(images, color="0.55", label="paper: a quarter of it", **PAPER_LINE)
-    if row["used"] is not None:
-        axis.axvline(row["used"], color="0.5", linewidth=0.8)
-    if values.min() > 0 and values.max() / values.min() >= LOGARITHMIC_FROM:
-        axis.set_xscale("log")
-        labelled = values[::every_tick]
-        axis.set_xticks(labelled, [f"{value:g}" for value in labelled])
-        axis.xaxis.set_minor_locator(NullLocator())
-    unit = "" if row["unit"] == "1" else f" [{row['unit']}]"
-    axis.set_xlabel(row["title"] + unit)
-    axis.set_ylim(0, 1.02)
-    axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
 
 
 def _pooled(seeds: Sequence[Mapping[str, Columns]], table: str) -> Columns:

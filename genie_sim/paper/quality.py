@@ -17,6 +17,7 @@ from genie_sim.analysis.metric import ZERO_DELAY, measured
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.facts import METHODS, Fact, Facts
 from genie_sim.recording.columns import Columns
+from genie_sim.recording.records import CONSUMER
 
 JUDGED = (*(method.name for method in METHODS), ZERO_DELAY)
 SHARES = (
@@ -33,9 +34,12 @@ UNITS = dict.fromkeys(SHARES, "1") | {"gospa": "m", "held_age": "s", "place_erro
 def facts_of(held: Columns) -> Facts:
     """The numbers in ``UNITS`` of one run, by method; the detector without delay is one of the
     methods. Empty without a truth table.
+
+    The first method drives the cars that have a detector: those without one have no zero delay.
     """
     if not len(held):
         return {}
+    held = held.rows((held["what"] == CONSUMER) | (held["method"] == METHODS[0].name))
     views = correctness.held_views(held, [method.name for method in METHODS], intervals=False)
     rows = measured(correctness.HELD, views)
     return {

@@ -1,11 +1,9 @@
-"""The paper's whole evaluation: calibration, replicated runs, ablations, sweeps, verdicts and
-figures in one folder.
+"""The paper's whole evaluation: replicated runs, ablations, verdicts and figures in one folder.
 
 Nothing here decides anything: assumptions.yaml does, before; claims.yaml says what is tested.
 """
 
 import hashlib
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,29 +14,24 @@ import numpy as np
 
 from genie_sim import report
 from genie_sim.errors import UserError
-from genie_sim.paper import drives, figure_tables, page, quality, verdict_table
-from genie_sim.paper.arms import Arms, arms_of, run_arms
-from genie_sim.paper.assumptions import Assumptions, load_assumptions
-from genie_sim.paper.calibrate import Calibration, calibrate, max_runs
+from genie_sim.paper import figure_tables, page, quality, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.paper.evaluation_run import EVERY_METHOD, EvaluationRun
-from genie_sim.paper.evidence import Evidence, Values, interval, rounded
+from genie_sim.paper.evidence import BASE, Evidence, Values, interval, rounded
 from genie_sim.paper.facts import Fact
-from genie_sim.paper.readings import DEFAULT, Reading, load_readings
-from genie_sim.paper.runs import BatchProgress, EvaluationRuns, Outcome
+from genie_sim.paper.readings import Reading, load_readings
+from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, Outcome, Progress, simulate
 from genie_sim.parallel import in_parallel, workers_here
 from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import read_mapping
-from genie_sim.study.parts import Parts, Progress
 
 QUICK_SEEDS = 4
+ASSUMPTIONS = Path(__file__).with_name("assumptions.yaml")
 
-# Runs that single claims need besides the six scenarios, with as many seeds: variant -> (scenarios,
-# settings, methods).
-FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
-    "base": ((CASE,), (), EVERY_METHOD),
+# What claims need, with as many seeds each: variant -> (scenarios, settings, methods).
+VARIANTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
+    BASE: ((*ALL, CASE), (), EVERY_METHOD),
     "ideal_link": ((HE[0],), ("links=ideal",), ("remote", "genie")),
     "no_edge_sharing": (
         SHARED,
@@ -49,7 +42,7 @@ FOR_CLAIMS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] 
     "cut_link": ((HO[0],), ("link=cut",), ("local", "genie")),
 }
 
-Key = tuple[str, str]  # variant, scenario
+Place = tuple[str, str]  # variant, scenario
 
 
 @dataclass(frozen=True)
@@ -67,14 +60,10 @@ class Judged:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """A finished evaluation; ``drives`` is the table of the claims on other drives, where it was
-    wanted.
-    """
+    """A finished evaluation."""
 
     folder: Path
-    readings: list[Judged]
     wall_time_s: float
-    drives: str = ""
 
 
 def reproduce(
@@ -84,92 +73,82 @@ def reproduce(
     seeds: int | None = None,
     workers: int | None = None,
     progress: Progress | None = None,
-    with_drives: bool = False,
     reading: str | None = None,
 ) -> Reproduction:
-    """Runs the evaluation. The result appears when it is complete; until then finished runs are
-    kept beside it, and an evaluation that was interrupted goes on with them.
+    """Runs the evaluation. The result appears when it is complete.
 
     Parameters
     ----------
     out : Path
         The result folder.
     quick : bool
-        Few seeds, the calibration of the last full run, no variants and no other values.
+        Few seeds.
     seeds : int, optional
         How many seeds, instead of those of assumptions.yaml.
     workers : int, optional
         How many processes; default: one a core.
     progress : callable, optional
         Told how many runs are done, of how many, and of what.
-    with_drives : bool
-        The main claims on every sequence of KITTI's tracking benchmark, too.
     reading : str, optional
-        This one alone, by name or path. Figures and answer quality are those of the first reading,
-        variants and other values those of the default.
+        This one alone, by name or path. Figures and answer quality are those of the first reading.
 
     Raises
     ------
     UserError
-        If ``out`` cannot be written, a reading does not fit the scenarios, or there are no such
-        sequences.
+        If ``out`` cannot be written, or a reading does not fit the scenarios.
     """
     provenance.check_writable(out.parent)
     provenance.check_replaceable(out)
+    began_s = time.perf_counter()
     readings = load_readings(reading)
-    assumptions, calibrated = load_assumptions(), last_calibration()
     for each in readings:
         check(each)
-    on_drives = drives.all_runs() if with_drives else []
     workers = workers or workers_here()
-    used_seeds = _seeds(assumptions, quick, seeds)
-    swept = not quick and readings[0].name == DEFAULT
-    tell = BatchProgress(
-        _total(assumptions, len(readings), quick, swept, len(used_seeds)) + len(on_drives), progress
-    )
-    unfinished = Parts(out.with_name(f".{out.name}.runs"))
-    runs = EvaluationRuns(unfinished, workers, tell)
-    fitted = (
-        calibrate(assumptions, runs)
-        if not quick and any(each.fitted for each in readings)
-        else None
-    )
-    if fitted is not None:
-        calibrated = fitted.best.settings
-    judged, tables = _evaluate(readings, calibrated, used_seeds, runs)
-    arms = run_arms(assumptions, judged[0].settings, used_seeds, runs) if swept else None
-    evaluation = _Evaluation(
-        judged=judged,
-        seeds=used_seeds,
-        tables=tables,
-        fitted=fitted,
-        arms=arms,
-        worth=quality.summarise(judged[0].evidence, ALL),
-    )
-    driven = drives.simulate(on_drives, unfinished, workers, tell) if on_drives else []
+    if seeds is not None:
+        used_seeds = tuple(range(1, seeds + 1))
+    else:
+        used_seeds = declared_seeds()[: QUICK_SEEDS if quick else None]
+    settings = [each.settings(calibrated_settings()) for each in readings]
+    wanted = [
+        runs_of(of_reading, used_seeds, (USUAL, each.definitions), shown=number == 0)
+        for number, (each, of_reading) in enumerate(zip(readings, settings, strict=True))
+    ]
+    outcomes = outcomes_of(wanted, workers, progress)
+    judged = judge_readings(readings, settings, outcomes, workers)
+    shown = {
+        scenario: group for (variant, scenario), group in outcomes[0].items() if variant == BASE
+    }
+    worth = quality.summarise(judged[0].evidence, ALL)
     with provenance.result_folder(out) as folder:
-        evaluation.write(folder)
-        table = drives.write(folder, driven) if driven else ""
+        _write(folder, judged, worth)
+        figure_tables.write(folder, shown, used_seeds)
         (folder / "figures").mkdir()
-        in_parallel(_draw, [(folder, name) for name in figure_tables.figures(folder)], workers)
-        wall_time_s = time.perf_counter() - tell.began_s
+        in_parallel(_draw, [(folder, name) for name in figure_tables.FIGURES], workers)
+        wall_time_s = time.perf_counter() - began_s
+        files = [*page.files_of(folder), *figure_tables.FILES.values()]
         about = {
             "quick": quick,
             "workers": workers,
             "wall_time_s": round(wall_time_s, 1),
-            **evaluation.provenance(),
-            "digests": provenance.digests(
-                folder, [*page.files_of(folder), *figure_tables.FILES.values()]
-            ),
+            "settings": {one.reading.name: list(one.settings) for one in judged},
+            "seeds": list(used_seeds),
+            "inputs": _inputs(readings),
+            "trace": shown[ALL[0]][0].trace,
+            **provenance.environment(),
+            "digests": provenance.digests(folder, files),
         }
         provenance.write_json(folder / "run.json", about)
         report.write_text(folder / report.NAME, page.page(folder))
-    shutil.rmtree(unfinished.folder, ignore_errors=True)
-    return Reproduction(out, judged, wall_time_s, table)
+    return Reproduction(out, wall_time_s)
 
 
-def last_calibration() -> tuple[str, ...]:
-    """The fitted parameters of the last full run, as settings."""
+def declared_seeds() -> tuple[int, ...]:
+    """The seeds of assumptions.yaml."""
+    return tuple(read_mapping(ASSUMPTIONS)["evaluation"]["seeds"])
+
+
+def calibrated_settings() -> tuple[str, ...]:
+    """The two fitted parameters, as settings."""
     path = Path(__file__).with_name("calibrated.yaml")
     return tuple(f"{name}={value:g}" for name, value in read_mapping(path).items())
 
@@ -179,146 +158,66 @@ def check(reading: Reading) -> None:
     for number, choice in enumerate(reading.choices):
         try:
             for scenario in (HE[-1], CASE):
-                EvaluationRun(scenario, 1, choice.settings).prepare()
+                EvaluationRun(scenario, 1, choice.settings).load()
         except UserError as error:
             raise UserError(f"{reading.path}: choices[{number}].set: {error}") from error
 
 
-@dataclass(frozen=True)
-class _Evaluation:
-    """Everything that came out; ``tables`` are the first reading's runs by scenario, ``arms`` is
-    ``None`` where other values were not tried.
-    """
-
-    judged: list[Judged]
-    seeds: tuple[int, ...]
-    tables: Mapping[str, Sequence[Outcome]]
-    fitted: Calibration | None
-    arms: Arms | None
-    worth: list[dict[str, Any]]
-
-    def write(self, folder: Path) -> None:
-        """Everything but figures and page. Raises OSError."""
-        figure_tables.write(folder, self.tables, self.seeds)
-        rows = [row for judged in self.judged for row in _rows(judged, self.arms)]
-        readings = [
-            judged.reading.as_json() | {"settings": list(judged.settings)} for judged in self.judged
-        ]
-        provenance.write_json(folder / "verdicts.json", rows)
-        provenance.write_json(folder / "readings.json", readings)
-        text = verdict_table.document(rows, readings, self.worth)
-        (folder / "verdicts.md").write_text(text, encoding="utf-8")
-        metrics = [
-            {"reading": judged.reading.name, **row}
-            for judged in self.judged
-            for row in _metrics(judged.evidence)
-        ]
-        provenance.write_json(folder / "metrics.json", metrics)
-        provenance.write_json(folder / "quality.json", self.worth)
-        if self.fitted is not None:
-            provenance.write_json(folder / "calibration.json", self.fitted.as_json())
-        if self.arms is not None:
-            provenance.write_json(folder / "sensitivity.json", self.arms.as_json())
-
-    def provenance(self) -> dict[str, Any]:
-        """For ``run.json``: what the numbers come from."""
-        package = Path(__file__).parent
-        inputs = [package / name for name in ("assumptions.yaml", "claims.yaml")]
-        inputs += [judged.reading.path for judged in self.judged]
-        names = [
-            str(path.relative_to(package)) if path.is_relative_to(package) else path.name
-            for path in inputs
-        ]
-        return {
-            "settings": {judged.reading.name: list(judged.settings) for judged in self.judged},
-            "seeds": list(self.seeds),
-            "calibration": "searched"
-            if self.fitted
-            else "that of the last full run (calibrated.yaml)",
-            "inputs": {
-                name: hashlib.sha256(path.read_bytes()).hexdigest()
-                for name, path in zip(names, inputs, strict=True)
-            },
-            "trace": next(iter(EvaluationRun(ALL[0], 1).prepare().frames.digests().values())),
-            **provenance.environment(),
-        }
-
-
-def _seeds(assumptions: Assumptions, quick: bool, seeds: int | None) -> tuple[int, ...]:
-    if seeds is not None:
-        return tuple(range(1, seeds + 1))
-    return assumptions.seeds[:QUICK_SEEDS] if quick else assumptions.seeds
-
-
-def _total(assumptions: Assumptions, readings: int, quick: bool, swept: bool, seeds: int) -> int:
-    """How many runs will be asked for, about; the progress bar is told of those that are known
-    already, too.
-    """
-    base = (
-        readings
-        * seeds
-        * (len(ALL) + sum(len(scenarios) for scenarios, _, _ in FOR_CLAIMS.values()))
-    )
-    arms = (len(list(arms_of(assumptions))) + 1) * len(ALL) * seeds if swept else 0
-    return base + arms + (0 if quick else max_runs(assumptions))
-
-
-def _evaluate(
-    readings: Sequence[Reading],
-    calibrated: Sequence[str],
-    seeds: Sequence[int],
-    runs: EvaluationRuns,
-) -> tuple[list[Judged], dict[str, list[Outcome]]]:
-    """The verdicts under each reading, and the runs of the first by scenario, with their tables."""
-    places: list[Key] = [("base", scenario) for scenario in ALL]
-    places += [
-        (variant, scenario)
-        for variant, (scenarios, _, _) in FOR_CLAIMS.items()
-        for scenario in scenarios
-    ]
-    settings = [reading.settings(calibrated) for reading in readings]
-    wanted = [
-        _run_of(reading, of_reading, variant, scenario, seed, shown=number == 0)
-        for number, (reading, of_reading) in enumerate(zip(readings, settings, strict=True))
-        for variant, scenario in places
-        for seed in seeds
-    ]
-    outcomes = iter(runs(wanted, "claims"))
-    grouped = [{place: [next(outcomes) for _ in seeds] for place in places} for _ in readings]
-    judged = _judged(readings, settings, grouped, runs.workers)
-    first = grouped[0].items()
-    return judged, {scenario: group for (variant, scenario), group in first if variant == "base"}
-
-
-def _run_of(
-    reading: Reading,
+def runs_of(
     settings: tuple[str, ...],
-    variant: str,
-    scenario: str,
-    seed: int,
+    seeds: Sequence[int],
+    definitions: Sequence[Definitions] = (USUAL,),
     *,
-    shown: bool,
-) -> EvaluationRun:
-    """A run that the claims need under a reading. The base runs of the reading that is ``shown`` in
-    figures keep their tables, and what consumers hold is judged.
+    shown: bool = False,
+) -> dict[Place, list[EvaluationRun]]:
+    """The runs that the claims need under some settings, by variant and scenario. Figures show the
+    base runs, where they are ``shown``.
     """
-    _, more, methods = FOR_CLAIMS[variant]
-    shown = shown and variant == "base"
-    return EvaluationRun(
-        scenario,
-        seed,
-        (*settings, *more),
-        methods,
-        keep_tables=shown,
-        judged=shown,
-        definitions=tuple(dict.fromkeys((USUAL, reading.definitions))),
-    )
+    return {
+        (variant, scenario): [
+            EvaluationRun(
+                scenario,
+                seed,
+                (*settings, *more),
+                methods,
+                shown=shown and variant == BASE,
+                definitions=tuple(dict.fromkeys(definitions)),
+            )
+            for seed in seeds
+        ]
+        for variant, (scenarios, more, methods) in VARIANTS.items()
+        for scenario in scenarios
+    }
 
 
-def _judged(
+def outcomes_of(
+    wanted: Sequence[Mapping[Place, Sequence[EvaluationRun]]],
+    workers: int,
+    progress: Progress | None = None,
+) -> list[dict[Place, list[Outcome]]]:
+    """What came out of the runs, arranged as they are. Raises ``UserError``."""
+    every = [run for runs in wanted for group in runs.values() for run in group]
+    outcomes = simulate(every, workers, progress)
+    return [
+        {place: [next(outcomes) for _ in group] for place, group in runs.items()} for runs in wanted
+    ]
+
+
+def evidence_of(
+    outcomes: Mapping[Place, Sequence[Outcome]], definitions: Definitions = USUAL
+) -> Evidence:
+    """What runs say, with the metrics as these definitions mean them."""
+    facts = {
+        place: [outcome.judged[definitions] for outcome in group]
+        for place, group in outcomes.items()
+    }
+    return Evidence(facts, definitions)
+
+
+def judge_readings(
     readings: Sequence[Reading],
     settings: Sequence[tuple[str, ...]],
-    groups: Sequence[Mapping[Key, Sequence[Outcome]]],
+    outcomes: Sequence[Mapping[Place, Sequence[Outcome]]],
     workers: int,
 ) -> list[Judged]:
     """The verdicts under each reading, from its settings and what its runs gave."""
@@ -327,7 +226,7 @@ def _judged(
         for place, reading in enumerate(readings)
         for definitions in dict.fromkeys((reading.definitions, USUAL))
     ]
-    evidence = {key: _evidence(groups[key[0]], key[1]) for key in meant}
+    evidence = {key: evidence_of(outcomes[key[0]], key[1]) for key in meant}
     jobs = [(evidence[key], bool(readings[key[0]].fitted)) for key in meant]
     verdicts = dict(zip(meant, in_parallel(_verdicts, jobs, workers), strict=True))
     return [
@@ -342,18 +241,40 @@ def _judged(
     ]
 
 
-def _evidence(groups: Mapping[Key, Sequence[Outcome]], definitions: Definitions) -> Evidence:
-    """What the runs of one reading say, with the metrics as these definitions mean them."""
-    facts = {
-        place: [outcome.judged[definitions] for outcome in group] for place, group in groups.items()
-    }
-    return Evidence(facts, definitions)
-
-
 def _verdicts(job: tuple[Evidence, bool]) -> list[Verdict]:
     """The verdicts on one reading's evidence, in a process of its own."""
     evidence, fitted = job
     return judge(evidence, fitted)
+
+
+def _write(folder: Path, judged: Sequence[Judged], worth: list[dict[str, Any]]) -> None:
+    """Writes verdicts, readings, metrics and answer quality. Raises OSError."""
+    rows = [row for one in judged for row in _rows(one)]
+    readings = [one.reading.as_json() | {"settings": list(one.settings)} for one in judged]
+    metrics = [
+        {"reading": one.reading.name, **row} for one in judged for row in _metrics(one.evidence)
+    ]
+    for name, content in (
+        ("verdicts", rows),
+        ("readings", readings),
+        ("metrics", metrics),
+        ("quality", worth),
+    ):
+        provenance.write_json(folder / f"{name}.json", content)
+    document = verdict_table.document(rows, readings, worth)
+    (folder / "verdicts.md").write_text(document, encoding="utf-8")
+
+
+def _inputs(readings: Sequence[Reading]) -> dict[str, str]:
+    """The digests of the files that say what is run and tested, by name."""
+    package = Path(__file__).parent
+    paths = [ASSUMPTIONS, package / "claims.yaml", *(reading.path for reading in readings)]
+    return {
+        str(path.relative_to(package)) if path.is_relative_to(package) else path.name: (
+            hashlib.sha256(path.read_bytes()).hexdigest()
+        )
+        for path in paths
+    }
 
 
 def _draw(job: tuple[Path, str]) -> None:
@@ -363,12 +284,11 @@ def _draw(job: tuple[Path, str]) -> None:
     paper_figures.save(*job)
 
 
-def _rows(judged: Judged, arms: Arms | None) -> Iterator[dict[str, Any]]:
+def _rows(judged: Judged) -> Iterator[dict[str, Any]]:
     """Each verdict as plain data."""
-    arms = arms if judged.reading.name == DEFAULT else None
     plain = [None] * len(judged.verdicts) if judged.plain is None else judged.plain
     for verdict, other in zip(judged.verdicts, plain, strict=True):
-        yield verdict_table.row(verdict, arms, judged.reading.name, other)
+        yield verdict_table.row(verdict, judged.reading.name, other)
 
 
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:

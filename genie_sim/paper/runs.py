@@ -1,180 +1,212 @@
-"""The runs of an evaluation: each is simulated once, whichever readings and variants ask for it."""
+"""One run of the paper's evaluation through ``genie_sim.api``: a scenario under settings with a
+seed, and the facts that come out.
 
-import time
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Protocol
+Settings are overrides as on the command line, and a few words of the evaluation's own
+(``overlap=0.4``, ``laps=2``: ``WORDS``).
+"""
 
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import genie_sim as gs
+from genie_sim.analysis.metrics import with_fresh
+from genie_sim.errors import UserError, unknown
+from genie_sim.paper import quality
 from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.paper.evaluation_run import EVERY_METHOD, KEPT_TABLES, EvaluationRun, SetupKey
-from genie_sim.paper.facts import Fact, Facts, of_baselines
-from genie_sim.recording import tables
+from genie_sim.paper.facts import METHODS, Facts, facts_of
+from genie_sim.paper.watch import WorldObserver
+from genie_sim.parallel import in_processes
 from genie_sim.recording.columns import Columns
-from genie_sim.study.parts import Parts, Progress
-from genie_sim.study.tasks import LocalWorkers, StudyRun
+from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.settings import Car
 
-Key = tuple[SetupKey, int]  # and the seed
+ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
+STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
+GOLDEN = (5**0.5 - 1) / 2
+CUT_S = 2.5  # when `link=cut` cuts the links: in mid run
+QUADRO = "quadro_rtx_4000"
+SERVERS = ("one", "all", "shared")
+
+EVERY_METHOD = tuple(method.name for method in METHODS)
+
+Progress = Callable[[float, float, str], None]  # runs done, of how many, and of what
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came out of a run: facts under each of its definitions, and where its tables lie by
-    name, if they were kept.
+    """What came out of a run.
+
+    Parameters
+    ----------
+    judged : mapping of Definitions to dict
+        The facts under each of its definitions.
+    trace : str
+        The digest of the trace that was played.
+    tables : mapping of str to Columns
+        ``frames`` and ``lookups`` of a run that is shown in figures.
     """
 
     judged: Mapping[Definitions, Facts]
-    paths: Mapping[str, Path] = field(default_factory=dict)
+    trace: str = ""
+    tables: Mapping[str, Columns] = field(default_factory=dict)
 
-    @property
+
+@dataclass(frozen=True, slots=True)
+class EvaluationRun:
+    """A scenario under a list of settings with one seed.
+
+    Parameters
+    ----------
+    scenario : str
+        The name of a shipped scenario.
+    seed : int
+        Seed of everything random, and where on the recorded street the cars begin.
+    settings : tuple of str
+        Overrides ``path=value``, and words of the evaluation's own; the last one counts.
+    methods : tuple of str
+        Of ``EVERY_METHOD``.
+    shown : bool
+        Whether figures show it: its tables are kept, and what consumers hold is compared with what
+        is really there, which takes half as long again.
+    definitions : tuple of Definitions
+        What is meant by the metrics: the facts are computed under each of these.
+    """
+
+    scenario: str
+    seed: int
+    settings: tuple[str, ...] = ()
+    methods: tuple[str, ...] = EVERY_METHOD
+    shown: bool = False
+    definitions: tuple[Definitions, ...] = (USUAL,)
+
+    def load(self) -> Scenario:
+        """The scenario as it is run. Raises ``UserError``."""
+        words, overrides = _split(self.settings)
+        expanded = _expanded(_shipped(self.scenario), words, self.seed)
+        tables = ["lookups", "resources", *(["held"] if self.shown else [])]
+        fixed = [f"methods=[{', '.join(self.methods)}]", f"record=[{', '.join(tables)}]"]
+        return gs.load_scenario(self.scenario, [*expanded, *fixed, *overrides], seed=self.seed)
+
+    def simulate(self) -> Outcome:
+        """Simulates it. Raises ``UserError``."""
+        scenario = self.load()
+        observer = WorldObserver(scenario.genie)
+        run = gs.run(scenario, observer=observer)
+        tables = run.tables
+        frames = with_fresh(tables["frames"], "answer")  # as the paper counts
+        beside = quality.facts_of(tables["held"]) | observer.facts()
+        judged = {
+            definitions: facts_of(frames, tables["lookups"], tables["resources"], definitions)
+            | beside
+            for definitions in self.definitions
+        }
+        kept = {name: tables[name] for name in ("frames", "lookups") if self.shown}
+        return Outcome(judged, next(iter(run.facts["traces"].values())), kept)
+
     def facts(self) -> Facts:
-        """With the usual definitions."""
-        return self.judged[USUAL]
-
-    def table(self, name: str) -> Columns:
-        """A table that was kept. Raises ``UserError`` for one that cannot be read."""
-        return tables.read(self.paths[name], KEPT_TABLES[name])
-
-
-class Simulate(Protocol):
-    """Simulates runs; ``what`` they are for is shown beside the progress bar."""
-
-    def __call__(self, runs: Sequence[EvaluationRun], what: str) -> list[Outcome]: ...
+        """Simulates it; the facts under the first of the definitions."""
+        return self.simulate().judged[self.definitions[0]]
 
 
 def simulate(
-    runs: Sequence[EvaluationRun], parts: Parts, workers: int, progress: Progress | None = None
-) -> list[Outcome]:
-    """What came out of each run, in their order; what is in ``parts`` already is not run again.
+    runs: Sequence[EvaluationRun], workers: int, progress: Progress | None = None
+) -> Iterator[Outcome]:
+    """What comes out of each run, in their order, from so many processes. Raises ``UserError``."""
+    for done, outcome in enumerate(in_processes(EvaluationRun.simulate, runs, workers), start=1):
+        if progress is not None:
+            progress(done, len(runs), "evaluation")
+        yield outcome
 
-    ``progress`` is told how many are done, of how many.
+
+WORDS = (
+    "overlap",
+    "gate_m",
+    "order",
+    "same_bag_s",
+    "laps",
+    "similarity",
+    "quadro",
+    "all_edges",
+    "links",
+    "link",
+    "server",
+)
+_shipped = functools.lru_cache(gs.load_scenario)
+
+
+def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
+    """The evaluation's own words (the last one counts), and plain overrides."""
+    words: dict[str, str] = {}
+    overrides = []
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name in WORDS:
+            words[name] = value
+        else:
+            overrides.append(setting)
+    return words, overrides
+
+
+def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
+    """The evaluation's own words as overrides of the scenario."""
+    cars = scenario.cars
+    if "overlap" in words:
+        for index, (begin, end) in enumerate(_windows(cars, words, seed)):
+            yield f"cars[{index}].route.window=[{begin}, {end}]"
+    for index in range(len(cars)):
+        if "same_bag_s" in words:  # all of the drive, begun this much after the car before
+            yield f"cars[{index}].route.window=null"
+            yield f"cars[{index}].route.start={index * float(words['same_bag_s']):g} s"
+        if "laps" in words:
+            yield f"cars[{index}].route.laps={words['laps']}"
+        if "links" in words:
+            yield f"cars[{index}].link={words['links']}"
+    if words.get("link") == "cut":
+        cuts = [f"{{fault: outage, target: {car.name}, begin: {CUT_S} s}}" for car in cars]
+        yield f"faults=[{', '.join(cuts)}]"
+    yield from _edges(scenario, words)
+    if "links" in words:
+        yield f"edge_network={words['links']}"
+    if "gate_m" in words:
+        yield f"genie.object_map.gate={words['gate_m']} m"
+    # of pictures; phantom Genies have positions only
+    if "similarity" in words and all(car.cameras for car in cars):
+        yield f"genie.similarity={words['similarity']}"
+
+
+def _edges(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
+    """The devices of edges. ``server``: in heterogeneous scenarios ``one`` edge is the powerful
+    server, ``all`` are, or one is ``shared`` by all cars.
     """
-    run_parts(runs, parts, workers, progress)
-    keys = [run.judgement_id(definitions) for run in runs for definitions in run.definitions]
-    facts = facts_in(parts, keys)
-    return [
-        Outcome(
-            {definitions: facts[run.judgement_id(definitions)] for definitions in run.definitions},
-            {name: run.table_path(parts.parts, name) for name in KEPT_TABLES if run.keep_tables},
-        )
-        for run in runs
-    ]
+    server, quadro = words.get("server", SERVERS[0]), words.get("quadro", QUADRO)
+    if server not in SERVERS:
+        raise UserError(f"server: {unknown('server', server, SERVERS)}")
+    heterogeneous = any(edge.device == QUADRO for edge in scenario.edges)
+    if server == "shared" and heterogeneous:
+        yield f"edges=[{{name: edge1, device: {words.get('all_edges', quadro)}}}]"
+        yield from (f"cars[{index}].edge=edge1" for index in range(len(scenario.cars)))
+        return
+    for index, edge in enumerate(scenario.edges):
+        if "all_edges" in words:
+            yield f"edges[{index}].device={words['all_edges']}"
+        elif edge.device == QUADRO or (server == "all" and heterogeneous):
+            yield f"edges[{index}].device={quadro}"
 
 
-def run_parts(
-    runs: Sequence[StudyRun], parts: Parts, workers: int, progress: Progress | None = None
-) -> None:
-    """Runs what is missing in a folder, in processes on this machine. Raises ``UserError``."""
-    parts.parts.mkdir(parents=True, exist_ok=True)
-    parts.run(runs, LocalWorkers(workers), progress=progress)
+def _windows(cars: Sequence[Car], words: Mapping[str, str], seed: int) -> Iterator[tuple[str, str]]:
+    """When each car's part of the recording begins and ends: each drives (1 - overlap) of a route
+    ahead of the one before it; a car without cameras drives behind the others.
 
-
-def facts_in(parts: Parts, keys: Collection[str]) -> dict[str, Facts]:
-    """The facts that are kept under each of the keys."""
-    facts: dict[str, Facts] = {key: {} for key in keys}
-    shared: dict[tuple[str, ...], Fact] = {}  # one key for the same fact of all runs
-    for rows in parts.columns(keys):
-        names = zip(*(rows[field].tolist() for field in Fact._fields), strict=True)
-        values = rows.floats("value").tolist()
-        for key, name, value in zip(rows["run_id"].tolist(), names, values, strict=True):
-            fact = shared.get(name)
-            if fact is None:
-                fact = shared[name] = Fact(*name)
-            facts[key][fact] = value
-    return facts
-
-
-@dataclass
-class EvaluationRuns:
-    """Simulates runs on ``workers`` processes, and remembers what came out.
-
-    Runs that other settings bring to the same scenario are one. Of a run that wants Genie alone in
-    a world where the baselines have run, their facts are there, too. ``progress`` counts the runs
-    that were asked for.
+    Where on the recorded street the last car begins depends on the seed: multiples of the golden
+    ratio spread evenly, however many seeds there are. So one car and three see, over the seeds, the
+    same street.
     """
-
-    parts: Parts
-    workers: int
-    progress: Progress | None = None
-    _outcomes: dict[Key, tuple[EvaluationRun, Outcome]] = field(default_factory=dict)
-    _baselines: dict[tuple[str, int], Outcome] = field(default_factory=dict)  # by world and seed
-
-    def __call__(self, runs: Sequence[EvaluationRun], what: str) -> list[Outcome]:
-        """What came out of each run."""
-        missing: dict[Key, EvaluationRun] = {}
-        for run in runs:
-            key = _key(run)
-            if key not in self._outcomes or not _covers(self._outcomes[key][0], run):
-                missing[key] = _merged(missing[key], run) if key in missing else run
-        known = len(runs) - len(missing)
-
-        def tell(done: float, _: float, failed: str) -> None:
-            if self.progress is not None:
-                self.progress(known + done, len(runs), f"{what} {failed}".rstrip())
-
-        outcomes = simulate(list(missing.values()), self.parts, self.workers, tell)
-        for (key, run), outcome in zip(missing.items(), outcomes, strict=True):
-            self._remember(key, run, outcome)
-        if not missing:
-            tell(0, 0, "")
-        return [self._outcomes[_key(run)][1] for run in runs]
-
-    def has_baselines(self, run: EvaluationRun) -> bool:
-        """Whether the baselines have run in the run's world."""
-        setup, seed = _key(run)
-        return (setup.world, seed) in self._baselines
-
-    def _remember(self, key: Key, run: EvaluationRun, outcome: Outcome) -> None:
-        setup, seed = key
-        place = setup.world, seed
-        if run.methods == EVERY_METHOD:
-            self._baselines[place] = outcome
-        elif place in self._baselines:
-            baselines = self._baselines[place].judged
-            judged = {
-                definitions: of_baselines(baselines.get(definitions, {})) | facts
-                for definitions, facts in outcome.judged.items()
-            }
-            outcome = replace(outcome, judged=judged)
-        self._outcomes[key] = run, outcome
-
-
-class BatchProgress:
-    """Progress over several batches of runs, in runs; forwards to a progress bar."""
-
-    def __init__(self, total: int, progress: Progress | None) -> None:
-        self._total = total
-        self._before = 0
-        self._progress = progress
-        self.began_s = time.perf_counter()
-
-    def __call__(self, done: float, of: float, what: str) -> None:
-        if self._progress is not None:
-            self._progress(self._before + done, max(self._total, self._before + of), what)
-        if done == of:
-            self._before += int(of)
-
-
-def _covers(finished: EvaluationRun, run: EvaluationRun) -> bool:
-    """Whether a run gave all that another of the same set-up and seed asks for."""
-    return (
-        {*run.methods} <= {*finished.methods}
-        and {*run.definitions} <= {*finished.definitions}
-        and finished.keep_tables >= run.keep_tables
-        and finished.judged >= run.judged
-    )
-
-
-def _merged(first: EvaluationRun, second: EvaluationRun) -> EvaluationRun:
-    """One run for two of the same set-up and seed."""
-    return replace(
-        first,
-        methods=max(first.methods, second.methods, key=len),
-        keep_tables=first.keep_tables or second.keep_tables,
-        judged=first.judged or second.judged,
-        definitions=tuple(dict.fromkeys((*first.definitions, *second.definitions))),
-    )
-
-
-def _key(run: EvaluationRun) -> Key:
-    return run.setup_key, run.seed
+    places = list(range(len(cars)))
+    if (words.get("order") == "reversed") != any(not car.cameras for car in cars):
+        places.reverse()
+    step_s = (1.0 - float(words["overlap"])) * ROUTE_S
+    first_s = (STREET_S - ROUTE_S - step_s * (len(places) - 1)) * (seed * GOLDEN % 1.0)
+    for place in places:
+        begin_s = first_s + place * step_s
+        yield f"{begin_s:.3f} s", f"{begin_s + ROUTE_S:.3f} s"

@@ -13,7 +13,6 @@ from genie_sim.analysis import latex, text_table
 from genie_sim.analysis.registry import component_title, title_of
 from genie_sim.analysis.text_table import markdown
 from genie_sim.paper import table1
-from genie_sim.paper.arms import Arms
 from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding, rounded
 from genie_sim.paper.facts import METHODS
@@ -22,7 +21,6 @@ from genie_sim.recording import provenance
 from genie_sim.scenario.yaml_input import parse
 
 ENOUGH_SEEDS = 10
-MAX_NAMED = 8  # variants named beside a claim
 MARKS = dict(zip(VERDICTS, "+~-?=", strict=True))  # one-character codes for narrow tables
 
 REPRODUCED = VERDICTS[0]
@@ -30,16 +28,11 @@ REPRODUCED = VERDICTS[0]
 Row = Mapping[str, Any]
 
 
-def row(
-    verdict: Verdict, arms: Arms | None = None, reading: str = DEFAULT, plain: Verdict | None = None
-) -> dict[str, Any]:
-    """A verdict as plain data. ``arms``: the other values, told of where the claim is not
-    reproduced. ``plain``: the verdict by the default's metrics, where the reading means others.
+def row(verdict: Verdict, reading: str = DEFAULT, plain: Verdict | None = None) -> dict[str, Any]:
+    """A verdict as plain data. ``plain``: the verdict by the default's metrics, where the reading
+    means others.
     """
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
-    names, tried = (
-        arms.holding(verdict.claim) if arms and verdict.verdict in VERDICTS[1:3] else (None, None)
-    )
     return {
         "reading": reading,
         **asdict(verdict.claim),
@@ -50,8 +43,6 @@ def row(
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
         "by_default_metrics": plain and {"verdict": plain.verdict, **_numbers(plain.finding)},
-        "holds_under": names,
-        "tried_under": tried,
     }
 
 
@@ -122,23 +113,6 @@ def text(rows: Sequence[Row], width: int) -> str:
     return "\n".join([*lines, "", *textwrap.wrap(_legend(), width), "", *counts(rows)])
 
 
-def setup_sentences(folder: Path) -> list[str]:
-    """What was run, for an article. Raises ``UserError``."""
-    readings = provenance.read_json(folder / "readings.json")
-    seeds = len(provenance.read_json(folder / "run.json")["seeds"])
-    named = [f"Reading {reading['name']}: {reading['title']}." for reading in readings]
-    return [
-        f"The evaluation of Section V with {seeds} seeds under {len(readings)} readings.",
-        *named,
-    ]
-
-
-def result_sentences(folder: Path) -> list[str]:
-    """What came out, for an article. Raises ``UserError``."""
-    lines = counts(read_rows(folder))
-    return [line.removeprefix("- ") for line in lines if line]
-
-
 def _legend() -> str:
     """What the marks mean."""
     marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
@@ -172,7 +146,6 @@ def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row
         parts.append(f"**{claim}** ({first['where']}): {first['claim']}. Kind: {kind}.")
         parts.append(f"Test: {first['test']}.")
         parts += [f"- {name}: {_finding_text(row)}." for name, row in by_reading.items()]
-        parts += [_elsewhere(row) for row in by_reading.values() if row["holds_under"] is not None]
         parts.append("")
     parts += [
         "## Table I",
@@ -214,20 +187,6 @@ def readings_text(readings: Sequence[Row]) -> str:
     ]
     headings = ["what is meant by", *(reading["name"] for reading in readings)]
     return "\n".join([*parts, markdown(headings, meanings)])
-
-
-def _elsewhere(row: Row) -> str:
-    """Whether a claim would hold under another reading; that it does not, and that nobody tried,
-    are two answers.
-    """
-    names, count = row["holds_under"], row["tried_under"]
-    if not count:
-        return "Not tried under any other reading or value: their runs lack what the test needs."
-    where = f"of the {count} other readings and values that were tried, {row['n']} seeds each"
-    if not names:
-        return f"Holds under none {where}."
-    more = f", and {len(names) - MAX_NAMED} more" if len(names) > MAX_NAMED else ""
-    return f"Holds under {len(names)} {where}: {', '.join(names[:MAX_NAMED])}{more}."
 
 
 def map_quality_table(rows: Sequence[Row]) -> str:

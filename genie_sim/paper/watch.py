@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WorldObserver(Subscriber):
-    """Watches the worlds of one run, method by method; takes no simulated time.
+    """Watches the worlds of one run, method by method (``runner.Observer``).
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
     C_T is not for what edges send each other, and not for what a car's own node finds.
@@ -64,7 +64,7 @@ class WorldObserver(Subscriber):
                 if detection.confidence < threshold:
                     self._unconfident += 1
 
-    def after(self, world: "World") -> None:
+    def after(self, method: str, world: "World") -> None:
         """Looks at the maps of a world that has run."""
         for node in world.network.resources:
             if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):
@@ -88,14 +88,9 @@ class WorldObserver(Subscriber):
 
 
 def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
-    """The node itself, whatever the master calls its topics: its class, what it has, what of that
-    is its own (nothing where classes are compiled), and what is plain.
+    """The node itself, whatever the master calls its topics: its class, what it has of its own,
+    such as a method that was exchanged, and what of that is plain.
     """
-    has = [name for name in dir(node) if not name.startswith("__")]
-    plain = {
-        name: value
-        for name in has
-        if isinstance(value := getattr(node, name), str | int | tuple | None)
-    }
-    own = tuple(getattr(node, "__dict__", ()))  # a method that was exchanged, for instance
-    return (type(node), tuple(has), own, tuple(sorted(plain.items())))
+    own = vars(node)
+    plain = [(name, own[name]) for name in own if isinstance(own[name], str | int | tuple | None)]
+    return (type(node), tuple(own), tuple(sorted(plain)))

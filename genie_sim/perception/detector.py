@@ -207,8 +207,8 @@ class DetectorSettings:
     min_score : the lowest score kept, in [0, 1]
     place_from : detections with a lower score are kept without a location
     providers : ONNX Runtime's execution providers, best first
-    threads : of the network; ``None``: what is fastest here
-    batch : pictures that the network gets at a time; ``None``: what is fastest here
+    threads : of the network
+    batch : pictures that the network gets at a time
     encoding : of the pictures before the detector sees them
     """
 
@@ -218,20 +218,20 @@ class DetectorSettings:
     min_score: float = MIN_SCORE
     place_from: float = 0.0
     providers: Sequence[str] = (CPU,)
-    threads: int | None = 1
-    batch: int | None = 1
+    threads: int = 1
+    batch: int = 1
     encoding: Encoding = "raw"
 
-    def opened(self, threads: int = 1, batch: int = 1) -> ImageDetector:
-        """The detector with so many threads and pictures at a time. Raises UserError."""
+    def opened(self) -> ImageDetector:
+        """The detector with these settings. Raises UserError."""
         return make_detector(
             self.name,
             self.weights,
             self.size,
             self.min_score,
             providers=self.providers,
-            threads=threads,
-            batch=batch,
+            threads=self.threads,
+            batch=self.batch,
         )
 
 

@@ -1,10 +1,9 @@
 """Frames to a trace: every picture of a drive through a detector, every box placed in the world."""
 
 import importlib.metadata
-import logging
 import os
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from genie_sim.classes import SIZES, VEHICLES
 from genie_sim.core.geometry import Geodetic
 from genie_sim.errors import UserError
 from genie_sim.paths import expanded
-from genie_sim.perception import placement, tuning
+from genie_sim.perception import placement
 from genie_sim.perception.detector import DetectorSettings, ImageDetector
 from genie_sim.perception.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
 from genie_sim.perception.onnx_detector import NMS_IOU
@@ -25,7 +24,6 @@ DEFAULT_DETECTOR = DetectorSettings()
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 
 Progress = Callable[[int, int], None]
-log = logging.getLogger(__name__)
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -65,7 +63,6 @@ def perceive(
     detector: DetectorSettings = DEFAULT_DETECTOR,
     *,
     progress: Progress | None = None,
-    report: Callable[[str], None] = log.info,
 ) -> Trace:
     """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
 
@@ -75,7 +72,6 @@ def perceive(
     frames : what to look at
     detector : what looks; at a tracking sequence ``pointrcnn`` or ``rrc``, as published
     progress : is called with the frames done and all frames
-    report : gets a line with the threads and the batch that were found to be fastest
     """
     root = kitti_folder(kitti_root)
     if frames.drive.startswith(TRACKING):
@@ -99,13 +95,7 @@ def perceive(
         allow_missing_scans=frames.allow_missing_scans,
     )
     camera_frames = in_turn(drive, frames.numbers)
-    threads, batch = detector.threads, detector.batch
-    if threads is None or batch is None:
-        threads, batch = tuning.fastest(
-            drive, camera_frames, detector.opened, threads=threads, batch=batch, report=report
-        )
-        detector = replace(detector, threads=threads, batch=batch)
-    network = detector.opened(threads, batch)
+    network = detector.opened()
     perceived = trace_frames(
         drive,
         camera_frames,

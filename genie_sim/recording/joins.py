@@ -4,9 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.recording.near_pairs import near_pairs
-
 Array = np.ndarray[Any, Any]
+SMALL_GROUP = 64  # places in a group that are not worth rows
 
 
 class GroupedPlaces(NamedTuple):
@@ -34,14 +33,46 @@ class Pairs(NamedTuple):
 
 
 def near(ours: GroupedPlaces, theirs: GroupedPlaces, reach_m: float) -> Pairs:
-    """All pairs of one group within reach, in no order that matters."""
-    return Pairs(*near_pairs(ours, theirs, reach_m))
+    """All pairs of one group within reach, in no order that matters.
 
-
-def parts(column: Array, counts: Array) -> list[list[Any]]:
-    """The first so many values of a column, the next so many, and so on."""
-    values, ends = column.tolist(), np.cumsum(counts).tolist()
-    return [values[begin:end] for begin, end in zip([0, *ends], ends, strict=False)]
+    Theirs are sorted by group and from west to east, so those that may be near one of ours stand
+    beside one another. Large groups are cut into rows, of which three are searched.
+    """
+    our_group, our_east_m, our_north_m = ours
+    their_group, their_east_m, their_north_m = theirs
+    if not len(our_group) or not len(their_group):
+        none = np.zeros(0, dtype=np.int64)
+        return Pairs(none, none, np.zeros(0))
+    our_line, their_line = our_group, their_group
+    lines: tuple[float, ...] = (0.0,)
+    if len(their_group) > SMALL_GROUP * (np.ptp(their_group) + 1):
+        side_m = reach_m * (1.0 + 1e-9)
+        our_row, their_row = np.floor(our_north_m / side_m), np.floor(their_north_m / side_m)
+        first_row = min(our_row.min(), their_row.min()) - 1.0
+        rows = max(our_row.max(), their_row.max()) - first_row + 2.0
+        our_line = our_group * rows + our_row - first_row
+        their_line = their_group * rows + their_row - first_row
+        lines = (-1.0, 0.0, 1.0)
+    west_m = min(our_east_m.min(), their_east_m.min())
+    width_m = max(our_east_m.max(), their_east_m.max()) - west_m + 2.0 * reach_m + 1.0
+    our_keys = our_line * width_m + (our_east_m - west_m)
+    their_keys = their_line * width_m + (their_east_m - west_m)
+    order = np.argsort(their_keys, kind="stable")
+    their_keys = their_keys[order]
+    our_keys = np.concatenate([our_keys + line * width_m for line in lines])
+    # The keys are rounded: a wider search finds all, and the distance decides.
+    search_m = reach_m + 4.0 * np.spacing(max(our_keys.max(), their_keys[-1]))
+    begins = np.searchsorted(their_keys, our_keys - search_m)
+    counts = np.searchsorted(their_keys, our_keys + search_m, side="right") - begins
+    index = np.repeat(np.arange(len(counts)), counts)
+    found = order[np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]]
+    if len(lines) > 1:
+        index %= len(our_group)
+    east_m = their_east_m[found] - our_east_m[index]
+    north_m = their_north_m[found] - our_north_m[index]
+    distance_m2 = east_m * east_m + north_m * north_m
+    is_near = (distance_m2 <= reach_m * reach_m) & (our_group[index] == their_group[found])
+    return Pairs(index[is_near], found[is_near], distance_m2[is_near])
 
 
 def turns(codes: Array) -> Array:

@@ -20,7 +20,7 @@ from genie_sim.recording.columns import Columns, Text
 from genie_sim.recording.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.recording.held import Held, held
 from genie_sim.recording.held_spans import HeldSpans, JudgedObjects
-from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, parts, turns
+from genie_sim.recording.joins import Array, GroupedPlaces, Pairs, matches, near, turns
 from genie_sim.recording.objects import UNKNOWN, Codes, Objects, ShownColumns
 from genie_sim.recording.recent_places import RecentPlaces
 from genie_sim.recording.records import CONSUMER, ZERO_DELAY
@@ -28,7 +28,7 @@ from genie_sim.recording.scenes import DriveTruth, JudgedScene, SceneViews, Visi
 from genie_sim.recording.tables import Table
 from genie_sim.units import NS_PER_S
 
-WINDOW = 1024  # scenes that are judged at once
+WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
 
 JUDGEMENTS = ("right", "duplicate", "hidden", "moved_away", "never_there", "missed")
 RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS))
@@ -72,8 +72,9 @@ class MapAccuracy:
     all_streams : bool
         Whether the frames of every stream of a car are instants at which it is judged, within their
         fields of view, not only those of the first.
-    window : int
-        How many scenes are judged at once; does not change results.
+    window : int, optional
+        How many scenes are judged at once; does not change results. By default as many as pay: some
+        of each car.
 
     Attributes
     ----------
@@ -91,14 +92,14 @@ class MapAccuracy:
         *,
         objects: Table | None = None,
         all_streams: bool = False,
-        window: int = WINDOW,
+        window: int | None = None,
     ) -> None:
         self._method = method
         self._truths = truths
         self._table = table
         self._judged_without_delay = judged_without_delay
         self._all_streams = all_streams
-        self._window = window
+        self._window = window or max(WINDOW, WINDOW_OF_CAR * len(truths))
         self._consumers = {car: make_consumer() for car in truths}
         self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
         self.objects = Objects()
@@ -219,11 +220,14 @@ class MapAccuracy:
         stays = (items.east_m == known.east_m) & (items.north_m == known.north_m)
         rows = np.flatnonzero(of_consumer & stays)
         scenes = np.flatnonzero(views.is_consumer)
-        counts = np.bincount(items.scene[rows], minlength=len(views.car))[scenes]
-        sights = parts(known.sight[rows], counts)
-        held_sights = zip(scenes.tolist(), views.car[scenes].tolist(), sights, strict=True)
+        of_scene = np.searchsorted(scenes, items.scene[rows])
         seen_ns = np.full(len(items.scene), NOT_YET_NS)
-        seen_ns[rows] = self._first_seen.seen_ns(objects, self._given, held_sights)
+        seen_ns[rows] = self._first_seen.seen_ns(
+            objects,
+            self._given,
+            scenes=(scenes, views.car[scenes]),
+            held=(of_scene, items.number[rows]),
+        )
         seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
         age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
         age_s[~of_consumer] = 0.0

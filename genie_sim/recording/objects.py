@@ -1,20 +1,22 @@
-"""The distinct objects of many answers, as columns."""
+"""The objects of many answers, as columns."""
 
 from array import array
 from collections.abc import Sequence
+from itertools import chain
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.classes import class_of
-from genie_sim.messages import Detection, Location
+from genie_sim.messages import Detection
 from genie_sim.recording.joins import Array
-from genie_sim.recording.packed_rows import packed
 
 UNKNOWN = -1
-MAX_KEPT = 20_000  # distinct objects and lists of them, at the begin of a window
-
-Sight = tuple[str, Location]  # an object's label and place
+MAX_KEPT = 100_000  # objects and lists of them, at the begin of a window
+_label = attrgetter("label")
+_location = attrgetter("location")
+_motion = attrgetter("motion")
 
 
 class Codes(dict[Any, int]):
@@ -26,16 +28,15 @@ class Codes(dict[Any, int]):
 
 
 class ShownColumns(NamedTuple):
-    """One row per label and place, and one per track: codes of its label, of its class and of its
-    label together with its place, where it is [m], and of a track its velocity [m/s] and the car
-    and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
+    """One row per object: codes of its label and of its class, where it is [m], and of a track its
+    velocity [m/s] and the car and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
     """
 
     label: Array
     class_: Array
-    sight: Array
     east_m: Array
     north_m: Array
+    up_m: Array
     velocity_east_mps: Array
     velocity_north_mps: Array
     seen_by: Array
@@ -46,8 +47,7 @@ class ShownColumns(NamedTuple):
         return ShownColumns(*(column[selection] for column in self))
 
 
-_TYPECODES = "qqqddddqq"
-_NO_TRACK = 0.0, 0.0, UNKNOWN, UNKNOWN
+_NONE = ShownColumns(*(np.zeros(0, dtype=code) for code in "qqdddddqq"))
 
 
 class _Classes(dict[str, tuple[int, int]]):
@@ -64,11 +64,11 @@ class _Classes(dict[str, tuple[int, int]]):
 
 
 class Objects:
-    """Numbers the objects that answers show; those of one label at one place have one number, but
-    for tracks.
+    """Numbers the objects that answers show: those of a list one after the other, once however
+    often the list is shown.
 
     ``labels`` are codes of labels and classes, ``classes`` gives both for a label, ``cars`` are the
-    numbers of cars, ``sights`` codes of labels at places.
+    numbers of cars.
     """
 
     def __init__(self) -> None:
@@ -83,68 +83,58 @@ class Objects:
             self._begin()
 
     def _begin(self) -> None:
-        self.sights: dict[Sight, int] = {}
         self._count = 0
-        self._of_lists: dict[int, bytes] = {}  # by the list's identity
+        # by the list's identity: the number of its first object, and how many there are
+        self._of_lists: dict[int, tuple[int, int]] = {}
         self._kept: list[Sequence[Detection]] = []  # whose identities must not be given to others
-        self._new: list[Any] = []  # of rows that are not in the columns yet, row by row
-        self._columns = ShownColumns(*(np.zeros(0, dtype=code) for code in _TYPECODES))
+        self._parts = [_NONE]
 
     def numbers(self, shown: Sequence[Sequence[Detection]]) -> tuple[Array, Array]:
         """The numbers of those objects of some lists that have a place, list by list, and how many
         there are in each list.
         """
-        of_lists = [self._of_list(objects) for objects in shown]
-        counts = np.array([len(numbers) for numbers in of_lists], dtype=np.int64)
-        return np.frombuffer(b"".join(of_lists), dtype=np.int64), counts // np.int64().nbytes
+        known = self._of_lists
+        new = {id(objects): objects for objects in shown if id(objects) not in known}
+        if new:
+            self._add(list(new.values()))
+        spans = array("q", chain.from_iterable([known[id(objects)] for objects in shown]))
+        first, counts = np.frombuffer(spans, dtype=np.int64).reshape(-1, 2).T
+        begins = np.cumsum(counts) - counts
+        return np.arange(counts.sum()) + np.repeat(first - begins, counts), counts
 
     def columns(self) -> ShownColumns:
         """All that have been numbered."""
-        if self._new:
-            parts = []
-            for place, (column, code) in enumerate(zip(self._columns, _TYPECODES, strict=True)):
-                new = packed(self._new, place, len(_TYPECODES), code)
-                parts.append(np.append(column, np.frombuffer(new, dtype=code)))
-            self._columns = ShownColumns(*parts)
-            self._new.clear()
-        return self._columns
+        if len(self._parts) > 1:
+            self._parts = [ShownColumns(*map(np.concatenate, zip(*self._parts, strict=True)))]
+        return self._parts[0]
 
-    def sight(self, label: str, location: Location) -> int:
-        """The code of a label at a place."""
-        code = self.sights.get((label, location))
-        if code is None:
-            self.sights[label, location] = code = self._count
-            self._add(label, location, code, _NO_TRACK)
-        return code
-
-    def _of_list(self, objects: Sequence[Detection]) -> bytes:
-        """The numbers of the objects of a list, as the bytes of an array."""
-        known = self._of_lists.get(id(objects))
-        if known is not None:
-            return known
-        sights = self.sights
-        numbers = []
-        for detection in objects:
-            label, location, motion = detection.label, detection.location, detection.motion
-            if location is None:
-                continue
-            number = sights.get((label, location))
-            if number is None:
-                number = self.sight(label, location)
-            if motion is not None:
-                seen_by = self.cars[motion.seen.origin]
-                track = (*motion.velocity_mps, seen_by, motion.seen.stamp_ns)
-                number = self._add(label, location, number, track)
-            numbers.append(number)
-        of_list = array("q", numbers).tobytes()
-        self._kept.append(objects)
-        self._of_lists[id(objects)] = of_list
-        return of_list
-
-    def _add(
-        self, label: str, location: Location, sight: int, track: tuple[float, float, int, int]
-    ) -> int:
-        """Adds a row; returns its number."""
-        self._new += (*self.classes[label], sight, location[0], location[1], *track)
-        self._count += 1
-        return self._count - 1
+    def _add(self, lists: Sequence[Sequence[Detection]]) -> None:
+        """Numbers the objects of new lists."""
+        self._kept += lists
+        objects = list(chain.from_iterable(lists))
+        placed = [item for item in objects if item.location is not None]
+        counts = [len(of_list) for of_list in lists]
+        if len(placed) < len(objects):
+            counts = [sum(item.location is not None for item in of_list) for of_list in lists]
+        for of_list, count in zip(lists, counts, strict=True):
+            self._of_lists[id(of_list)] = self._count, count
+            self._count += count
+        classes = self.classes
+        codes = array("q", chain.from_iterable([classes[label] for label in map(_label, placed)]))
+        places = array("d", chain.from_iterable(map(_location, placed)))
+        velocities_mps = np.zeros((len(placed), 2))
+        seen = np.full((len(placed), 2), UNKNOWN)
+        motions = list(map(_motion, placed))
+        if any(motions):
+            for place, motion in enumerate(motions):
+                if motion is not None:
+                    velocities_mps[place] = motion.velocity_mps
+                    seen[place] = self.cars[motion.seen.origin], motion.seen.stamp_ns
+        self._parts.append(
+            ShownColumns(
+                *np.frombuffer(codes, dtype=np.int64).reshape(-1, 2).T,
+                *np.frombuffer(places).reshape(-1, 3).T,
+                *velocities_mps.T,
+                *seen.T,
+            )
+        )

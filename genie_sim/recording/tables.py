@@ -18,7 +18,6 @@ import numpy as np
 from genie_sim import parquet
 from genie_sim.errors import UserError, short_repr
 from genie_sim.recording.columns import NO_TEXT, Array, Columns, Text
-from genie_sim.recording.packed_rows import packed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -137,17 +136,18 @@ class _Buffer:
         """Adds every ``step``-th value from the ``first`` one on. Raises TypeError for a None in a
         column that is never empty.
         """
+        cells, codes, none = values[first::step], self.codes, self._none
         try:
-            made = packed(
-                values,
-                first,
-                step,
-                self.values.typecode,
-                none=self._none if self.about.nullable else None,
-                codes=self.codes if self._is_text else None,
-            )
+            if not self.about.nullable:
+                encoded = list(map(codes.__getitem__, cells)) if self._is_text else cells
+            elif self._is_text:
+                encoded = [none if cell is None else codes[cell] for cell in cells]
+            else:
+                encoded = [none if cell is None else cell for cell in cells]
+            # several times faster than array.extend
+            made = struct.pack(f"{len(encoded)}{self.values.typecode}", *encoded)
         except (TypeError, OverflowError, struct.error) as error:
-            is_empty = None in values[first::step]
+            is_empty = None in cells
             raise TypeError(
                 f"column {self.about.name!r} is never empty" if is_empty else str(error)
             ) from None

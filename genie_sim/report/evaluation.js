@@ -17,8 +17,7 @@ function picture(name) {
 }
 
 function showAbout() {
-  showFrame("an evaluation", { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, readings: READINGS.map(words).join(", "),
-    calibration: ABOUT.calibration, claims: DATA.claims.length },
+  showFrame("an evaluation", { evaluation: ABOUT.quick ? "quick" : "full", seeds: ABOUT.seeds.length, readings: READINGS.map(words).join(", "), claims: DATA.claims.length },
   `traces with the digest ${ABOUT.trace.slice(0, 12)}. Versions and digests are in run.json beside this page.`);
 }
 
@@ -60,7 +59,6 @@ function finding(claim, name) {
   const facts = [["Verdict", said(one)], ...(one.kind === claim.kind ? [] : [["Kind", `${words(one.kind)}, as nothing was fitted`]]),
     ["Found", isNumber(one.found[0]) ? `${withInterval(one.found, foundText(one))}, ${replicated(one)}` : "not measured"],
     ...(one.note ? [["Note", one.note]] : []), ...(by ? [["By the default's metrics", `${by.verdict}: ${withInterval(by.found, foundText(one))}`]] : [])];
-  if (one.holds_under && DATA.sensitivity) facts.push(["Would hold under", one.holds_under.length ? listed(one.holds_under) : one.tried_under === 0 ? "not tried: the runs of other readings and values lack what the test needs" : `none of the ${one.tried_under} other readings and values that were tried, ${one.n} seeds each`]);
   return [make("h4", {}, words(name)), defined(facts), scale(claim, one.found)];
 }
 
@@ -188,75 +186,8 @@ function showWorth() {
   if (shown) byId("worth").append(shown);
 }
 
-function showDrives() {
-  const found = DATA.drives;
-  byId("drives-none").hidden = found !== null;
-  byId("drives-all").hidden = found === null;
-  if (found === null) return;
-  const { directions, hypothesis } = found, text = (value) => digits(value), name = (one) => `${one.claim} ${one.says}`.trim();
-  table(byId("drives-table"), `${found.seeds.length} seeds a drive`, ["number of each drive", "more than", "median", "holds", "contrary", "open"], directions.map((one) => [name(one),
-    text(one.bound), intervalCell([one.median, one.low, one.high], text), `${one.holds} of ${one.drives}`, String(one.contrary), String(one.drives - one.holds - one.contrary)]));
-  table(byId("drives-each"), null, ["drive", ...directions.map(name)], Object.keys(directions[0].numbers).map((drive) => [drive,
-    ...directions.map((one) => intervalCell(one.numbers[drive], text))]));
-  if (hypothesis === null) return;
-  const c18 = directions.find((one) => one.claim === "C18");
-  byId("drives-lead").replaceChildren("Stated before these runs: C18's number falls with the share of successive frames of a drive that fall into one image cell. ",
-    strong(hypothesis.supported ? "Supported" : "Not supported"), `: slope ${withInterval([hypothesis.slope, hypothesis.low, hypothesis.high], text)}, r = ${text(hypothesis.r)}, ${hypothesis.n} drives.`);
-  intervalChart(byId("drives-chart").appendChild(make("div")), { title: "C18 by drive", x: { label: "share of successive frames in one image cell", read: (value) => `share ${digits(value)}` },
-    series: [{ name: c18.says, color: "m2", line: false, points: Object.entries(hypothesis.points).map(([drive, [x]]) => ({ x, found: c18.numbers[drive] })) }],
-    y: { label: c18.says, format: text, read: text, levels: [{ y: 0, label: "" }] } });
-}
-
 function showFigures() {
-  const elsewhere = ["calibration", "sensitivity", "worth"];
-  byId("figure-list").replaceChildren(...DATA.figures.filter((one) => !elsewhere.includes(one.name)).flatMap((one) => [make("h3", {}, one.title), picture(one.name)]));
-}
-
-function showCalibration() {
-  const found = DATA.calibration;
-  byId("tried-all").hidden = found === null;
-  if (found === null) {
-    byId("calibration-lead").textContent = `Not searched here: ${DATA.readings[0].settings.join(", ")}, ${ABOUT.calibration}.`;
-    return;
-  }
-  const { best, targets } = found;
-  byId("calibration-lead").replaceChildren("Two parameters were fitted to the two numbers that the paper publishes. ", strong(found.reached ? "Both were reached" : "They were not both reached"),
-    `: with an overlap of ${digits(best.overlap)} and a gate of ${digits(best.gate_m)} m, object reuse is ${percent(best.object_reuse)} (paper: ${percent(targets.object_reuse_mean)}) ` +
-    `and ${digits(best.ratio)} times image reuse (paper: ${digits(targets.object_to_image_reuse)}). Claims on these two are never called reproduced.`);
-  const shown = picture("calibration");
-  byId("calibration-figure").replaceChildren(...(shown ? [shown] : []));
-  sortable(byId("tried"), ["overlap", "gate [m]", "object reuse", "image reuse", "object / image reuse"], found.tried.map((point) => point.map((value, i) => ({
-    key: value, node: make("td", { class: "number" }, value === null ? "none" : i === 2 || i === 3 ? percent(value) : digits(value)) }))));
-}
-
-function showSensitivity() {
-  const found = DATA.sensitivity;
-  byId("sensitivity-none").hidden = found !== null;
-  byId("sensitivity-all").hidden = found === null;
-  if (found === null) return;
-  const measures = { reuse: ["Object and image reuse", [["object_reuse", "object reuse", "m2"], ["image_reuse", "image reuse", "m0"]], percent],
-    answers: ["First answer and fresh result, mean [ms]", [["first_answer_ms", "first answer", "m2"], ["fresh_answer_ms", "fresh result", "m1"]], (value) => asText(value, "ms")] };
-  byId("sensitivity-of").replaceChildren(...Object.entries(measures).map(([name, [title]]) => option(name, title)));
-  const render = () => {
-    const name = byId("sensitivity-of").value, [, lines, text] = measures[name];
-    byId("sensitivity-charts").replaceChildren();
-    for (const sweep of found.sweeps) {
-      const series = lines.map(([measure, label, color], i) => ({ name: label, color, hollow: i === 1, line: true,
-        points: sweep.values.map((x, place) => ({ x, found: sweep[measure][place] })) }));
-      const unit = sweep.unit === "1" ? "" : ` [${sweep.unit}]`, log = Math.min(...sweep.values) > 0 && Math.max(...sweep.values) / Math.min(...sweep.values) >= 10;
-      intervalChart(byId("sensitivity-charts").appendChild(make("div")), { title: sweep.title, note: `Paper: ${sweep.paper}.`, height: 220, series,
-        x: { log, label: `${sweep.title}${unit}`, read: (value) => `${sweep.title} ${digits(value)}`, marks: isNumber(sweep.used) ? [{ x: sweep.used, label: "used" }] : [] },
-        y: { label: measures[name][0], format: name === "reuse" ? percent : (value) => digits(value), read: text, most: name === "reuse" ? 1 : undefined,
-          levels: name === "reuse" && DATA.calibration ? [{ y: DATA.calibration.targets.object_reuse_mean, label: "paper: objects" }] : [] } });
-    }
-  };
-  byId("sensitivity-of").addEventListener("change", render);
-  render();
-  const cell = (one, text) => ({ key: one[0], node: intervalCell(one, text) });
-  sortable(byId("variants"), ["reading or value", "plausible", "claims that hold", "object reuse", "image reuse", "first answer [ms]", "fresh result [ms]"],
-    found.variants.map((one) => [{ key: one.name, node: make("th", { scope: "row" }, words(one.name)) }, { key: one.plausible, node: make("td", {}, one.plausible) },
-      { key: one.holds.length, node: make("td", { class: "number", title: one.holds.join(", ") }, String(one.holds.length)) },
-      cell(one.object_reuse, percent), cell(one.image_reuse, percent), cell(one.first_answer_ms, (value) => digits(value)), cell(one.fresh_answer_ms, (value) => digits(value))]));
+  byId("figure-list").replaceChildren(...DATA.figures.filter((one) => one.name !== "worth").flatMap((one) => [make("h3", {}, one.title), picture(one.name)]));
 }
 
 function showMetrics() {
@@ -270,9 +201,6 @@ showVerdicts();
 showReadings();
 showAnswers();
 showWorth();
-showDrives();
 showFigures();
-showCalibration();
-showSensitivity();
 showMetrics();
 showAbout();

@@ -37,14 +37,14 @@ function sortable(node, head, rows) {
 }
 
 // series: {name, color, marker or hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
-// x.names; y.levels and x.marks are lines with a label. With `log` an axis is logarithmic, if its values allow that.
+// x.names; y.levels are lines with a label. With `log` an axis is logarithmic, if its values allow that.
 function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const left = 56, right = 14, top = 12;
   const shown = series.filter((one) => one.points.some((point) => point.found && isNumber(point.found[0])));
   const places = [...new Set(shown.flatMap((one) => one.points.map((point) => point.x)))].sort((a, b) => a - b);
   if (!places.length) { host.replaceChildren(make("h3", {}, title), make("p", { class: "small" }, "Not defined at any of these points.")); return; }
   const ends = shown.flatMap((one) => one.points.flatMap((point) => point.found || [])).filter(isNumber);
-  const levels = y.levels || [], marks = x.marks || [];
+  const levels = y.levels || [];
   let low = Math.min(0, ...ends), high = Math.max(...ends, ...levels.map((one) => one.y)), width = 0;
   if (y.most !== undefined && high <= y.most * 1.3) { high = Math.max(y.most, high); } else high += 0.06 * (high - low || 1);
   if (low < 0) low -= 0.06 * (high - low);
@@ -52,7 +52,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
   const least = Math.min(...shown.flatMap((one) => one.points.map((point) => point.found?.[0])).filter(isNumber)), tall = y.log && least > 0;
   if (tall) { low = least / 1.4; high = Math.max(...ends) * 1.2; }
   const log = x.log && places[0] > 0, scaled = (value) => (log ? Math.log(value) : value);
-  const all = [...places, ...marks.map((mark) => mark.x)].map(scaled);
+  const all = places.map(scaled);
   let from = Math.min(...all), to = Math.max(...all);
   const slack = x.names ? 0.5 : from === to ? 1 : 0.04 * (to - from);
   from -= slack;
@@ -103,7 +103,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
       return [...axes({ low, high, up, format: y.format, log: tall }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
         ...levels.flatMap((level) => [draw("line", { class: "level", x1: left, x2: width - right, y1: up(level.y), y2: up(level.y) }),
           draw("text", { x: width - right, y: up(level.y) - 4, "text-anchor": "end" }, level.label)]),
-        ...marks.flatMap((mark) => markLine(across(mark.x), foot(), mark.label, top + 8)), ...visible.map(drawn)];
+        ...visible.map(drawn)];
     },
     moved: (pixel, step) => (pixel === null ? places[0] : places[Math.min(Math.max(places.indexOf(nearest(pixel)) + step, 0), places.length - 1)]),
     told: (place, visible) => [across(place), foot(), [x.read(place), ...visible.map((one) => {

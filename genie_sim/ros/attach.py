@@ -132,7 +132,7 @@ def attach(
     node = "/" + node.strip("/")
     graph = _graph(pid, master_uri)
     inputs, answers, types = choose(graph, node, requests, leave)
-    for file in ("key_file", "revoked_file", "record"):
+    for file in ("keys", "record"):
         if plan_fields.get(file):
             plan_fields[file] = str(Path(plan_fields[file]).absolute())
     plan = AttachPlan(

@@ -13,7 +13,7 @@ from dataclasses import replace
 from genie_sim.errors import UserError
 from genie_sim.ros.codec import Codec, codec_of
 from genie_sim.ros.gateway import plain
-from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.links import Links
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import AttachPlan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses
@@ -38,13 +38,13 @@ class GenieProcess(ABC):
             topic: codec_of(kind, ros) for topic, kind in plan.types.items()
         }
         self._poses = None if plan.pose_topic is None else Poses(ros)
-        self._links = TlsLinks(plan, self.codecs.get)
+        self.links = Links(plan, self.codecs.get)
         answer_codecs = [self.codecs[topic] for topic in plan.answers if topic in self.codecs]
         self.gateway = make_gateway(
             plan,
             publish=self.publish,
             observe=Recorder(plan.record),
-            links=self._links,
+            links=self.links,
             object_codec=next((codec for codec in answer_codecs if codec.holds_objects), None),
         )
 
@@ -53,7 +53,7 @@ class GenieProcess(ABC):
         self.connect()
         threading.Thread(target=self._tick, daemon=True).start()
         from_link = self.gateway.from_link
-        self._links.start(
+        self.links.start(
             lambda peer, topic, message: from_link(peer, topic, message, time.monotonic_ns())
         )
 
@@ -134,6 +134,15 @@ def run(make: Callable[[AttachPlan], GenieProcess]) -> None:
     _log_to_stderr()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: genie.ended.set())
+    try:
+        _serve(genie)
+    finally:
+        genie.links.close()  # or its threads would keep the process
+    sys.exit(str(genie.failure) if genie.failure is not None else 0)
+
+
+def _serve(genie: GenieProcess) -> None:
+    """Returns when the Genie has ended in ROS."""
     genie.start()
     threading.Thread(target=_until_orphaned, args=(genie.ended,), daemon=True).start()
     while not genie.requests_have_subscriber() and not genie.ended.wait(POLL_S):
@@ -146,7 +155,6 @@ def run(make: Callable[[AttachPlan], GenieProcess]) -> None:
     sys.stdout.flush()
     genie.ended.wait()
     genie.stop()
-    sys.exit(str(genie.failure) if genie.failure is not None else 0)
 
 
 def _until_orphaned(ended: threading.Event) -> None:

@@ -1,8 +1,11 @@
 """The plan of an attached Genie: which topics it takes over and how. Its process reads JSON."""
 
+import importlib.util
 import json
+import re
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from genie_sim.core.freshness import FRESHNESS
@@ -10,10 +13,11 @@ from genie_sim.core.genies import make_genie, make_paced_genie
 from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.core.without_effect import check_effect
-from genie_sim.errors import UserError, unknown
+from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.messages import Forgotten, Observation
 from genie_sim.ros.codec import Codec, WireType
-from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Genie, PeerLinks
+from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Genie, Peer, PeerLinks
+from genie_sim.ros.keys import check_keys
 from genie_sim.ros.looks import EdgeRelay
 from genie_sim.ros.message import RosMessage
 from genie_sim.settings import SettingError, from_plain
@@ -22,6 +26,10 @@ from genie_sim.settings import SettingError, from_plain
 # user's settings come first.
 DEFAULTS: dict[str, Any] = {"similarity": "exact", "fresh_objects": "all"}
 ROLES = ("car", "edge")
+# a name without a dot: no public authority, which Zenoh trusts as well, certifies one
+NAME = re.compile("[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
+_ADDRESS = re.compile(r"[^\s#?/;]*:[0-9]{1,5}", re.ASCII)
+MAX_PORT = 65535
 
 
 @dataclass(frozen=True)
@@ -46,12 +54,12 @@ class AttachPlan:
         How wide the camera sees.
     listen : str, optional
         ``host:port`` at which other Genies connect.
+    cars, edges : tuple of str
+        The names of the Genies that may connect there.
     connect : tuple of str
-        ``name@host:port`` of the Genies to connect to.
-    key_file : str, optional
-        Proves who this Genie is (``genie-sim keys``).
-    revoked_file : str, optional
-        Lists the certificates that count no longer.
+        ``name@host:port`` of the edges to connect to.
+    keys : str, optional
+        A folder with the key that shows who this Genie is.
     record : str, optional
         A file for every look-up, one JSON object a line.
     """
@@ -66,9 +74,10 @@ class AttachPlan:
     pose_topic: str | None = None
     horizontal_fov_rad: float = 0.0
     listen: str | None = None
+    cars: tuple[str, ...] = ()
+    edges: tuple[str, ...] = ()
     connect: tuple[str, ...] = ()
-    key_file: str | None = None
-    revoked_file: str | None = None
+    keys: str | None = None
     record: str | None = None
 
     def to_json(self) -> str:
@@ -80,9 +89,19 @@ class AttachPlan:
         """The plan that ``to_json`` wrote."""
         data = json.loads(text)
         data["types"] = {topic: WireType(*parts) for topic, parts in data["types"].items()}
-        for key in ("requests", "answers", "connect"):
+        for key in ("requests", "answers", "cars", "edges", "connect"):
             data[key] = tuple(data[key])
         return cls(**data)
+
+    def has_links(self) -> bool:
+        """Whether it is linked to other Genies."""
+        return self.listen is not None or bool(self.connect)
+
+    def peers(self) -> dict[str, Peer]:
+        """The Genies that it may be linked to, by name."""
+        dialled = [address.partition("@")[0] for address in self.connect]
+        cars = {name: Peer(name, "car") for name in self.cars}
+        return cars | {name: Peer(name, "edge") for name in (*dialled, *self.edges)}
 
 
 def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
@@ -135,12 +154,45 @@ def check(plan: AttachPlan) -> None:
                 )
     if plan.role not in ROLES:
         raise UserError(unknown("role", plan.role, ROLES))
-    if (plan.listen or plan.connect) and plan.key_file is None:
-        raise UserError(
-            "link: a link to another Genie needs a key file: genie-sim keys peer NAME --role ROLE"
-        )
-    if plan.listen and plan.role == "car":
+    _check_links(plan)
+
+
+def _check_links(plan: AttachPlan) -> None:
+    """Raises UserError for addresses, names or keys that make no link."""
+    if plan.role == "car" and (plan.listen or plan.cars or plan.edges):
         raise UserError("link: a car connects to its edge and does not listen")
+    if plan.listen is None and (plan.cars or plan.edges):
+        raise UserError("link: --car and --edge name who may connect; say where: --listen")
+    if plan.listen is not None and not plan.peers():
+        raise UserError("link: --listen: nobody may connect; name those who may: --car, --edge")
+    if not plan.has_links():
+        return
+    for text in plan.connect:
+        if "@" not in text:
+            raise UserError(
+                f"link: {short_repr(text)} does not say whom to connect to; write name@host:port"
+            )
+    dialled = [text.partition("@")[2] for text in plan.connect]
+    for address in dialled if plan.listen is None else [plan.listen, *dialled]:
+        if _ADDRESS.fullmatch(address) is None or int(address.rpartition(":")[2]) > MAX_PORT:
+            raise UserError(f"link: {short_repr(address)} is no address; write host:port")
+    peers = plan.peers()
+    for name in (plan.name, *peers):
+        if NAME.fullmatch(name) is None:
+            raise UserError(
+                f"link: {short_repr(name)} is no name of a Genie: "
+                "up to 64 letters, digits, '_' and '-'"
+            )
+    for name in plan.cars:
+        if peers[name].role == "edge":
+            raise UserError(f"link: {name} cannot be a car and an edge")
+    if plan.name in peers:
+        raise UserError(f"link: this Genie and another one are both called {plan.name}")
+    if plan.keys is None:
+        raise UserError("link: a link to another Genie needs a folder of keys: --keys")
+    check_keys(Path(plan.keys), plan.name)
+    if importlib.util.find_spec("zenoh") is None:
+        raise UserError("link: Zenoh is not installed: pip install 'genie-sim[ros]'")
 
 
 def make_gateway(

@@ -10,8 +10,8 @@ from genie_sim.sim.link_models.presets import LINK, LINKS
 from genie_sim.units import NS_PER_MS
 
 SHARES_ERROR = 1e-6  # by which shares written in decimals may miss a sum of 1
-# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a typing error
-# that would exhaust the memory before any message appears.
+# Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before
+# any message appears.
 MAX_CARS, MAX_EDGES = 1_000_000, 100_000
 
 

@@ -94,13 +94,9 @@ class ModelTime(Sourced):
     """The median time of one detection, or ``oom``: the model does not fit into the device's
     memory. ``batch``: how much longer several pictures at once take. ``power``: what the
     accelerator takes beside the idle device, where this model makes a difference.
-
-    ``quantiles_ns``, evenly spaced from the shortest to the longest time, replace the law of the
-    device's spreads by what was measured.
     """
 
     median_ns: Annotated[int, Bounds(above=0)] | None = None
-    quantiles_ns: tuple[Annotated[int, Bounds(above=0)], ...] = ()
     oom: bool = False
     batch: BatchTime = BatchTime(fixed=0.0, tag="A", source="assumed: batches gain nothing")
     power: Watts | None = None
@@ -108,10 +104,6 @@ class ModelTime(Sourced):
     def __post_init__(self) -> None:
         if (self.median_ns is None) != self.oom:
             raise SettingError("median", "exactly one of 'median' and 'oom: true' must be given")
-        if self.quantiles_ns and (
-            len(self.quantiles_ns) < 2 or sorted(self.quantiles_ns) != list(self.quantiles_ns)
-        ):
-            raise SettingError("quantiles", "must be at least two times, in ascending order")
 
 
 @dataclass(frozen=True, kw_only=True)

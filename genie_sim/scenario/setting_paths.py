@@ -23,30 +23,6 @@ def setting_paths(cls: Settings) -> tuple[str, ...]:
     return tuple(dict.fromkeys(_below("", schema, classes, ())))
 
 
-def choices_of(cls: Settings, path: str) -> list[str]:
-    """The names and flags that a setting may be given; none for a number. Of lists, those of an
-    entry.
-    """
-    classes: dict[str, Schema] = {}
-    nodes: list[Node] = [class_schema(cls, classes)]
-    for step in path.replace("]", "").replace("[", ".").split("."):
-        below: list[Node] = []
-        for node in nodes:
-            for kind in _kinds(node, classes):
-                if step.isdigit() and "items" in kind:
-                    below.append(kind["items"])
-                elif step in kind.get("properties", {}):
-                    below.append(kind["properties"][step])
-        nodes = below
-    values: list[str] = []
-    for node in nodes:
-        for kind in _kinds(node, classes):
-            values += [str(value) for value in kind.get("enum", ()) if isinstance(value, str)]
-            values += ["true", "false"] if kind.get("type") == "boolean" else []
-            values += [kind["const"]] if isinstance(kind.get("const"), str) else []
-    return list(dict.fromkeys(values))
-
-
 def hint(cls: Settings, path: str, message: str) -> str:
     """``message`` about the unknown field at ``path``, with the settings of that name at other
     places where no name at its own place is close.

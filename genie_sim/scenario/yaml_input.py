@@ -13,6 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.parser import Parser
+from yaml.reader import Reader
+from yaml.resolver import BaseResolver
+from yaml.scanner import Scanner
 
 from genie_sim.errors import UserError, short_repr
 from genie_sim.paths import usable
@@ -66,16 +72,13 @@ def parse(text: str, where: str) -> Any:
 @functools.lru_cache(maxsize=64)
 def _parsed(text: str, where: str) -> Any:
     """The same, cached: the runs of an evaluation read the same few files thousands of times."""
+    if _FastLoader is not None:
+        try:
+            return _content(_FastLoader(text), where)
+        except (yaml.YAMLError, UnicodeError):
+            pass  # told by the other one, whose words do not depend on what is installed
     try:
-        loader = _Loader(text)
-        node = loader.get_single_node()
-        if node is None:
-            return None
-        if sum(1 for _ in _expanded(node)) > MAX_NODES:
-            raise UserError(
-                f"{where}: holds more than {MAX_NODES} values once its aliases are written out"
-            )
-        return loader.construct_document(node)
+        return _content(_Loader(text), where)
     except yaml.reader.ReaderError as error:
         line = text[: error.position].count("\n") + 1
         raise UserError(
@@ -91,6 +94,17 @@ def _parsed(text: str, where: str) -> Any:
         raise UserError(f"{where}: line {mark.line + 1 if mark else 1}: {problem}") from error
 
 
+def _content(loader: Any, where: str) -> Any:
+    node = loader.get_single_node()
+    if node is None:
+        return None
+    if sum(1 for _ in _expanded(node)) > MAX_NODES:
+        raise UserError(
+            f"{where}: holds more than {MAX_NODES} values once its aliases are written out"
+        )
+    return loader.construct_document(node)
+
+
 def dump(value: Any) -> str:
     """YAML text that ``parse`` reads back to the same plain data."""
     return yaml.dump(
@@ -103,17 +117,17 @@ def dump(value: Any) -> str:
     )
 
 
-class _Loader(yaml.SafeLoader):
-    """Maps, lists and the four kinds of plain scalar."""
+class _Strict(Composer, SafeConstructor, BaseResolver):
+    """Maps, lists and the four kinds of plain scalar, from the events of a parser."""
 
-    yaml_implicit_resolvers: dict[str | None, list[Any]] = {}  # noqa: RUF012 - the attribute's name and type are PyYAML's
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
+    def __init__(self) -> None:
+        Composer.__init__(self)
+        SafeConstructor.__init__(self)
+        BaseResolver.__init__(self)
         self._depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()  # type: ignore[no-untyped-call]
+        event = self.peek_event()  # type: ignore[attr-defined]
         if getattr(event, "tag", None) is not None:
             problem = f"tags such as {event.tag!r} are not allowed"
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
@@ -145,7 +159,31 @@ class _Loader(yaml.SafeLoader):
 
 
 for _tag, _pattern in _PLAIN.items():
-    _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), None)
+    _Strict.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), None)
+
+
+class _Loader(_Strict, Reader, Scanner, Parser):
+    """Parses in Python, and tells well what is wrong."""
+
+    def __init__(self, text: str) -> None:
+        Reader.__init__(self, text)
+        Scanner.__init__(self)
+        Parser.__init__(self)
+        _Strict.__init__(self)
+
+
+_FastLoader: Any = None
+if yaml.__with_libyaml__:
+    from yaml._yaml import CParser
+
+    class _CompiledLoader(_Strict, CParser):
+        """Parses several times as fast."""
+
+        def __init__(self, text: str) -> None:
+            CParser.__init__(self, text)
+            _Strict.__init__(self)
+
+    _FastLoader = _CompiledLoader
 
 
 class _Dumper(yaml.SafeDumper):

@@ -1,10 +1,12 @@
 """Cameras: they replay what was recorded, at its own stamps."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from itertools import count
 
 from genie_sim.header import Header
 from genie_sim.messages import Frame, Image
 from genie_sim.sim.bends import Sense
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import IMAGES
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.settings import Camera, Car
@@ -47,40 +49,26 @@ class CameraNode(Node):
             self._frames = [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
         self._offset_ns = route.start_ns + camera.phase_ns - begin_ns
         self._lap_ns = end_ns - begin_ns + route.pause_ns
-        self._schedule = self._planned()
 
     @property
     def last_stamp_ns(self) -> int:
         """When the last frame is taken."""
         return self._stamp_ns(self._route.laps - 1, self._frames[-1]) if self._frames else 0
 
-    def wait(self) -> None:
-        """Schedules the next frame, if there is one."""
-        planned = next(self._schedule, None)
-        if planned is not None:
-            _, _, stamp_ns, _ = planned
-            self.clock.after(stamp_ns - self.clock.now, self._take, planned)
-
-    def _planned(self) -> Iterator[tuple[int, int, int, Frame]]:
-        """What ``_take`` is called with: each frame's running number, its lap, its stamp [ns], and
-        the frame itself.
-        """
-        number = 0
+    def run(self) -> Steps:
+        """The camera's process: takes one frame after the other, at their stamps."""
+        clock, numbers = self.clock, count()
         for lap in range(self._route.laps):
             for frame in self._frames:
-                yield number, lap, self._stamp_ns(lap, frame), frame
-                number += 1
+                stamp_ns = self._stamp_ns(lap, frame)
+                yield clock.timeout(stamp_ns - clock.now)
+                image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
+                clock.begin(image.header)
+                self._published(image, next(numbers), lap)
+                self._publish(image)
 
     def _stamp_ns(self, lap: int, frame: Frame) -> int:
         return int(self._offset_ns + lap * self._lap_ns + frame.stamp_ns)
-
-    def _take(self, number: int, lap: int, stamp_ns: int, frame: Frame) -> None:
-        image = self._image(Header(stamp_ns, self._camera.name, self._car.name), frame)
-        self.clock.begin(image.header)
-        self._published(image, number, lap)
-        self._publish(image)
-        self.clock.path = None  # what follows has nothing to do with this frame
-        self.wait()
 
     def _publish(self, image: Image) -> None:
         """Publishes what faults leave of an image."""

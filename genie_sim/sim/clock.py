@@ -1,56 +1,276 @@
-"""Simulated time: SimPy's environment, with a clock in whole nanoseconds.
+"""Simulated time: SimPy's environment in whole nanoseconds, and the queue that devices take from.
 
-Most of what happens in a run is one call at a later time, which ``Timeline`` carries out.
+Cameras, links, processors and nodes are SimPy processes: generators that yield the event that they
+wait for.
 """
 
-from typing import Any
+from collections.abc import Callable, Generator
+from contextlib import suppress
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 import simpy
-from simpy.core import EmptySchedule, Infinity
-from simpy.events import NORMAL, EventPriority
+from simpy.events import NORMAL, URGENT
 
-from genie_sim.sim.timeline import Timeline
+from genie_sim.errors import UserError, short_repr
+from genie_sim.messages import Header
+from genie_sim.monitor import Span, SpanLabel
+from genie_sim.plugins import own_place
+
+Steps = Generator[simpy.Event, Any, None]  # what a process does
 
 
-class Clock(Timeline, simpy.Environment):
-    """The time of a run: ``now`` is in nanoseconds since its start."""
+class Delay(simpy.Timeout):
+    """SimPy's timeout, of a whole number of nanoseconds.
+
+    Raises ValueError for a delay that is negative or no whole number.
+    """
+
+    def __init__(self, clock: "Clock", delay: float, value: Any = None) -> None:
+        if type(delay) is not int:
+            delay = _whole_ns(delay)
+        if delay < 0:
+            raise ValueError(f"a delay of {delay} ns is negative")
+        # what SimPy's constructors do, in one call: most events are timeouts
+        self.env = clock
+        self.callbacks = []
+        self._value = value
+        self._delay = delay
+        self._ok = True
+        heappush(clock._queue, (clock._now + delay, NORMAL, next(clock._eid), self))
+
+
+class Clock(simpy.Environment):
+    """The time of a run: ``now`` is in whole nanoseconds since its start.
+
+    Where time ``is_traced``, every frame is followed, which changes nothing else: ``path`` is the
+    last span of the path of the message that is handled now. A process keeps the path of its
+    message while it waits, and continues it with ``waited``. A span begins where the one before it
+    ends, so the spans of an answer add up to its response time.
+
+    ``in_flight`` is how many calls are due that carry a message on.
+    """
 
     def __init__(self, *, is_traced: bool = False) -> None:
-        Timeline.__init__(self, is_traced=is_traced)
-        simpy.Environment.__init__(self)
+        super().__init__()
+        self.path: Span | None = None
+        self.in_flight = 0
+        self._is_traced = is_traced
+        self._alive: dict[simpy.Event, None] = {}  # processes that have not ended
 
-    def schedule(
-        self, event: simpy.Event, priority: EventPriority = NORMAL, delay: Any = 0
+    if TYPE_CHECKING:
+
+        @property
+        def now(self) -> int:
+            """Time since the start of the run [ns]."""
+
+        @property
+        def active_process(self) -> simpy.Process:
+            """The process that runs now, asked from within it."""
+
+    def process(self, generator: Steps) -> simpy.Process:
+        """Starts a process."""
+        process = simpy.Process(self, generator)
+        self._alive[process] = None
+        process.callbacks.append(self._alive.pop)
+        return process
+
+    def timeout(self, delay: float = 0, value: Any = None) -> simpy.Timeout:
+        """Happens after a delay [ns]. Raises ValueError for one that is negative or no whole
+        number.
+        """
+        return Delay(self, delay, value)
+
+    def event(self) -> simpy.Event:
+        """Happens when somebody says so."""
+        return simpy.Event(self)
+
+    def wake(self, event: simpy.Event, value: Any = None) -> None:
+        """An event happens now, before all others of this instant that are due already."""
+        event._ok, event._value = True, value
+        heappush(self._queue, (self._now, URGENT, next(self._eid), event))
+
+    def after(
+        self,
+        delay_ns: int,
+        call: Callable[..., None],
+        arguments: tuple[Any, ...] = (),
+        label: SpanLabel | None = None,
     ) -> None:
-        """SimPy's way to schedule an event; ``delay`` is a whole number, too."""
-        if priority == NORMAL:
-            self.after(int(delay), self._process, (event,))
-        else:  # a process begins or is interrupted
-            self._urgent.append(event)
+        """Calls ``call(*arguments)`` later: for a delay that needs no process of its own, such as
+        the flight of a message. Raises ValueError for a delay that is negative or no whole number.
 
-    def peek(self) -> Any:
-        """The instant of the next call."""
-        if self._urgent:
-            return self.now
-        next_ns = self.next_ns()
-        return Infinity if next_ns is None else next_ns
+        Parameters
+        ----------
+        delay_ns : int
+            The time until then [ns].
+        call : callable
+            What is called.
+        arguments : tuple
+            What it is called with.
+        label : SpanLabel or None
+            What the delay counts as on the path of the message that is handled now; ``None``: the
+            call has nothing to do with that message.
+        """
+        if label is None:
+            Delay(self, delay_ns).callbacks.append(lambda _: call(*arguments))
+            return
+        path = self.path
+        self.in_flight += 1
 
-    def step(self) -> None:
-        """Carries out the next call."""
-        if self._urgent:
-            self._process(self._urgent.popleft())
-        elif self.next_ns() is not None:
-            super().step()
-        else:
-            raise EmptySchedule
+        def carry_on(_: simpy.Event) -> None:
+            self.in_flight -= 1
+            self.waited(path, label)
+            call(*arguments)
+
+        Delay(self, delay_ns).callbacks.append(carry_on)
+
+    def begin(self, header: Header) -> None:
+        """A new frame is handled from now on."""
+        if self._is_traced:
+            self.path = Span(None, self.now, before=None, header=header)
+
+    def waited(self, path: Span | None, label: SpanLabel) -> None:
+        """Continues the ``path`` of a message that has waited until now, as ``label`` says."""
+        if path is not None and path.end_ns != self.now:
+            path = Span(label, self.now, before=path, header=path.header)
+        self.path = path
 
     def run(self, until: Any = None) -> Any:
-        """Lets time pass: to an instant [ns], to an event, or as long as calls are scheduled."""
-        if until is None or isinstance(until, simpy.Event) or until <= self.now:
-            return simpy.Environment.run(self, until)
-        self.pass_time(until)
-        return None
+        """Lets time pass: to an instant [ns], to an event, or until nothing is due; see SimPy.
 
-    def _process(self, event: simpy.Event) -> None:
-        self._queue.append((self.now, NORMAL, 0, event))
-        simpy.Environment.step(self)
+        Raises what a process raises that no other waits for, and ``UserError`` where one yields
+        what is no event.
+        """
+        try:
+            if until is None or isinstance(until, simpy.Event):
+                return super().run(until)
+            return self._pass_time(until)
+        except RuntimeError:
+            process = self._active_proc
+            if process is None:
+                raise
+            raise UserError(
+                f"{_place(process)}: a process yields the event that it waits for, such as "
+                "clock.timeout(10**6); this is none"
+            ) from None
+
+    def _pass_time(self, until_ns: int) -> None:
+        """What SimPy's ``run`` and ``step`` do, in one loop, and without a copy of what is
+        raised.
+        """
+        if until_ns < self._now:
+            raise ValueError(f"until {until_ns} ns: it is {self._now} ns already")
+        queue = self._queue
+        while queue and queue[0][0] < until_ns:
+            self._now, _, _, event = heappop(queue)
+            callbacks, event.callbacks = event.callbacks, None  # type: ignore[assignment]
+            for callback in callbacks:
+                callback(event)
+            if not event._ok and not hasattr(event, "_defused"):
+                raise event._value
+        self._now = until_ns
+
+    def clear(self) -> None:
+        """Ends all processes after a run, and drops what is scheduled, so that nothing is left to
+        Python's garbage collector.
+        """
+        process: Any
+        for process in list(self._alive):
+            with suppress(RuntimeError):  # one of the user's own may go on all the same
+                process._generator.close()
+            _forget(process.target)
+        for _, _, _, event in self._queue:
+            _forget(event)
+        self._alive.clear()
+        self._queue.clear()
+
+
+def _place(process: simpy.Process) -> str:
+    """Where a process is, in the code of the user's own if it is there."""
+    place, generator = process.name, cast(Any, process._generator)
+    while hasattr(generator, "gi_frame"):
+        place = own_place(generator.gi_frame) or place
+        generator = generator.gi_yieldfrom
+    return place
+
+
+def _forget(event: Any) -> None:
+    """Nobody waits for an event any more, nor for what it is made of."""
+    if event.callbacks:
+        event.callbacks.clear()
+    for part in getattr(event, "_events", ()):
+        _forget(part)
+
+
+def _whole_ns(delay: Any) -> int:
+    try:
+        delay_ns = int(delay)
+    except (TypeError, ValueError, OverflowError):  # no number, not a number, infinite
+        delay_ns = -1
+    if delay_ns != delay:
+        raise ValueError(f"a delay is a whole number of nanoseconds, not {short_repr(delay)}")
+    return delay_ns
+
+
+class OfFlow(Protocol):
+    """An item of a queue; those of one ``flow`` push each other out."""
+
+    @property
+    def flow(self) -> Any: ...
+
+
+Item = TypeVar("Item", bound=OfFlow)
+
+
+class Newest(Generic[Item]):
+    """A queue that keeps the newest items of each flow, as the queue of a ROS publisher or
+    subscriber keeps those of its topic. Processes take the oldest.
+
+    Parameters
+    ----------
+    clock : Clock
+        The run's clock.
+    length : int
+        How many items of each flow wait at most.
+    """
+
+    def __init__(self, clock: Clock, length: int) -> None:
+        self.items: list[Item] = []  # that wait, in the order of their arrival
+        self._clock = clock
+        self._length = length
+        self._takers: list[simpy.Event] = []
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    def put(self, item: Item) -> Item | None:
+        """An item arrives: a process that waits takes it, or it joins the queue. Returns the oldest
+        of its flow, if that makes room for it.
+        """
+        if self._takers:
+            self._clock.wake(self._takers.pop(0), item)
+            return None
+        oldest = self.in_the_way(item.flow) if self.items else None
+        if oldest is not None:
+            self.items.remove(oldest)
+        self.items.append(item)
+        return oldest
+
+    def get(self) -> simpy.Event:
+        """Happens when there is an item: ``item = yield queue.get()`` takes the oldest."""
+        event = self._clock.event()
+        if self.items:
+            self._clock.wake(event, self.items.pop(0))
+        else:
+            self._takers.append(event)
+        return event
+
+    def in_the_way(self, flow: Any) -> Item | None:
+        """The item that a new one of a flow pushes out; ``None`` if there is room."""
+        of_flow = [item for item in self.items if item.flow == flow]
+        return of_flow[0] if len(of_flow) >= self._length else None
+
+    def clear(self) -> None:
+        """Empties the queue."""
+        self.items.clear()

@@ -1,43 +1,20 @@
 """Hosts and their processors: accelerators and CPUs with a service-time law."""
 
 import math
-from collections import deque
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
+import simpy
 
-from genie_sim.monitor import Span, SpanLabel
-from genie_sim.sim.clock import Clock
+from genie_sim.monitor import SpanLabel
+from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.service import Device
-
-Done = Callable[..., None]
-Arguments = tuple[Any, ...]
-
-
-class Job:
-    """What a processor works on.
-
-    ``generation`` and ``stalled_ns`` are the processor's when the job began or went on: how often
-    all jobs had been voided, and how long it had stood still.
-    """
-
-    __slots__ = ("arguments", "done", "generation", "label", "pictures", "stalled_ns")
-
-    def __init__(
-        self, label: SpanLabel | None, pictures: int, done: Done, arguments: Arguments
-    ) -> None:
-        self.label = label
-        self.pictures = pictures
-        self.done = done
-        self.arguments = arguments
-        self.generation = 0
-        self.stalled_ns = 0
 
 
 class Processor:
     """``capacity`` equal servers behind one first-come-first-served queue: an accelerator, or the
     cores of a CPU.
+
+    A process that needs one says ``yield from processor.serve(service_ns)``.
     """
 
     drops = 0  # the queue is unbounded
@@ -51,14 +28,14 @@ class Processor:
         self.completed = 0
         self.jobs = 0  # completed; a batch of pictures is one
         self._queueing = SpanLabel("queueing", name)
-        self._serving = 0
-        self._waiting: deque[tuple[Span | None, int, Job]] = deque()  # and how long they take
+        self._service = SpanLabel("inference" if kind == "accelerator" else "genie", name)
+        self._free = capacity
+        self._waiting: list[simpy.Event] = []  # for a free server, in the order of their arrival
         self._busy_ns = 0  # of completed jobs, minus the beginnings of those in service
-        self._generation = 0  # counts how often all jobs were voided
         self._stalls = 0  # how many faults keep it from going on
         self._stall_began_ns = 0
-        self._stalled_ns = 0  # in all, until the present stall
-        self._held: list[tuple[int, Span | None, Job]] = []  # and how long they still take
+        self._past_stalls_ns = 0
+        self._go_on = clock.event()
         self._factors: list[float] = []  # by which faults lengthen its jobs
 
     @property
@@ -68,48 +45,50 @@ class Processor:
     @property
     def busy_ns(self) -> int:
         """Server time used until now, jobs in service included."""
-        return self._busy_ns + self._serving * self.clock.now
+        return self._busy_ns + (self.capacity - self._free) * self.clock.now
 
-    def run(
-        self,
-        service_ns: int,
-        done: Done,
-        arguments: Arguments = (),
-        label: SpanLabel | None = None,
-        pictures: int = 1,
-    ) -> None:
-        """Adds a job, which waits for a free server and occupies it.
+    @property
+    def is_stalled(self) -> bool:
+        """Whether it stands still."""
+        return self._stalls > 0
+
+    def serve(self, service_ns: int, label: SpanLabel | None = None, pictures: int = 1) -> Steps:
+        """A job: waits for a free server and occupies it.
 
         Parameters
         ----------
         service_ns : int
             How long the job takes [ns].
-        done : callable
-            Called with ``arguments`` when the job is done.
-        arguments : tuple
-            See ``done``.
         label : SpanLabel or None
-            What the service time counts as on the path of the frame that is handled now.
+            What the service time counts as on the path of the message that is handled now;
+            ``None``: the work of this processor.
         pictures : int
             How many pictures the job is, or messages.
         """
-        clock, job = self.clock, Job(label, pictures, done, arguments)
+        clock = self.clock
+        path = clock.path
         if self._factors:
             service_ns = round(service_ns * math.prod(self._factors))
-        if self._serving < self.capacity and not self._stalls:
-            self._serving += 1
-            self._busy_ns -= clock.now
-            self._begin(job, service_ns)
+        if self._free and not self._stalls:
+            self._take_server()
         else:
-            self._waiting.append((clock.path, service_ns, job))
-
-    def void(self) -> None:
-        """Drops every job that waits or is in service: none of them is ever done."""
-        self._waiting.clear()
-        self._held.clear()
-        self._busy_ns = self.busy_ns
-        self._serving = 0
-        self._generation += 1
+            yield from self._turn()
+            clock.waited(path, self._queueing)
+            path = clock.path
+        try:
+            while service_ns:
+                stalled_ns = self._stalled_ns()
+                yield clock.timeout(service_ns)
+                service_ns = self._stalled_ns() - stalled_ns  # for so long it stood still meanwhile
+                if self._stalls:
+                    yield self._go_on
+            self.completed += pictures
+            self.jobs += 1
+        finally:  # also where a crash interrupts it
+            self._free += 1
+            self._busy_ns += clock.now
+            self._begin_next()
+        clock.waited(path, label or self._service)
 
     def stall(self) -> None:
         """Jobs stand still from now on, until ``go_on``."""
@@ -122,17 +101,10 @@ class Processor:
         self._stalls -= 1
         if self._stalls:
             return
-        clock, own_path = self.clock, self.clock.path
-        self._stalled_ns += clock.now - self._stall_began_ns
-        held, self._held = self._held, []
-        for left_ns, path, job in held:
-            clock.path = path
-            self._begin(job, left_ns)
-        while self._waiting and self._serving < self.capacity:
-            self._serving += 1
-            self._busy_ns -= clock.now
-            self._begin_next()
-        clock.path = own_path
+        self._past_stalls_ns += self.clock.now - self._stall_began_ns
+        self.clock.wake(self._go_on)
+        self._go_on = self.clock.event()
+        self._begin_next()
 
     def slow(self, factor: float) -> None:
         """Jobs that come from now on take ``factor`` times as long."""
@@ -142,40 +114,35 @@ class Processor:
         """Ends what ``slow`` has begun."""
         self._factors.remove(factor)
 
+    def _turn(self) -> Steps:
+        """Waits for a free server, which is taken then."""
+        turn = self.clock.event()
+        self._waiting.append(turn)
+        try:
+            yield turn
+        except simpy.Interrupt:  # a crash
+            if turn in self._waiting:
+                self._waiting.remove(turn)
+            else:  # the job was just about to begin
+                self._free += 1
+                self._busy_ns += self.clock.now
+                self._begin_next()
+            raise
+
     def _begin_next(self) -> None:
-        """A server takes the job that has waited for longest."""
-        path, service_ns, job = self._waiting.popleft()
-        self.clock.waited(path, self._queueing)
-        self._begin(job, service_ns)
+        """Free servers take the jobs that have waited for longest."""
+        while self._waiting and self._free and not self._stalls:
+            self._take_server()
+            self.clock.wake(self._waiting.pop(0))
 
-    def _begin(self, job: Job, service_ns: int) -> None:
-        """A job begins or goes on; it takes so long from now on."""
-        job.generation = self._generation
-        job.stalled_ns = self._stalled_ns
-        self.clock.after(service_ns, self._finished, (job,), job.label)
+    def _take_server(self) -> None:
+        self._free -= 1
+        self._busy_ns -= self.clock.now
 
-    def _finished(self, job: Job) -> None:
-        if job.generation != self._generation:
-            return
-        clock = self.clock
-        left_ns = self._stalled_ns - job.stalled_ns
-        if self._stalls:
-            left_ns += clock.now - self._stall_began_ns
-            self._held.append((left_ns, clock.path, job))
-            return
-        if left_ns:  # it stood still meanwhile
-            self._begin(job, left_ns)
-            return
-        self.completed += job.pictures
-        self.jobs += 1
-        if self._waiting:
-            own_path = clock.path
-            self._begin_next()
-            clock.path = own_path
-        else:
-            self._serving -= 1
-            self._busy_ns += clock.now
-        job.done(*job.arguments)
+    def _stalled_ns(self) -> int:
+        """How long it has stood still until now."""
+        now_ns = self.clock.now - self._stall_began_ns if self._stalls else 0
+        return self._past_stalls_ns + now_ns
 
 
 class Host:
@@ -212,6 +179,11 @@ class Host:
         self._detector_times = device.detector_time.draws(accelerator_rng)
         self._message_times = device.message_time.draws(cpu_rng)
 
+    @property
+    def is_stalled(self) -> bool:
+        """Whether its processors stand still."""
+        return self.accelerator.is_stalled and self.cpu.is_stalled
+
     def hop_ns(self, size_bytes: int) -> int:
         """How long a message of this size takes to another process [ns]."""
         hop_ns = self._hops_ns.get(size_bytes)
@@ -219,9 +191,9 @@ class Host:
             hop_ns = self._hops_ns[size_bytes] = self.device.hop.of(size_bytes)
         return hop_ns
 
-    def infer(self, done: Done, arguments: Arguments = (), label: SpanLabel | None = None) -> None:
+    def infer(self, label: SpanLabel) -> Steps:
         """Runs the detector on one image."""
-        self.accelerator.run(next(self._detector_times), done, arguments, label)
+        return self.accelerator.serve(next(self._detector_times), label)
 
     def batch_ns(self, pictures: int) -> int:
         """Draws how long the detector takes for so many images at once [ns]."""
@@ -231,16 +203,11 @@ class Host:
         """The mean of that [ns]."""
         return self.device.detector_time.mean_ns * self.device.batch_factor(pictures)
 
-    def compute_key(
-        self, name: str, done: Done, arguments: Arguments = (), label: SpanLabel | None = None
-    ) -> None:
+    def compute_key(self, name: str, label: SpanLabel) -> Steps:
         """Computes the similarity key called ``name`` of an image."""
         processor, service_ns = self.device.keys[name]
-        server = self.cpu if processor == "cpu" else self.accelerator
-        server.run(service_ns, done, arguments, label)
+        return (self.cpu if processor == "cpu" else self.accelerator).serve(service_ns, label)
 
-    def serve_message(
-        self, done: Done, arguments: Arguments = (), label: SpanLabel | None = None
-    ) -> None:
+    def serve_message(self, label: SpanLabel) -> Steps:
         """Handles one message of a Genie."""
-        self.cpu.run(next(self._message_times), done, arguments, label)
+        return self.cpu.serve(next(self._message_times), label)

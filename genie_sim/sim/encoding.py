@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from genie_sim.messages import Detection, Encoding, Frame, Image, Message
-from genie_sim.sim.device import Arguments, Done
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.service import MEGABYTE
 
@@ -127,10 +127,10 @@ class Coder(Node):
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
 
-    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
+    def work(self, message: Message) -> Steps:
         raw = self._codec.in_memory(message)
         service_ns = round(raw.size_bytes / MEGABYTE * self._per_megabyte_ns)
-        self.host.cpu.run(service_ns, done, arguments, self.work_label)
+        return self.host.cpu.serve(service_ns, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         self._take(topic.partition(" ")[0], self._codec.in_memory(message), sender)

@@ -1,22 +1,36 @@
 """Faults: what goes wrong in a run, and when."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
-from genie_sim.errors import UserError
-from genie_sim.monitor import FaultSpan
 from genie_sim.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
 from genie_sim.sim.forgeries import Forgeries
 
+if TYPE_CHECKING:
+    import simpy
+
+    from genie_sim.sim.clock import Steps
+
 
 class FaultClock(Protocol):
-    """The run's clock, as a fault sees it."""
+    """The run's clock, as a fault sees it: a ``simpy.Environment`` in whole nanoseconds."""
 
-    now: int  # [ns] since the start of the run
+    @property
+    def now(self) -> int:
+        """Time since the start of the run [ns]."""
+
+    def process(self, generator: "Steps") -> "simpy.Process":
+        """Starts a process, a generator that yields what it waits for. It ends with the run."""
+
+    def timeout(self, delay: float = 0, value: Any = None) -> "simpy.Timeout":
+        """Happens after a delay [ns]."""
+
+    def event(self) -> "simpy.Event":
+        """Happens when its ``succeed`` is called."""
 
     def after(
         self, delay_ns: int, call: Callable[..., None], arguments: tuple[Any, ...] = ()
@@ -30,6 +44,9 @@ class AffectedLink(Protocol):
     name: str
     down_by: list[str]
 
+    def load(self, flow: Hashable, size_bytes: int) -> None:
+        """Queues background traffic; the newest of each ``flow`` wait."""
+
 
 class AffectedHost(Protocol):
     """The ROS graph of a host, as a fault sees it."""
@@ -42,6 +59,11 @@ class AffectedHost(Protocol):
 
 class AffectedProcessor(Protocol):
     """An accelerator or a CPU, as a fault sees it."""
+
+    def serve(self, service_ns: int) -> "Steps":
+        """A job, for a process: ``yield from processor.serve(5_000_000)`` waits in the queue of the
+        processor and occupies it.
+        """
 
     def stall(self) -> None:
         """Nothing is begun or finished from now on, until ``go_on``."""
@@ -151,6 +173,16 @@ class Fault(Protocol):
 
 
 @runtime_checkable
+class FaultProcess(Protocol):
+    """A fault that is a process while it lasts, in place of ``begin`` and ``end``."""
+
+    def run(self, network: AffectedNetwork) -> "Steps":
+        """What happens from the beginning on: a generator that yields what it waits for. It is
+        interrupted (``simpy.Interrupt``) at the fault's end, and closed at the end of the run.
+        """
+
+
+@runtime_checkable
 class DrawnFault(Protocol):
     """A fault whose targets may be drawn in the run."""
 
@@ -187,74 +219,3 @@ class TimedFault(FaultTimes):
     kind: str = ""
     begin_ns: int = 0
     mean_duration_ns: int = 0
-
-
-class RecordedFault:
-    """A fault that notes when it begins and ends.
-
-    Parameters
-    ----------
-    timed : TimedFault
-        The fault.
-    spans : list of FaultSpan
-        Gets every time from a beginning to an end.
-    """
-
-    def __init__(self, timed: TimedFault, spans: list[FaultSpan]) -> None:
-        self._timed = timed
-        self._spans = spans
-        self._present = -1  # the place of the span that has begun
-
-    def begin(self, network: AffectedNetwork) -> None:
-        fault = self._timed.fault
-        hosts = fault.drawn_targets(network) if isinstance(fault, DrawnFault) else fault.target
-        text = hosts if isinstance(hosts, str) else ", ".join(hosts)
-        self._present = len(self._spans)
-        self._spans.append(FaultSpan(self._timed.kind, text, network.clock.now, None))
-        try:
-            self._timed.fault.begin(network)
-        except UserError as error:  # such as an unknown host
-            raise UserError(f"fault {self._timed.kind!r}: {error}") from None
-
-    def end(self, network: AffectedNetwork) -> None:
-        span = self._spans[self._present]
-        self._spans[self._present] = span._replace(end_ns=network.clock.now)
-        self._timed.fault.end(network)
-
-
-def recorded(timed: TimedFault, spans: list[FaultSpan]) -> TimedFault:
-    """The same fault, which notes when it begins and ends."""
-    fault: Any = RecordedFault(timed, spans)
-    return replace(timed, fault=fault)
-
-
-def start(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> None:
-    """Schedules a fault. A recurring one does not begin again after the last frame, so that the run
-    can end.
-    """
-    clock, fault, between_ns = network.clock, timed.fault, timed.mean_time_between_ns
-    if between_ns is None:
-        clock.after(timed.begin_ns, _begin_once, (timed, network))
-        return
-    rng = network.stream(timed.name)
-
-    def draw(mean_ns: int) -> int:
-        return max(1, round(rng.exponential(mean_ns)))
-
-    def begin() -> None:
-        if clock.now <= last_frame_ns:
-            fault.begin(network)
-            clock.after(draw(timed.mean_duration_ns), end)
-
-    def end() -> None:
-        fault.end(network)
-        if clock.now <= last_frame_ns:
-            clock.after(draw(between_ns), begin)
-
-    clock.after(timed.begin_ns + draw(between_ns), begin)
-
-
-def _begin_once(timed: TimedFault, network: AffectedNetwork) -> None:
-    timed.fault.begin(network)
-    if timed.end_ns is not None:
-        network.clock.after(timed.end_ns - timed.begin_ns, timed.fault.end, (network,))

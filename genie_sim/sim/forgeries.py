@@ -15,9 +15,14 @@ Change = Literal["added", "left_out"]
 
 
 class Forgeries:
-    """All forgeries of a run, each from the first message to the last one."""
+    """All forgeries of a run, each from the first message to the last one.
+
+    ``order`` is the drawn order of the cars, of which the first ones attack; ``None`` until it is
+    drawn. All attacks of a run have the same one.
+    """
 
     def __init__(self) -> None:
+        self.order: list[int] | None = None
         self._forgeries: list[Forgery] = []
         self._latest: defaultdict[tuple[str, str, str, Change, str], list[int]] = defaultdict(list)
 

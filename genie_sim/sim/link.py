@@ -1,20 +1,20 @@
 """Links: a sender with a queue, a channel with a delay, and losses on the way."""
 
-from collections import Counter, deque
 from collections.abc import Callable, Hashable
-from typing import Protocol
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
-from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Arguments
+from genie_sim.sim.clock import Clock, Newest, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
 from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
+Arguments = tuple[Any, ...]
 OnMessage = Callable[[Message], None]
 
 
@@ -24,31 +24,24 @@ class Target(Protocol):
     def inject(self, topic: str, message: Message, sender: str) -> None: ...
 
 
+@dataclass(slots=True, eq=False)
 class Transfer:
-    """A message on a link, and what to call when it arrives and when it was on the wire."""
+    """What is sent over a link. ``message`` and ``deliver`` are ``None`` where it is nothing to the
+    nodes: background traffic.
+    """
 
-    __slots__ = ("arguments", "carried", "deliver", "flow", "message", "path")
-
-    def __init__(
-        self,
-        flow: Hashable,
-        message: Message,
-        deliver: Deliver,
-        arguments: Arguments,
-        *,
-        carried: OnMessage | None,
-        path: Span | None,
-    ) -> None:
-        self.flow = flow
-        self.message = message
-        self.deliver = deliver
-        self.arguments = arguments
-        self.carried = carried
-        self.path = path
+    flow: Hashable
+    size_bytes: int
+    message: Message | None = None
+    deliver: Deliver | None = None
+    arguments: Arguments = ()
+    carried: OnMessage | None = None
+    path: Span | None = None
 
 
 class Link:
-    """One direction of a connection: a queue for the wire, then the sender of a link model.
+    """One direction of a connection: a queue for the wire, then the sender of a link model. The
+    wire is a process.
 
     Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
     publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
@@ -94,15 +87,13 @@ class Link:
         self._sender = sender
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
-        self._queue_length = queue_length
         self._dropped = dropped
-        self._waiting: deque[Transfer] = deque()
-        self._flows: Counter[Hashable] = Counter()  # how many messages of each wait
+        self._waiting = Newest[Transfer](clock, queue_length)
         self._on_wire: Transfer | None = None
-        self._busy = False
         self._busy_since_ns = 0
         self._busy_ns = 0
         self._last_arrival_ns = 0
+        clock.process(self._wire())
 
     @property
     def queued(self) -> int:
@@ -111,7 +102,14 @@ class Link:
     @property
     def busy_ns(self) -> int:
         """How long the wire has been in use until now."""
-        return self._busy_ns + (self.clock.now - self._busy_since_ns if self._busy else 0)
+        present_ns = self.clock.now - self._busy_since_ns if self._on_wire is not None else 0
+        return self._busy_ns + present_ns
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a message waits or is on the wire, other than background traffic."""
+        transfers = (self._on_wire, *self._waiting.items)
+        return any(transfer is not None and transfer.deliver for transfer in transfers)
 
     def send(
         self,
@@ -136,39 +134,58 @@ class Link:
         carried : callable or None
             Called with the message when it was on the wire, whether it arrives or is lost.
         """
-        transfer = Transfer(
-            flow, message, deliver, arguments, carried=carried, path=self.clock.path
+        self._queue(
+            Transfer(
+                flow,
+                message.size_bytes,
+                message,
+                deliver,
+                arguments=arguments,
+                carried=carried,
+                path=self.clock.path,
+            )
         )
-        if not self._busy:
-            self._busy = True
-            self._busy_since_ns = self.clock.now
-            if self.interface is not None:
-                self.interface.begin(self.clock.now)
-            self._transmit(transfer)
-            return
-        if self._flows[flow] >= self._queue_length:
-            self._drop_oldest(flow)
-        self._waiting.append(transfer)
-        self._flows[flow] += 1
 
-    def _transmit(self, transfer: Transfer) -> None:
-        """A message goes on the wire."""
-        self._on_wire = transfer
-        transfer.path = self.clock.path
-        self._sender.send(transfer.message.size_bytes, self._transmitted)
-
-    def _transmitted(self) -> None:
-        """The last bit of the message is on the wire: it arrives after the delay, or is lost.
-
-        What led to this call may be the message of another link, so the path is the message's own.
+    def load(self, flow: Hashable, size_bytes: int) -> None:
+        """Queues background traffic, which takes its time on the wire and reaches no node. Raises
+        ValueError for a size that is not positive.
         """
-        clock, transfer = self.clock, self._on_wire
-        assert transfer is not None, "a message is on the wire"
-        message = transfer.message
-        own_path = clock.path
-        clock.waited(transfer.path, self._transport)
+        if size_bytes <= 0:
+            raise ValueError(f"{self.name}: background traffic of {size_bytes} bytes")
+        self._queue(Transfer(("background", flow), size_bytes))
+
+    def _queue(self, transfer: Transfer) -> None:
+        oldest = self._waiting.put(transfer)
+        if oldest is not None and oldest.message is not None:
+            self.lose(oldest.message, self.name)
+
+    def _wire(self) -> Steps:
+        """Sends one message after the other; each arrives after a delay, or is lost."""
+        clock = self.clock
+        while True:
+            transfer = yield self._waiting.get()
+            if self._on_wire is None:
+                self._busy_since_ns = clock.now
+                if self.interface is not None:
+                    self.interface.begin(clock.now)
+            self._on_wire = transfer
+            clock.waited(transfer.path, self._queueing)
+            path = clock.path
+            yield self._sender.sent(transfer.size_bytes)
+            clock.waited(path, self._transport)
+            self.sent_bytes += transfer.size_bytes
+            if transfer.message is not None:
+                self._leave(transfer, transfer.message)
+            if not self._waiting.items:
+                self._on_wire = None
+                self._busy_ns += clock.now - self._busy_since_ns
+                if self.interface is not None:
+                    self.interface.end(clock.now)
+
+    def _leave(self, transfer: Transfer, message: Message) -> None:
+        """The last bit of a message is on the wire: it arrives after the delay, or is lost."""
+        clock = self.clock
         now_ns, size_bytes = clock.now, message.size_bytes
-        self.sent_bytes += size_bytes
         if transfer.carried is not None:
             transfer.carried(message)
         if self.down_by:
@@ -178,20 +195,13 @@ class Link:
         else:
             self.completed += 1
             self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
-            until_ns = self._last_arrival_ns - now_ns
-            clock.after(until_ns, transfer.deliver, transfer.arguments, self._transport)
-        if self._waiting:
-            following = self._waiting.popleft()
-            self._flows[following.flow] -= 1
-            clock.waited(following.path, self._queueing)
-            self._transmit(following)
-        else:
-            self._on_wire = None
-            self._busy = False
-            self._busy_ns += now_ns - self._busy_since_ns
-            if self.interface is not None:
-                self.interface.end(now_ns)
-        clock.path = own_path
+            assert transfer.deliver is not None
+            clock.after(
+                self._last_arrival_ns - now_ns,
+                transfer.deliver,
+                transfer.arguments,
+                self._transport,
+            )
 
     def take_down(self, cause: str) -> None:
         """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
@@ -207,12 +217,6 @@ class Link:
         """A hand-over takes the link away, or makes it again."""
         self._is_connected = is_connected
         self._sender.set_up(not self.down_by and is_connected)
-
-    def _drop_oldest(self, flow: Hashable) -> None:
-        oldest = next(transfer for transfer in self._waiting if transfer.flow == flow)
-        self._waiting.remove(oldest)
-        self._flows[flow] -= 1
-        self.lose(oldest.message, self.name)
 
     def lose(self, message: Message, where: str) -> None:
         """A message is lost, by what ``where`` names."""

@@ -83,10 +83,29 @@ class Network:
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
         self.forgeries = Forgeries()
         self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+        self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
     def stream(self, *names: str | int) -> np.random.Generator:
-        """The random generator of these names: the same under every method."""
-        return seeds.stream(self._seed, *names)
+        """The random generator of these names, one a run: its draws are the same under every
+        method.
+        """
+        stream = self._streams.get(names)
+        if stream is None:
+            stream = self._streams[names] = seeds.stream(self._seed, *names)
+        return stream
+
+    def is_busy(self, *, stalled_too: bool) -> bool:
+        """Whether a message is queued, handled or on its way anywhere; what waits on a host that
+        stands still counts if it may go on (``stalled_too``).
+        """
+        return (
+            self.clock.in_flight > 0
+            or any(
+                graph.is_busy and (stalled_too or not graph.host.is_stalled)
+                for graph in self.graphs.values()
+            )
+            or any(link.is_busy for link in self.links.values())
+        )
 
     def add_host(self, name: str, device: Device) -> Graph:
         """A new host with an empty graph."""

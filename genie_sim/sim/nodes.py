@@ -5,6 +5,8 @@ a node.
 from collections import OrderedDict
 from collections.abc import Callable
 
+import simpy
+
 from genie_sim.messages import (
     Detections,
     Effect,
@@ -16,7 +18,7 @@ from genie_sim.messages import (
     Publish,
 )
 from genie_sim.monitor import Span, SpanLabel
-from genie_sim.sim.device import Arguments, Done
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
 from genie_sim.sim.ros_graph import Graph, Node
 
@@ -36,8 +38,8 @@ class DetectorNode(Node):
 
     part = "inference"
 
-    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
-        self.host.infer(done, arguments, self.work_label)
+    def work(self, message: Message) -> Steps:
+        return self.host.infer(self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
@@ -92,26 +94,24 @@ class InterceptorNode(Node):
         self._pending = SpanLabel("pending", pure.name)
         self._paths: OrderedDict[Header, Span] = OrderedDict()  # of the requested frames
 
-    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
+    @property
+    def is_busy(self) -> bool:
+        return self._timer_set or super().is_busy
+
+    def work(self, message: Message) -> Steps:
+        host, label = self.host, self.work_label
         if self._costs_nothing:
-            done(*arguments)
-        elif self._key is not None and isinstance(message, Image):
-            self.host.compute_key(self._key, self._look_up, (done, arguments), self.work_label)
+            return
+        if self._key is not None and isinstance(message, Image):
+            yield from host.compute_key(self._key, label)
+            if self._per_entry_ns:
+                search_ns = self._per_entry_ns * self.pure.cache_entries()
+                yield from host.cpu.serve(search_ns, label)
+            yield from host.serve_message(label)
         elif self._pass_time_ns is not None:
-            self.host.cpu.run(self._pass_time_ns, done, arguments, self.work_label)
+            yield from host.cpu.serve(self._pass_time_ns, label)
         else:
-            self.host.serve_message(done, arguments, self.work_label)
-
-    def _look_up(self, done: Done, arguments: Arguments) -> None:
-        """The key is known: searches the cache, then handles the message."""
-        if self._per_entry_ns:
-            search_ns = self._per_entry_ns * self.pure.cache_entries()
-            self.host.cpu.run(search_ns, self._searched, (done, arguments), self.work_label)
-        else:
-            self._searched(done, arguments)
-
-    def _searched(self, done: Done, arguments: Arguments) -> None:
-        self.host.serve_message(done, arguments, self.work_label)
+            yield from host.serve_message(label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)
@@ -121,8 +121,9 @@ class InterceptorNode(Node):
             if len(self._paths) > MAX_TRACKED_FRAMES:
                 self._paths.popitem(last=False)
         self._carry_out(effects)
-        if not self._timer_set:
-            self._set_timer()
+        if not self._timer_set and self.pure.next_deadline_ns() is not None:
+            self._timer_set = True
+            self.clock.process(self._watch_deadlines(self.clock.path))
 
     def void(self, where: str) -> None:
         super().void(where)
@@ -153,8 +154,7 @@ class InterceptorNode(Node):
                 # another frame, which has waited here for this one
                 self.clock.waited(self._paths[header], self._pending)
         if self._charges_answers and self._is_own_answer(effect):
-            self._in_service.append(effect.message)
-            self.host.serve_message(self._publish_own_answer, (effect,), self.work_label)
+            self.clock.process(self._publish_own_answer(effect, self.clock.path))
         else:
             self.graph.publish(self, effect.topic, effect.message, effect.to)
 
@@ -167,24 +167,29 @@ class InterceptorNode(Node):
             and message.served_by == self.name
         )
 
-    def _publish_own_answer(self, effect: Publish) -> None:
-        self._in_service.remove(effect.message)
+    def _publish_own_answer(self, effect: Publish, path: Span | None) -> Steps:
+        """An answer of the node's own making costs CPU time before it leaves; no thread waits."""
+        process = self.clock.active_process
+        self._working[process] = (effect.message,)
+        self.clock.path = path
+        try:
+            yield from self.host.serve_message(self.work_label)
+        except simpy.Interrupt:  # a crash
+            return
+        del self._working[process]
         self.graph.publish(self, effect.topic, effect.message, effect.to)
 
-    def _set_timer(self) -> None:
-        """Any message that comes tells the node the time. The timer is for when none does, so it
-        may be late.
+    def _watch_deadlines(self, path: Span | None) -> Steps:
+        """Tells the pure node the time when a deadline has passed. Any message that comes does so,
+        too; this is for when none does, so it may be late.
         """
-        deadline_ns = self.pure.next_deadline_ns()
-        if deadline_ns is not None:
-            self._timer_set = True
-            delay_ns = max(int(deadline_ns) - self.clock.now, 0) + TIMER_LATE_NS
-            self.clock.after(delay_ns, self._on_timer, (), self._pending)
-
-    def _on_timer(self) -> None:
+        clock = self.clock
+        while (deadline_ns := self.pure.next_deadline_ns()) is not None:
+            yield clock.timeout(max(int(deadline_ns) - clock.now, 0) + TIMER_LATE_NS)
+            clock.waited(path, self._pending)
+            path = clock.path
+            self._carry_out(self.pure.on_deadline(clock.now))
         self._timer_set = False
-        self._carry_out(self.pure.on_deadline(self.clock.now))
-        self._set_timer()
 
 
 def attach(

@@ -2,13 +2,16 @@
 remappings.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Literal
+from itertools import chain
+from typing import Literal, NamedTuple
+
+import simpy
 
 from genie_sim.messages import Message
 from genie_sim.monitor import Part, Span, SpanLabel
-from genie_sim.sim.device import Arguments, Done, Host
+from genie_sim.sim.clock import Newest, Steps
+from genie_sim.sim.device import Host
 
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
 
@@ -104,8 +107,11 @@ class Graph:
                 node.void_work(where)
             else:
                 node.void(where)
-        self.host.accelerator.void()
-        self.host.cpu.void()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a node has a message."""
+        return any(node.is_busy for node in self._nodes.values())
 
     def clear(self) -> None:
         """Removes all nodes, subscribers and bridges."""
@@ -151,12 +157,20 @@ class Graph:
             receiver.deliver(topic, message, sender)
 
 
-class Node(Subscriber):
-    """A ROS node: a queue for each topic that keeps the newest messages, and callback threads that
-    serve them.
+class Waiting(NamedTuple):
+    """A message that waits for a thread of a node."""
 
-    Subclasses say how long a message takes (``work``, which waits for a device) and what follows
-    (``handle``).
+    flow: str  # its topic: the newest of each topic are kept
+    message: Message
+    sender: str
+    path: Span | None
+
+
+class Node(Subscriber):
+    """A ROS node: a queue that keeps the newest messages of each topic, and callback threads that
+    serve it. Each thread is a process.
+
+    Subclasses say what handling a message takes (``work``) and what follows (``handle``).
 
     Parameters
     ----------
@@ -194,38 +208,38 @@ class Node(Subscriber):
         self.address = name
         self.drops = 0
         self.completed = 0
-        self.queued = 0  # how many messages wait, over all topics
         # of what it publishes, kept by the graph
         self.routes: dict[str, tuple[str, list[Subscriber]]] = {}
         self.work_label = SpanLabel(self.part, name)
         self._queueing = SpanLabel("queueing", name)
-        self._idle_threads = threads
-        self._threads = threads
-        self._queues: dict[str, deque[tuple[int, Message, str, Span | None]]] = {}
-        self._in_service: list[Message] = []
-        self._generation = 0  # counts how often everything here was voided
-        self._arrivals = 0
+        self._waiting = Newest[Waiting](self.clock, graph.queue_length)
+        # what each process of the node is busy with
+        self._working: dict[simpy.Process, tuple[Message, ...]] = {}
+        for _ in range(threads):
+            self.clock.process(self._thread())
         graph.register(self)
 
+    @property
+    def queued(self) -> int:
+        """How many messages wait, over all topics."""
+        return len(self._waiting)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a message waits or is handled here."""
+        return bool(self._waiting.items or self._working)
+
+    @property
+    def messages(self) -> list[Message]:
+        """What is handled here now, then what waits."""
+        waiting = (waiting.message for waiting in self._waiting.items)
+        return [*chain.from_iterable(self._working.values()), *waiting]
+
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """An idle thread takes the message, or it joins its topic's queue; the oldest makes room in
-        a full one.
-        """
-        if self._idle_threads:
-            self._idle_threads -= 1
-            self._serve(topic, message, sender)
-            return
-        queue = self._queues.get(topic)
-        if queue is None:
-            queue = self._queues[topic] = deque()
-        self.queued += 1
-        if len(queue) >= self.graph.queue_length:
-            _, oldest, _, _ = queue.popleft()
-            self.queued -= 1
-            self.drops += 1
-            self.graph.dropped(oldest, f"{self.name}:{topic}")
-        queue.append((self._arrivals, message, sender, self.clock.path))
-        self._arrivals += 1
+        """A message arrives, and waits for a thread."""
+        oldest = self._waiting.put(Waiting(topic, message, sender, self.clock.path))
+        if oldest is not None:
+            self._lose(oldest.message, f"{self.name}:{topic}")
 
     def publish(self, topic: str, message: Message, to: str | None = None) -> None:
         self.graph.publish(self, topic, message, to)
@@ -234,54 +248,43 @@ class Node(Subscriber):
         """A fault: what is queued and in service here is lost, dropped by ``where``, and the node
         starts anew.
         """
-        queued = [message for queue in self._queues.values() for _, message, *_ in queue]
-        for message in (*self._in_service, *queued):
-            self.drops += 1
-            self.graph.dropped(message, where)
-        self._queues.clear()
-        self.queued = 0
-        self._in_service.clear()
-        self._idle_threads = self._threads
-        self._generation += 1
+        for message in self.messages:
+            self._lose(message, where)
+        self._waiting.clear()
+        for thread in self._working:
+            thread.interrupt(where)
+        self._working.clear()
 
     def void_work(self, where: str) -> None:
         """As ``void``, but what the node has in memory stays."""
         self.void(where)
 
-    def work(self, message: Message, done: Done, arguments: Arguments) -> None:
-        """Handling a message takes until ``done(*arguments)`` is called."""
+    def work(self, message: Message) -> Steps:
+        """What handling a message takes: the part of a process that waits for the devices."""
         raise NotImplementedError
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         """What follows when the work is done."""
         raise NotImplementedError
 
-    def _serve(self, topic: str, message: Message, sender: str) -> None:
-        self._in_service.append(message)
-        self.work(message, self._served, (topic, message, sender, self._generation))
+    def _thread(self) -> Steps:
+        """A callback thread takes the message that has waited for longest, works on it, and handles
+        it.
+        """
+        clock = self.clock
+        thread = clock.active_process
+        while True:
+            topic, message, sender, path = yield self._waiting.get()
+            self._working[thread] = (message,)
+            clock.waited(path, self._queueing)
+            try:
+                yield from self.work(message)
+            except simpy.Interrupt:  # a crash
+                continue
+            del self._working[thread]
+            self.completed += 1
+            self.handle(topic, message, sender)
 
-    def _served(self, topic: str, message: Message, sender: str, generation: int) -> None:
-        """The thread goes on with the message that arrived first, or is idle."""
-        if generation != self._generation:
-            return
-        self._in_service.remove(message)
-        self.completed += 1
-        self.handle(topic, message, sender)
-        if not self.queued:
-            self._idle_threads += 1
-            return
-        self.queued -= 1
-        topic = self._next_topic()
-        _, message, sender, path = self._queues[topic].popleft()
-        self.clock.waited(path, self._queueing)
-        self._serve(topic, message, sender)
-
-    def _next_topic(self) -> str:
-        """The topic of the message that has waited for longest; there is one."""
-        oldest, oldest_topic = self._arrivals, ""
-        for topic, queue in self._queues.items():
-            if queue:
-                arrival, _, _, _ = queue[0]
-                if arrival < oldest:
-                    oldest, oldest_topic = arrival, topic
-        return oldest_topic
+    def _lose(self, message: Message, where: str) -> None:
+        self.drops += 1
+        self.graph.dropped(message, where)

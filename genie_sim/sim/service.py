@@ -15,16 +15,13 @@ MEGABYTE = 10**6
 
 @dataclass(frozen=True, slots=True)
 class ServiceTime:
-    """The shifted log-normal law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard normal.
-
-    With ``quantiles_ns``, evenly spaced from the shortest to the longest time measured, X is the
-    quantile of Z instead.
+    """The shifted log-normal law ``X = median (loc + (1 - loc) exp(sigma Z))``, Z standard
+    normal.
     """
 
     median_ns: int
     loc: float
     sigma: float
-    quantiles_ns: tuple[int, ...] = ()
 
     def sample(self, rng: np.random.Generator) -> int:
         """One service time in whole nanoseconds, at least 1. Takes exactly one normal draw."""
@@ -32,17 +29,11 @@ class ServiceTime:
 
     def at(self, z: float) -> int:
         """The time [ns] for a standard normal number."""
-        if self.quantiles_ns:
-            share = 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
-            steps = np.arange(len(self.quantiles_ns))
-            return round(float(np.interp(share * steps[-1], steps, self.quantiles_ns)))
         return log_normal_ns(self.median_ns, self.loc, self.sigma, z)
 
     @property
     def mean_ns(self) -> float:
         """The law's mean: that of exp(sigma Z) is exp(sigma^2 / 2)."""
-        if self.quantiles_ns:
-            return float(np.mean((self.quantiles_ns[:-1], self.quantiles_ns[1:])))
         return self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma**2 / 2))
 
     def draws(self, rng: np.random.Generator) -> Iterator[int]:
@@ -51,10 +42,7 @@ class ServiceTime:
         while True:
             # several normal numbers at once are the same ones, and cost little more than one
             normals = rng.standard_normal(16).tolist()
-            if self.quantiles_ns:
-                yield from map(self.at, normals)
-            else:
-                yield from [log_normal_ns(median_ns, loc, sigma, z) for z in normals]
+            yield from [log_normal_ns(median_ns, loc, sigma, z) for z in normals]
 
 
 def log_normal_ns(median_ns: int, loc: float, sigma: float, z: float) -> int:

@@ -109,7 +109,7 @@ class Edge:
     """A device profile by name or path."""
 
     neighbours: tuple[Name, ...] | None = None
-    """The edges that it shares with; by default all others."""
+    """The edges that it shares with; by default as `edge_neighbours` says."""
 
     serving: Serving | None = None
     """How its detector serves pictures; by default as the scenario's `serving` says."""
@@ -225,6 +225,11 @@ class MethodSettings:
     edge_network: Annotated[Choice, LINK] = LINKS[USUAL_LINK]
     """The network between edges: a link's name, or a mapping with the settings below. The same
     settings apply to the `link` of a car, a convoy or a fleet."""
+
+    edge_neighbours: Count | None = None
+    """With how many of the nearest edges each edge shares at least, where it does not name its own
+    (`edges[].neighbours`). By default up to six edges all share with each other, and of more each
+    with the four nearest."""
 
     serving: Serving = Serving()
     """How the detectors of edges serve pictures: one by one, or in batches."""

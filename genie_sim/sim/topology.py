@@ -2,6 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from genie_sim.messages import Message
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
@@ -12,6 +14,8 @@ from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Edge
 
 EDGES = "edges"  # the network between edges, in the names of links
+ALL_SHARE = 6  # so many edges all share with each other
+NEAREST = 4  # of more each shares with so many
 
 
 class EdgeServer(Subscriber):
@@ -35,14 +39,45 @@ class EdgeServer(Subscriber):
             bridge.deliver(topic, message, sender)
 
 
-def neighbours(edges: Sequence[Edge]) -> dict[str, list[str]]:
-    """The neighbours of each edge, in the scenario's order. Two edges are neighbours unless one
-    names its own and leaves the other out.
+def neighbours(edges: Sequence[Edge], count: int | None = None) -> dict[str, list[str]]:
+    """The neighbours of each edge, in the scenario's order. Two edges are neighbours if neither
+    names its own and leaves the other out, and one names its own or is among the ``count`` nearest
+    of the other.
+
+    Without a ``count`` up to ``ALL_SHARE`` edges are neighbours of all others, of more each of the
+    ``NEAREST`` ones. Edges are near each other by their places; if one has none, all are by their
+    order.
     """
+    if count is None:
+        count = len(edges) if len(edges) <= ALL_SHARE else NEAREST
+    near = _near(edges, count)
+
+    def share(edge: Edge, other: Edge) -> bool:
+        names_own = bool(edge.neighbours or other.neighbours)
+        return _accept(edge, other) and (names_own or other.name in near[edge.name])
+
     return {
-        edge.name: [other.name for other in edges if other is not edge and _accept(edge, other)]
+        edge.name: [other.name for other in edges if other is not edge and share(edge, other)]
         for edge in edges
     }
+
+
+def _near(edges: Sequence[Edge], count: int) -> dict[str, set[str]]:
+    """Those that are among the ``count`` nearest of each edge, or that it is among the nearest of;
+    of equally near ones the first.
+    """
+    near: dict[str, set[str]] = {edge.name: set() for edge in edges}
+    places = [edge.at_m for edge in edges if edge.at_m is not None]
+    if len(places) < len(edges):
+        places = [(float(number), 0.0) for number in range(len(edges))]
+    points = np.array(places)
+    for number, edge in enumerate(edges):
+        distances_m = np.hypot(*(points - points[number]).T)
+        distances_m[number] = np.inf
+        for other in np.argsort(distances_m, kind="stable")[: min(count, len(edges) - 1)]:
+            near[edge.name].add(edges[other].name)
+            near[edges[other].name].add(edge.name)
+    return near
 
 
 def _accept(edge: Edge, other: Edge) -> bool:

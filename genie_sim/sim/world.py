@@ -4,11 +4,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
+import simpy
+
 from genie_sim.errors import UserError, as_user_error
 from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
-from genie_sim.sim import fault, wiring
+from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
-from genie_sim.sim.clock import Clock
+from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
 from genie_sim.sim.network import Network
@@ -54,7 +56,8 @@ class World:
         self._method = method
         self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[CameraNode] = []
-        self._faults: list[FaultSpan] = []
+        self._faults: list[simpy.Process] = []
+        self._fault_spans: list[FaultSpan] = []
         self._uplinks: list[CarUplink] = []
         self._build_edges()
         edge_resources = list(self.network.resources)
@@ -62,27 +65,27 @@ class World:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            timed = fault.recorded(timed, self._faults)
-            fault.start(timed, self.network, self.last_frame_ns)
+            timed = fault_process.recorded(timed, self._fault_spans)
+            steps = fault_process.run(timed, self.network, self.last_frame_ns)
+            self._faults.append(self.clock.process(steps))
         for camera in self._cameras:
-            camera.wait()
+            self.clock.process(camera.run())
 
     def run(self, progress: Progress | None = None) -> None:
-        """Runs until nothing is in flight any more, at most ten minutes after the last frame."""
-        self._sample(progress)
+        """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
+        minutes after the last one was taken.
+        """
+        self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
-            if self._pass_time(self.last_frame_ns + drained_ns):
+            self.clock.run(until=self.last_frame_ns + drained_ns)
+            may_go_on = any(one.is_alive for one in self._faults)
+            if not self.network.is_busy(stalled_too=may_go_on):
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(self._usage())
-        self.monitor.failed(self._faults)
+        self.monitor.failed(self._fault_spans)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
-
-    def _pass_time(self, until_ns: int) -> bool:
-        """Lets time pass; returns whether nothing happens any more."""
-        self.clock.run(until=until_ns)
-        return self.clock.waits_only_for(self._sample)
 
     def dismantle(self) -> None:
         """Takes everything apart after the run, so that it is freed at once and not by Python's
@@ -95,6 +98,7 @@ class World:
         self._uplinks.clear()
         self._sampled.clear()
         self._cameras.clear()
+        self._faults.clear()
 
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""
@@ -137,17 +141,20 @@ class World:
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
 
-    def _sample(self, progress: Progress | None) -> None:
-        now_ns = self.clock.now
-        self.monitor.sample(self._sampled, now_ns)
-        if progress is not None:
-            progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
-        self.clock.after(SAMPLE_NS, self._sample, (progress,))
+    def _sample(self, progress: Progress | None) -> Steps:
+        """The process that samples resources."""
+        while True:
+            now_ns = self.clock.now
+            self.monitor.sample(self._sampled, now_ns)
+            if progress is not None:
+                progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
+            yield self.clock.timeout(SAMPLE_NS)
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
         servers: dict[str, EdgeServer] = {}
-        blind_edges, neighbours_of = setup.blind_edges, neighbours(setup.edges)
+        blind_edges = setup.blind_edges
+        neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
             name = edge.name
             context = self._context(name, name not in blind_edges, has_edge=True, genie=True)

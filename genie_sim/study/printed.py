@@ -1,4 +1,4 @@
-"""A finished sweep for an article: what its figures are drawn from, and its table."""
+"""A finished sweep for a paper: what its figures are drawn from, and its table."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 PRINTED = ("first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share")
-MAX_ROWS = 50  # of a table in an article
+MAX_ROWS = 50  # of a table in LaTeX
 
 
 def footer_of(design: Design, label: str = "") -> str:
@@ -28,16 +28,6 @@ def footer_of(design: Design, label: str = "") -> str:
     what = f"sweep {design.name} of {design.scenario}"
     points = f"{design.runs // len(numbers)} points"
     return ", ".join(filter(None, [label, what, points, seeds]))
-
-
-def setup_sentences(folder: Path, allow_changed: bool = False) -> list[str]:
-    """What was run, for an article. Raises ``UserError``."""
-    about, _, _ = _read(folder, allow_changed)
-    design = read_design(about["sweep"], str(folder / page.ABOUT))
-    axes = ", ".join(design.axes)
-    sentences = [f"{footer_of(design, str(about.get('label', '')))}.", f"Axes: {axes}."]
-    sentences.append(f"Methods: {', '.join(_titles(about).values())}.")
-    return [*sentences, *filter(None, [design.description])]
 
 
 def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:

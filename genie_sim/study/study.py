@@ -117,7 +117,7 @@ class Study:
             Whether runs whose results are kept have a page.
         """
         folder = out / design.name
-        _check(folder)
+        check_folder(folder)
         planned = plan(design, where, progress, base=base, methods=methods, reports=reports)
         return cls(design, folder, planned, label)
 
@@ -219,31 +219,22 @@ class Study:
             provenance.write_json(beside, about)
 
 
-def every_run(
-    design: Design, out: Path, workers: int, progress: Progress | None = None
-) -> "pd.DataFrame":
-    """Runs what is missing of a study in ``out``; the metrics of every run, and all files in its
-    folder. Raises ``UserError``.
+def check_folder(
+    folder: Path, about_name: str = ABOUT, what: str = "sweep", format: int = FORMAT
+) -> None:
+    """Raises ``UserError`` unless the folder is new, empty or a sweep's (or ``what`` its
+    ``about_name`` tells of), and can be written.
     """
-    import pandas as pd
-
-    study = Study.of(design, design.name, out, progress)
-    study.run(LocalWorkers(workers), progress=progress)
-    return pd.read_parquet(study.finish().folder / "runs.parquet", use_threads=False)
-
-
-def _check(folder: Path) -> None:
-    """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
     provenance.check_writable(folder)
     problem = ""
     try:
         if folder.is_dir() and any(folder.iterdir()):
-            about = provenance.read_json(folder / ABOUT)
-            if not isinstance(about, dict) or "sweep" not in about:
+            about = provenance.read_json(folder / about_name)
+            if not isinstance(about, dict) or what not in about:
                 raise ValueError
-            if about.get("format") != FORMAT:
-                problem = other_format(folder, about.get("format"), FORMAT)
+            if about.get("format") != format:
+                problem = other_format(folder, about.get("format"), format)
     except (OSError, ValueError, UserError):
-        problem = f"{folder}: holds something else than a sweep"
+        problem = f"{folder}: holds something else than a {what}"
     if problem:
         raise UserError(f"{problem}; choose another --out")

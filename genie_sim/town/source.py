@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from genie_sim.town.frames import TownFrame
     from genie_sim.town.town import Town, TownDrive
 
-# Far beyond what anyone has simulated, see docs/explanation/million-cars.md; more is a typing
-# error that would exhaust the memory before any message appears.
+# Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before
+# any message appears.
 MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
 
 

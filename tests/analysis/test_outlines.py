@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 
-import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import figures, style, tornado
+from genie_sim.analysis import figures, style
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.latency_accuracy import latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import HOSTS, POWER, HostRow, PowerRow
 from genie_sim.recording.results import MethodInfo, Metric, Run
-from genie_sim.recording.tables import Table
 from tests import made_up_run, outline
-from tests.made_up_run import METHODS, MS
+from tests.made_up_run import METHODS
 
 FOOTER = "3car_hetero, run 0123456789ab, seed 1"
 
@@ -132,51 +129,3 @@ def test_differences():
         row("ghost_share", "b", 0.1, 0.01),
     ]
     outline.check("differences", {"of two": differences(ComparedRuns(arms, rows, ["town"], {}))})
-
-
-def test_energy_and_how_much_it_depends_on_each_power():
-    frames = Table(made_up_run.FRAMES)
-    for number in range(20):
-        for method in METHODS:
-            header = made_up_run.Header(100 * number * MS, "camera", "car1")
-            row = made_up_run.OpenFrame(method.name, header, number)
-            row.first_answer_ns = row.fresh_answer_ns = row.stamp_ns + 40 * MS
-            row.objects_fresh = 2
-            frames.append(row.values())
-    hosts, power = Table(HOSTS), Table(POWER)
-    for place, method in enumerate(METHODS):
-        for placement, work in (("car", 1 + place), ("edge", 3 - place)):
-            device, sent = f"{placement} computer", work * 10_000 * (placement == "car")
-            hosts.append(
-                HostRow(
-                    method.name,
-                    f"{placement}1",
-                    placement,
-                    device,
-                    interface="wifi" if placement == "car" else None,
-                    accelerator_ns=work * 500 * MS,
-                    cpu_ns=work * 300 * MS,
-                    pictures=20,
-                    batches=20,
-                    bytes_up=sent,
-                    bytes_down=sent // 100,
-                    transfer_ns=40 * MS * (placement == "car"),
-                    tail_ns=9 * MS * (placement == "car"),
-                )
-            )
-            for number, part in enumerate(("idle", "accelerator", "core")):
-                watts = 3.0 + 7 * number + 20 * (placement == "edge")
-                row = (watts, 0.8 * watts, 1.5 * watts)
-                power.append(PowerRow(method.name, "device", device, part, *row))
-        for number, part in enumerate(("port", "transfer", "tail", "up", "down")):
-            watts = 0.5 + 0.1 * number
-            row = (watts, 0.5 * watts, 1.1 * watts)
-            power.append(PowerRow(method.name, "interface", "wifi", part, *row))
-    tables = {
-        "frames": Columns.of(frames.to_frame()),
-        "hosts": Columns.of(hosts.to_frame()),
-        "power": Columns.of(power.to_frame()),
-    }
-    drawn = {"energy": tornado.tornado([tables], METHODS, FOOTER)}
-    assert np.array_equal(*[axis.get_xlim() for axis in drawn["energy"].axes[:2]])
-    outline.check("energy", drawn)

@@ -81,7 +81,6 @@ def test_what_a_run_has_not_is_one_line(run: Run, chosen: dict[str, str], messag
     for name, lacks in (
         ("latency_accuracy", "no accuracy"),
         ("time_parts", "no steps"),
-        ("energy", "not known"),
     ):
         with pytest.raises(UserError, match=f"^{name}: .*{lacks}"):
             getattr(Plots(run), name)()

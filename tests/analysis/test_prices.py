@@ -10,9 +10,7 @@ import pytest
 from sim.street import fixed_device, scenario, street
 
 from genie_sim import build
-from genie_sim.analysis import compare, figures, metrics, prices, summary
-from genie_sim.analysis.plots import Plots
-from genie_sim.errors import UserError
+from genie_sim.analysis import compare, metrics, prices, summary
 from genie_sim.perception.sources import Recordings
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import HOSTS, POWER, HostRow, PowerRow
@@ -299,34 +297,6 @@ def test_an_order_is_certain_only_if_it_holds_over_all_ranges_at_once():
         certain += less is not None
         assert less is None or set(drawn) == {less}
     assert 100 < certain < 300
-
-
-def test_the_tornado_moves_one_power_at_a_time_and_draws_it():
-    small, large = ledger(idle=1, busy=10), ledger(idle=10, busy=1)
-    assert [swing.key[2] for swing in prices.swings(small)] == ["accelerator", "idle"]
-    first, second = prices.swings(large)
-    assert (first.key[2], first.value, first.low, first.high) == ("idle", 39, 29, 59)
-    assert (second.key[2], second.low, second.high) == ("accelerator", 38, 40)
-    made = run(["local", "remote"])
-    drawn = figures.of_run(made)["energy"]
-    assert [axis.get_title(loc="left") for axis in drawn.axes] == [
-        "(a) local (L)",
-        "(b) remote (R)",
-    ]
-    bars = drawn.axes[0].patches
-    labels = [tick.get_text() for tick in drawn.axes[0].get_yticklabels()]
-    assert labels == [
-        "exact_edge, idle",
-        "exact_car, idle",
-        "exact_car, accelerator",
-        "ethernet, port",
-    ]
-    width = (95 - 70) * (1.9 + 0.031) / 20
-    assert bars[1].get_width() == pytest.approx(width, rel=1e-9)
-    unknown = run(["local"], of=devices(edge=None))
-    assert "energy" not in figures.of_run(unknown)
-    with pytest.raises(UserError, match="energy: the run's is not known"):
-        Plots(unknown).energy()
 
 
 def test_the_summary_states_the_order_that_holds():

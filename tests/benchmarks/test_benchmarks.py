@@ -16,7 +16,7 @@ from types import SimpleNamespace
 import pytest
 from benchmarks.both_engines import Engines, Pair
 
-from benchmarks import both_engines, genie_runs, main_job, peers, speed, speed_page
+from benchmarks import both_engines, genie_runs, peers, speed, speed_page
 from benchmarks.genie_runs import (
     Drive,
     Footprint,
@@ -361,13 +361,3 @@ def test_the_whole_benchmark_fills_the_page(tmp_path: Path):
         assert f"<!-- measured: {name} -->\n{block}\n<!-- end -->" in page
     for name in ("speed_cars", "speed_time"):
         assert (docs / "images" / f"{name}.png").is_file() and f"images/{name}.png" in page
-
-
-def test_the_stages_of_the_main_command_add_up():
-    short = ["cars[0].route.window=[0 s, 1 s]", "methods=[local]"]
-    took = main_job.measured("1car_homo", short)
-    stages = list(took.values())
-    assert min(stages) >= 0 and took["simulating"] > 0 and took["figures (on demand)"] > 0
-    assert took["all but figures"] == pytest.approx(
-        sum(stages[: list(took).index("all but figures")])
-    )

@@ -9,6 +9,8 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
+import simpy
+
 from genie_sim.core.defences import Defence
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.never import Never
@@ -181,8 +183,6 @@ class Blackout:
         if graph is not None:
             for node in graph.nodes:
                 node.void(f"{self.target}:blackout")
-            graph.host.accelerator.void()
-            graph.host.cpu.void()
 
     def end(self, network):
         pass
@@ -243,24 +243,14 @@ class OneAtATime:
 
 
 class Turns:
-    """Who waits for the medium. Whoever ends a transmission begins the next, of another link."""
+    """The medium of a run: a resource that one link has at a time."""
 
     def __init__(self, rate_bps, air):
-        self.rate_bps, self.air = rate_bps, air
-        self.waiting = []
+        self.rate_bps, self.clock = rate_bps, air.clock
+        self.medium = simpy.Resource(air.clock)
 
     def sender(self, ends):
         return Turn(self)
-
-    def take(self):
-        size_bytes, _ = self.waiting[0]
-        self.air.clock.after(-(-size_bytes * 8 * 10**9 // self.rate_bps), self.release)
-
-    def release(self):
-        _, carried = self.waiting.pop(0)
-        if self.waiting:
-            self.take()
-        carried()
 
 
 class Turn:
@@ -269,10 +259,13 @@ class Turn:
     def __init__(self, turns):
         self.turns = turns
 
-    def send(self, size_bytes, carried):
-        self.turns.waiting.append((size_bytes, carried))
-        if len(self.turns.waiting) == 1:
-            self.turns.take()
+    def sent(self, size_bytes):
+        return self.turns.clock.process(self.sends(size_bytes))
+
+    def sends(self, size_bytes):
+        with self.turns.medium.request() as turn:
+            yield turn
+            yield self.turns.clock.timeout(-(-size_bytes * 8 * 10**9 // self.turns.rate_bps))
 
     def delay_ns(self, size_bytes, now_ns):
         return 1_000_000
@@ -430,3 +423,57 @@ class OwnPolicy(Never):
 
     def serves(self, stored, to, now_ns):
         return True
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Processes beside the simulated ones."""
+
+    target: str
+
+
+class Idles(Beside):
+    """It waits again and again, for ever."""
+
+    def run(self, network):
+        while True:
+            yield network.clock.timeout(7_000_000)
+
+
+class Floods(Beside):
+    """More background traffic than its link can carry, for ever."""
+
+    def run(self, network):
+        while True:
+            network.links[self.target].load("flood", 100_000)
+            yield network.clock.timeout(5_000_000)
+
+
+class Yields(Beside):
+    """It yields what is no event."""
+
+    def run(self, network):
+        yield network.clock.timeout(5)
+        yield 3
+
+
+class Fraction(Beside):
+    """It waits for half a nanosecond."""
+
+    def run(self, network):
+        yield network.clock.timeout(1.5)
+
+
+class Raises(Beside):
+    """It fails."""
+
+    def run(self, network):
+        yield network.clock.timeout(5)
+        raise KeyError("lost")
+
+
+class Returns(Beside):
+    """It is no process."""
+
+    def run(self, network):
+        return 3

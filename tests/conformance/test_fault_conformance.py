@@ -17,6 +17,7 @@ from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
 from tests.conformance import small
 from tests.conformance.faults import FaultConformance, RandomFaultConformance, S
+from tests.sim.processes import job
 
 OWN = "tests.conformance.own"
 OUTAGES = [
@@ -135,13 +136,7 @@ def working(target: str, method: str, since_s: float):
     here: list[Header] = []
     while not here:
         world.clock.run(until=max(world.clock.now + 1_000_000, round(since_s * S)))
-        here = [message.header for node in graph.nodes for message in node._in_service]
-        here += [
-            one[1].header
-            for node in graph.nodes
-            for queue in node._queues.values()
-            for one in queue
-        ]
+        here = [message.header for node in graph.nodes for message in node.messages]
         owing = [node.pure for node in graph.nodes if isinstance(node, InterceptorNode)]
         here += [one.header for pure in owing for one in pure.on_void() if isinstance(one, Expired)]
     return world, tables, host, graph, set(here)
@@ -177,7 +172,7 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
     )
 
     assert host.accelerator.queued == host.cpu.queued == 0
-    assert all(node.queued == 0 and not node._in_service for node in graph.nodes)
+    assert all(node.queued == 0 and not node.is_busy for node in graph.nodes)
     busy_ns = host.accelerator.busy_ns, host.cpu.busy_ns
     world.clock.run(until=world.clock.now + 1000)
     assert (host.accelerator.busy_ns, host.cpu.busy_ns) == busy_ns, "nobody works on what is gone"
@@ -191,17 +186,21 @@ def test_what_is_voided_says_who_did_it(target: str, method: str):
 
 
 @pytest.mark.parametrize("what", ["accelerator", "cpu"])
-def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(what: str):
+def test_a_processor_whose_jobs_are_interrupted_is_idle_and_never_done_with_them(what: str):
     world, _ = small.world(small.scenario(["local"]))
     processor, done = getattr(world.network.graphs["edge1"].host, what), []
-    for job in range(processor.capacity + 2):
-        processor.run(100, lambda job=job: done.append(job))
+    jobs = [
+        job(processor, 100, lambda number=number: done.append(number))
+        for number in range(processor.capacity + 2)
+    ]
     world.clock.run(until=40)
     assert processor.busy_ns == 40 * processor.capacity and processor.queued == 2
-    processor.void()
+    for one in jobs:
+        one.interrupt("crash")
+    world.clock.run(until=41)
     assert processor.queued == 0
     world.clock.run(until=70)
-    processor.run(100, lambda: done.append("next"))
+    job(processor, 100, lambda: done.append("next"))
     world.clock.run(until=169)
     assert done == [], "the old jobs would have been done by now"
     world.clock.run(until=171)
@@ -210,11 +209,11 @@ def test_a_processor_that_was_voided_is_idle_and_never_done_with_what_it_had(wha
 
 
 def test_a_node_alone_can_be_voided():
-    """Its host goes on with the job, and nobody is there any more to take what comes out of it."""
+    """Its host drops the job with it, and goes on with what comes next."""
     world, tables, host, graph, here = working("car1", "local", 0.9)
     detector = graph.node(f"car1/{DETECTOR}")
-    assert len(detector._in_service) == 1 and detector.queued
-    first, completed = detector._in_service[0].header, detector.completed
+    assert detector.queued == 1 and len(detector.messages) == 2
+    first, completed = detector.messages[0].header, detector.completed
     detector.void("test:node")
     world.run()
     rows = tables["frames"].to_frame()
@@ -227,7 +226,7 @@ def test_a_node_alone_can_be_voided():
     ]
     assert len(mine) == len(here) and (mine["drop"] == "test:node").all()
     assert first in here and detector.completed > completed
-    assert host.accelerator.completed == detector.completed + 1, "one job was for nothing"
+    assert host.accelerator.completed == detector.completed, "no job was for nothing"
 
 
 def test_a_host_forgets_what_it_knew():
@@ -319,7 +318,7 @@ class Halt:
             r"faults\[0\]\.?\w*: unknown fault 'outag' \(did you mean 'outage'\?\)",
         ),
         ({"fault": f"{OWN}:Nobody", "target": "car1"}, "has no attribute 'Nobody'"),
-        ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no begin, end"),
+        ({"fault": f"{OWN}:Radio", "slot_ms": 1.0}, "has no begin or run, end or run"),
         ({"fault": f"{OWN}:Crash"}, r"faults\[0\].target: missing"),
         (
             {"fault": f"{OWN}:Blackout", "target": "car1", "how": "hard"},

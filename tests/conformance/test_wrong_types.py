@@ -106,7 +106,7 @@ CASES = {
         returns(None),
         "radio() is None, but must be a radio",
     ),
-    "sender": (MEDIUM, own.Turns, "sender", returns(None), "send is None, but must be a method"),
+    "sender": (MEDIUM, own.Turns, "sender", returns(None), "sent is None, but must be a method"),
     "sender's delay": (
         MEDIUM,
         own.Turn,

@@ -1,4 +1,4 @@
-"""What comes from ROS and from other Genies: bags, messages, frames of a link, key files."""
+"""What comes from ROS and from other Genies: bags, messages, what a link carries, key files."""
 
 from __future__ import annotations
 
@@ -17,20 +17,19 @@ from genie_sim.core.geometry import rigid
 from genie_sim.errors import UserError
 from genie_sim.messages import Header
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.ros import frames as wire
+from genie_sim.ros import wire
 from genie_sim.ros.bags import perceive_bag
-from genie_sim.ros.certificates import Credentials, make_authority, make_peer
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of
 from genie_sim.ros.gateway import Gateway, Peer, plain
+from genie_sim.ros.keys import check_keys, key_files
 from genie_sim.ros.message import RosMessage, checked_pose
 from genie_sim.ros.plan import ROLES, AttachPlan, make_gateway
 from genie_sim.ros.poses import POSE_TYPES, Poses
 from genie_sim.ros.typestore import message, time, typestore
-from tests.fuzz.files import one_file
 from tests.fuzz.harness import Case, Target
 from tests.fuzz.mutation import VALUES, broken, changed
 from tests.ros import test_bags
-from tests.ros.conftest import HERE
+from tests.ros.conftest import HERE, Keys
 from tests.ros.test_bags import BagWriter
 
 DEFINITION = (HERE / "objects.txt").read_text()
@@ -180,27 +179,24 @@ def messages(folder: Path) -> Case:
     return case
 
 
-def frames(folder: Path) -> Case:
+def link_messages(folder: Path) -> Case:
     """What a Genie with a valid certificate says over its link."""
     codecs = {f"/{number}": codec for number, (codec, _) in enumerate(_payloads(1))}
     good = []
     for number, (codec, payload) in enumerate(_payloads(1)):
-        frame = wire.encode(
-            f"/{number}", RosMessage.of(payload, codec, "car1", codec.holds_objects)
-        )
-        end = 4 + int.from_bytes(frame[:4], "big")
-        good.append((frame, json.loads(frame[4:end]), frame[end:]))
+        message = RosMessage.of(payload, codec, "car1", codec.holds_objects)
+        good.append(wire.encode(f"/{number}", message))
 
     def case(rng: random.Random) -> None:
-        frame, said, payload = rng.choice(good)
+        text, payload = rng.choice(good)
         if rng.random() < 0.6:
-            said = changed({**said, "pose": [1.0, 2.0, 3.0, 4.0], "fov_rad": 1.4}, rng)
+            said = changed({**json.loads(text), "pose": [1.0, 2.0, 3.0, 4.0], "fov_rad": 1.4}, rng)
             text = json.dumps(rng.choice(VALUES) if rng.random() < 0.05 else said).encode()
-            frame = wire.LENGTH.pack(len(text)) + text + payload
-        if rng.random() < 0.5:
-            frame = broken(frame, rng)
-        wire.refusal_reason(frame)
-        wire.encode(*wire.decode(frame, codecs.get))
+        if rng.random() < 0.25:
+            text = broken(text, rng)
+        if rng.random() < 0.25:
+            payload = broken(payload, rng)
+        wire.encode(*wire.decode(text, payload, codecs.get))
 
     return case
 
@@ -298,20 +294,24 @@ def _gateway_side(ros: int, role: str) -> _Side:
 
 
 def keys(folder: Path) -> Case:
-    make_authority(folder)
-    whole = make_peer(folder, "car1", "car").read_bytes()
+    made = Keys(folder)("car1")
+    files = {path: path.read_bytes() for path in key_files(Path(made), "car1")}
 
-    def read(path: Path) -> None:
-        path.chmod(0o600)
-        Credentials(str(path))
+    def case(rng: random.Random) -> None:
+        path = rng.choice(list(files))
+        path.write_bytes(broken(files[path], rng))
+        try:
+            check_keys(Path(made), "car1")
+        finally:
+            path.write_bytes(files[path])
 
-    return one_file(folder / "broken.pem", whole, read)
+    return case
 
 
 TARGETS = (
     Target("bags", 60, bags),
     Target("messages", 120, messages, (UserError, ValueError)),
-    Target("link frames", 90, frames, (ValueError,)),
+    Target("link messages", 90, link_messages, (ValueError,)),
     Target("gateway sequences", 80, gateways, (UserError, ValueError)),
     Target("key files", 30, keys),
 )

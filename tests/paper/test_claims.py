@@ -11,7 +11,7 @@ import pytest
 
 from genie_sim.paper import table1, verdict_table
 from genie_sim.paper.checks import ALL, CHECKS, load_claims
-from genie_sim.paper.claims import VERDICTS, holds_under, judge, judge_one, verdict_of
+from genie_sim.paper.claims import VERDICTS, judge, judge_one, verdict_of
 from genie_sim.paper.evidence import (
     Claim,
     Evidence,
@@ -219,15 +219,6 @@ def test_what_was_not_run_is_not_testable():
     verdicts = {verdict.claim.id: verdict for verdict in judge(evidence(object_reuse__car=0.3))}
     assert verdicts["C31"].verdict == "not testable here"
     assert {verdict.verdict for verdict in verdicts.values()} <= set(VERDICTS)
-
-
-def test_other_readings_under_which_a_claim_would_hold_are_found():
-    readings = {
-        "too_much": evidence(object_reuse__car=0.6, object_reuse__edge=0.6),
-        "just_right": evidence(object_reuse__car=0.3, object_reuse__edge=0.32),
-    }
-    assert holds_under(CLAIMS["C11"], readings) == {"too_much": False, "just_right": True}
-    assert holds_under(CLAIMS["C30"], readings) == {}, "nobody tried"
 
 
 def test_table_1_has_two_misprints_both_divided_by_the_wrong_device():

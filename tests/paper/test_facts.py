@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.messages import Header
 from genie_sim.paper.definitions import Definitions
-from genie_sim.paper.facts import Fact, facts_of, of_baselines, placed
+from genie_sim.paper.facts import Fact, facts_of, placed
 from genie_sim.recording.open_frame import OpenFrame
 from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.recording.tables import Table
@@ -262,18 +262,3 @@ def test_what_did_not_happen_is_not_a_number():
 def test_a_run_of_genie_alone_has_no_facts_of_the_others():
     alone = facts_of(frames().where(method="genie"), lookups(), resources().where(method="genie"))
     assert not [one for one in alone if {"local", "remote"} & set(one)]
-
-
-def test_of_the_baselines_is_what_no_genie_had_a_part_in(found):
-    kept = of_baselines(found)
-    assert {
-        Fact("first_answer_mean", "local"),
-        Fact("accelerator_rate", "remote", component="edge1"),
-        Fact("image_to_objects_bytes", "remote"),
-    } <= set(kept)
-    assert not [
-        one
-        for one in kept
-        if one.method == "genie" or "improvement" in one.metric or "reuse" in one.metric
-    ]
-    assert all(kept[one] is found[one] for one in kept)

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.paper.evaluation_run import EvaluationRun
 from genie_sim.paper.facts import Fact, placed
+from genie_sim.paper.runs import EvaluationRun
 
 WINDOW = ("cars[0].route.window=[0 s, 3 s]", "cars[1].route.window=[0 s, 3 s]")
 

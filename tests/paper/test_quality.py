@@ -11,10 +11,10 @@ import pytest
 
 from genie_sim import files
 from genie_sim.analysis.metric import ZERO_DELAY
-from genie_sim.paper.evaluation_run import EvaluationRun
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.quality import JUDGED, UNITS, facts_of, summarise
+from genie_sim.paper.runs import EvaluationRun
 from genie_sim.perception.trace import read_trace
 from genie_sim.perception.truth import read_truth
 from genie_sim.recording.records import HELD
@@ -85,11 +85,11 @@ def test_the_summary_averages_over_scenarios_before_the_seeds():
     )
 
 
-def test_only_runs_that_are_to_be_judged_are():
+def test_only_runs_that_are_shown_are_judged():
     """The shipped trace has a truth table, so that nobody needs KITTI's labels."""
     settings = ("cars[0].route.window=[3 s, 4 s]",)
     plain, judged = (
-        EvaluationRun("1car_homo", 1, settings, judged=wanted).facts() for wanted in (False, True)
+        EvaluationRun("1car_homo", 1, settings, shown=wanted).facts() for wanted in (False, True)
     )
     assert not any("ghost" in fact.metric for fact in plain)
     assert judged.keys() - plain.keys() == {Fact(name, by) for name in UNITS for by in JUDGED}

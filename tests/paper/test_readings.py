@@ -14,7 +14,7 @@ from genie_sim.paper.checks import ALL
 from genie_sim.paper.definitions import CHOICES, USUAL, Definitions
 from genie_sim.paper.facts import highest_running_ratios, placed
 from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
-from genie_sim.paper.reproduce import _judged
+from genie_sim.paper.reproduce import judge_readings
 from genie_sim.paper.runs import Outcome
 from genie_sim.recording.columns import Columns, Text
 from tests.paper.notation import facts as facts_by_notation
@@ -168,13 +168,13 @@ def verdicts_of(name, usual, other=None):
     judged = {USUAL: usual} | ({} if other is None else {reading.definitions: other})
     run = Outcome({meant: facts_by_notation(values) for meant, values in judged.items()})
     groups = {("base", scenario): [run] * 10 for scenario in ALL}
-    return _judged([reading], [()], [groups], workers=1)[0]
+    return judge_readings([reading], [()], [groups], workers=1)[0]
 
 
 def rows(judged):
     plain = judged.plain or [None] * len(judged.verdicts)
     pairs = zip(judged.verdicts, plain, strict=True)
-    return [verdict_table.row(one, None, judged.reading.name, other) for one, other in pairs]
+    return [verdict_table.row(one, judged.reading.name, other) for one, other in pairs]
 
 
 REUSE = {"object_reuse__car": 0.31, "object_reuse__edge": 0.31}

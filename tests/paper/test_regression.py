@@ -15,8 +15,8 @@ from pathlib import Path
 
 from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.paper.checks import ALL, CASE
-from genie_sim.paper.evaluation_run import EvaluationRun
-from genie_sim.paper.reproduce import last_calibration
+from genie_sim.paper.reproduce import calibrated_settings
+from genie_sim.paper.runs import EvaluationRun
 from tests.paper.notation import fact
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -46,7 +46,7 @@ def small_version() -> dict[str, float]:
     """
     numbers = {}
     for scenario in (*ALL, CASE):
-        facts = EvaluationRun(scenario, 1, last_calibration()).facts()
+        facts = EvaluationRun(scenario, 1, calibrated_settings()).facts()
         for name in SMALL:
             if fact(name) in facts:
                 numbers[f"{scenario} {name}"] = float(f"{facts[fact(name)]:.9g}")

@@ -1,190 +1,84 @@
-"""The runs of an evaluation: one for each scenario and seed, whoever asks for it, in whatever
-words.
+"""The runs of an evaluation: what the words of its settings make of a scenario, and what comes
+out.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
+import genie_sim as gs
 from genie_sim.core.rules import GenieRules
 from genie_sim.errors import UserError
 from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.paper.evaluation_run import EVERY_METHOD, EvaluationRun, _read
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import load_reading
-from genie_sim.paper.reproduce import check
-from genie_sim.paper.runs import EvaluationRuns, Outcome, simulate
-from genie_sim.study.parts import Parts
+from genie_sim.paper.reproduce import calibrated_settings, check, declared_seeds, runs_of
+from genie_sim.paper.runs import EvaluationRun, simulate
+from genie_sim.scenario.scenario import load_scenario
+from genie_sim.sim import nodes
 
-BASE = ("overlap=0.35", "gate_m=0.25")
-
-
-PARTS = Parts(Path("nowhere"))
+BASE = calibrated_settings()
 OTHER = Definitions(boost="per_object")
 
 
-@pytest.fixture
-def simulated(monkeypatch):
-    """The jobs that were simulated, in a made-up world where a fact tells which job gave it."""
-    ran: list[EvaluationRun] = []
+def windows_s(*settings, scenario="3car_homo", seed=1):
+    cars = EvaluationRun(scenario, seed, settings).load().cars
+    return [tuple(t / 1e9 for t in car.route.window_ns) for car in cars]
 
-    def world(wanted, parts, workers, progress):
-        ran.extend(wanted)
-        progress(len(wanted), len(wanted), "")
-        return [
-            Outcome(
-                {
-                    definitions: {Fact("which", method): float(len(ran)) for method in run.methods}
-                    for definitions in run.definitions
-                }
-            )
-            for run in wanted
+
+def test_the_overlap_is_the_share_of_a_route_that_the_car_ahead_drives_too():
+    assert windows_s("overlap=0") == [(0.0, 5.2), (5.2, 10.4), (10.4, 15.6)]
+    assert len(set(windows_s("overlap=1"))) == 1
+    (_, first_end), (second_begin, _), _ = windows_s("overlap=0.4")
+    assert (first_end - second_begin) / 5.2 == pytest.approx(0.4)
+    assert windows_s("overlap=0.4", "order=reversed") == windows_s("overlap=0.4")[::-1]
+
+
+def test_one_car_and_three_see_the_same_street_over_the_seeds():
+    """Where a car drives on average: in the middle of the street, however many there are."""
+    for scenario in ("1car_homo", "2car_homo", "3car_homo"):
+        windows = [
+            window
+            for seed in declared_seeds()
+            for window in windows_s("overlap=0.1", scenario=scenario, seed=seed)
         ]
-
-    monkeypatch.setattr("genie_sim.paper.runs.simulate", world)
-    return ran
-
-
-@pytest.mark.parametrize(
-    ("scenario", "settings", "known"),
-    [
-        ("2car_homo", (*BASE, "gate_m=0.25"), True),
-        ("2car_homo", (*BASE, "genie.object_map.rate=0.1"), True),
-        ("2car_homo", (*BASE, "quadro=quadro_rtx_4000_q31"), True),
-        ("2car_hetero", (*BASE, "quadro=quadro_rtx_4000_q31"), False),
-        ("1car_homo", (*BASE, "overlap=0.8"), True),
-        ("2car_homo", (*BASE, "overlap=0.8"), False),
-        ("2car_homo", (*BASE, "genie.passes=2"), False),
-        ("2car_homo", (*BASE, "min_score=0.7"), False),
-        ("2car_homo", (*BASE, "links=ideal"), False),
-        ("2car_homo", (*BASE, "genie.object_map.threshold=range_60"), False),
-    ],
-)
-def test_settings_that_make_the_same_scenario_are_one_run(simulated, scenario, settings, known):
-    runs = EvaluationRuns(PARTS, 1)
-    (first,) = runs([EvaluationRun(scenario, 1, BASE)], "")
-    (second,) = runs([EvaluationRun(scenario, 1, settings)], "")
-    assert (len(simulated) == 1) == known == (second is first)
+        middles = [sum(window) / 2 for window in windows]
+        assert sum(middles) / len(middles) == pytest.approx(7.8, abs=0.6)
+        assert all(begin >= 0 and end <= 15.6 + 1e-6 for begin, end in windows)
 
 
-def test_a_threshold_by_its_word_is_the_run_of_its_number(simulated):
-    jobs = [
-        EvaluationRun("2car_homo", 1, (*BASE, f"genie.object_map.threshold={value}"))
-        for value in ("range_60", "0.72")
-    ]
-    assert jobs[0].setup_key == jobs[1].setup_key
-    by_word, by_number = (replace(job, judged=True).facts() for job in jobs)
-    assert repr(by_word) == repr(by_number)  # with NaN
-    assert by_word[Fact("handling_ms")] > 0
-    assert by_word[Fact("accelerator_rate", component="edge1")] > 0
-
-
-def test_every_seed_is_a_run_of_its_own(simulated):
-    assert (
-        len(
-            {
-                id(one)
-                for one in EvaluationRuns(PARTS, 1)(
-                    [EvaluationRun("2car_homo", seed, BASE) for seed in (1, 2, 1)], ""
-                )
-            }
-        )
-        == 2
-    )
-    assert [job.seed for job in simulated] == [1, 2]
-
-
-def test_a_job_that_wants_more_than_is_known_is_simulated_again_with_all_of_it(simulated):
-    runs = EvaluationRuns(PARTS, 1)
-    plain = EvaluationRun("2car_homo", 1, BASE, ("genie",))
-    runs([plain], "")
-    all_methods = replace(plain, methods=EVERY_METHOD, keep_tables=True)
-    runs([all_methods, replace(plain, judged=True), replace(plain, definitions=(OTHER,))], "")
-    assert simulated == [plain, replace(all_methods, judged=True, definitions=(USUAL, OTHER))]
-    runs([replace(plain, methods=("remote",), judged=True)], "")
-    assert len(simulated) == 2
-    other = replace(plain, seed=2)
-    for wanted in ({}, {"definitions": (OTHER,)}, {"keep_tables": True}, {"judged": True}):
-        runs([replace(other, **wanted)], "")
-    assert len(simulated) == 6
-
-
-def test_a_run_is_simulated_once_and_judged_under_each_of_its_definitions(tmp_path):
-    run = EvaluationRun(
-        "1car_homo", 1, BASE, ("genie",), keep_tables=True, definitions=(USUAL, OTHER)
-    )
-    (outcome,) = simulate([run], Parts(tmp_path), 1)
-    usual, other = (outcome.judged[definitions] for definitions in (USUAL, OTHER))
-    assert {fact: repr(value) for fact, value in usual.items()} == {
-        fact: repr(float(value)) for fact, value in run.facts().items()
-    }
-    different = {fact.metric for fact in usual if repr(usual[fact]) != repr(other[fact])}
-    assert different == {"confidence_boost"}
-    frames, _ = (outcome.table(name) for name in ("frames", "lookups"))
-    assert set(frames.where(method="genie")["frame"]) == set(frames["frame"])
-    assert len(list((tmp_path / "parts").iterdir())) == 1
-
-
-def test_a_run_that_is_in_the_folder_is_not_simulated_again(tmp_path, monkeypatch):
-    runs = [EvaluationRun("1car_homo", seed, BASE, ("genie",)) for seed in (1, 2)]
-    first = simulate(runs[:1], Parts(tmp_path), 1)
-    measured = []
-    measure = EvaluationRun.measure
-    monkeypatch.setattr(
-        EvaluationRun, "measure", lambda run, *a: measured.append(run.seed) or measure(run, *a)
-    )
-    again = simulate(runs, Parts(tmp_path), 1)
-    assert measured == [2]
-    assert repr(again[0].facts) == repr(first[0].facts)
-    assert len({run.run_id for run in (*runs, replace(runs[0], judged=True))}) == 3
-
-
-def test_genie_alone_has_the_baselines_of_its_world(simulated):
-    runs = EvaluationRuns(PARTS, 1)
-    runs([EvaluationRun("2car_homo", 1, BASE)], "")
-    same, other = (
-        EvaluationRun("2car_homo", 1, (*BASE, setting), ("genie",))
-        for setting in ("genie.passes=2", "links=ideal")
-    )
-    assert runs.has_baselines(same) and not runs.has_baselines(other)
-    assert runs([same, other], "")[0].facts == {
-        Fact("which", "local"): 1.0,
-        Fact("which", "remote"): 1.0,
-        Fact("which"): 3.0,
-    }
-    assert set(runs([other], "")[0].facts) == {Fact("which")}
-
-
-def test_progress_counts_what_is_known_too(simulated):
-    told = []
-    runs = EvaluationRuns(PARTS, 1, lambda done, of, what: told.append((done, of)))
-    jobs = [EvaluationRun("2car_homo", seed, BASE) for seed in (1, 2)]
-    runs(jobs, "")
-    runs(jobs, "")
-    assert told[-1] == (2, 2)
+def test_the_car_without_cameras_drives_behind():
+    (seeing, _), (blind, _) = windows_s("overlap=0.4", scenario="case_study")
+    assert blind < seeing
 
 
 def test_bench_plays_the_whole_bag_on_every_board_a_second_apart():
     settings = load_reading("bench").settings(BASE)
-    cars = EvaluationRun("3car_hetero", 1, settings).prepare().scenario.cars
-    assert [(car.route.window_ns, car.route.start_ns, car.route.laps) for car in cars] == [
+    scenario = EvaluationRun("3car_hetero", 1, settings).load()
+    assert [(car.route.window_ns, car.route.start_ns, car.route.laps) for car in scenario.cars] == [
         (None, index * 1_000_000_000, 2) for index in range(3)
     ]
-    genie = EvaluationRun("3car_hetero", 1, settings).prepare().scenario.genie
+    genie = scenario.genie
     assert (genie.similarity.name, genie.object_map.location_key) == ("exact", "exact")
     assert (genie.car_learns, genie.share_filter) == ("own", "all")
-    blind = EvaluationRun("case_study", 1, settings).prepare().scenario.genie
+    blind = EvaluationRun("case_study", 1, settings).load().genie
     assert blind.similarity.name == "pose_grid", "a car without cameras has only its position"
 
 
 def test_two_passes_changes_nothing_else():
     settings = [load_reading(name).settings(BASE) for name in ("default", "two_passes")]
-    base, other = (EvaluationRun("3car_hetero", 1, mine).prepare() for mine in settings)
-    assert (base.scenario.genie.passes, other.scenario.genie.passes) == (1, 2)
-    assert replace(base.scenario, genie=GenieRules()) == replace(other.scenario, genie=GenieRules())
+    base, other = (EvaluationRun("3car_hetero", 1, mine).load() for mine in settings)
+    assert (base.genie.passes, other.genie.passes) == (1, 2)
+    assert replace(base, genie=GenieRules()) == replace(other, genie=GenieRules())
+
+
+def test_a_link_is_cut_in_mid_run_and_only_there():
+    for (variant, _), (run, *_) in runs_of(BASE, [1]).items():
+        assert [entry.fault.name for entry in run.load().faults] == ["outage"] * (
+            variant == "cut_link"
+        )
 
 
 @pytest.mark.parametrize("setting", ["genie.passses=2", "links=idael", "fleet=3"])
@@ -197,18 +91,99 @@ def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(s
     assert "\n" not in str(told.value)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        (),
-        BASE,
-        (*BASE, "order=reversed"),
-        (*BASE, "same_bag_s=1", "laps=2"),
-        (*BASE, "cars[0].route.window=[1 s, 6 s]"),
-        ("overlap=1",),
-    ],
-)
-def test_what_is_read_once_for_all_seeds_is_what_each_seed_would_read(settings):
-    for seed in (1, 2, 9):
-        run = EvaluationRun("3car_hetero", seed, settings)
-        assert run.prepare().scenario == _read(run)
+def test_a_run_is_simulated_once_and_judged_under_each_of_its_definitions():
+    run = EvaluationRun("1car_homo", 1, BASE, ("genie",), definitions=(USUAL, OTHER))
+    outcome = run.simulate()
+    usual, other = (outcome.judged[definitions] for definitions in (USUAL, OTHER))
+    different = {fact.metric for fact in usual if repr(usual[fact]) != repr(other[fact])}
+    assert different == {"confidence_boost"}
+    assert not outcome.tables, "no figure shows it"
+
+
+def test_it_is_the_run_of_the_public_interface():
+    """Whoever writes the evaluation's settings down gets its numbers."""
+    run = EvaluationRun("1car_hetero", 3, BASE)
+    found, plain = run.facts(), gs.run(run.load())
+    metrics = plain.metrics.query("method == 'genie'").set_index(["metric", "placement"])["value"]
+    for metric, placement in (
+        ("first_answer_mean", "all"),
+        ("image_reuse", "car"),
+        ("object_reuse", "edge"),
+        ("confidence_boost", "edge"),
+    ):
+        assert found[Fact(metric, placement=placement)] == metrics[metric, placement], metric
+
+
+def test_the_number_of_processes_does_not_change_a_number():
+    runs = [
+        EvaluationRun(scenario, seed, BASE, ("genie",))
+        for scenario in ("1car_homo", "2car_hetero")
+        for seed in (1, 2)
+    ]
+    alone, together = ([repr(one.judged) for one in simulate(runs, n)] for n in (1, 2))
+    assert alone == together
+
+
+# What an observer sees of a run
+
+SHORT = load_scenario("1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])
+
+
+@pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics"])
+def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
+    attach_genie = nodes.attach
+
+    def attach(graph, name, *arguments, **options):
+        node = graph.node(name)
+        genie = attach_genie(graph, name, *arguments, **options)
+        if harm == "wraps a method":
+            node.publish = node.publish
+        elif harm == "changes its topics":
+            node.subscribes = tuple(f"{topic}-local" for topic in node.subscribes)
+        return genie
+
+    monkeypatch.setattr("genie_sim.sim.world.attach", attach)
+    found = EvaluationRun("1car_homo", 1, ("cars[0].route.window=[0 s, 0.3 s]",)).facts()
+    assert found[Fact("detector_untouched")] == (harm == "nothing")
+
+
+def test_a_genie_without_the_nodes_topics_ends_the_run(monkeypatch):
+    attach_genie = nodes.attach
+
+    def attach(graph, name, *arguments, **options):
+        topics = {topic: topic for of_node in graph.topics_of(name) for topic in of_node}
+        genie = attach_genie(graph, name, *arguments, **options)
+        graph.remap(name, topics)
+        return genie
+
+    monkeypatch.setattr("genie_sim.sim.world.attach", attach)
+    with pytest.raises(UserError, match="frames of car1 do not reach its detector"):
+        gs.run(SHORT)
+
+
+class Seen:
+    """Notes what it is told."""
+
+    def __init__(self):
+        self.told = []
+
+    def before(self, method, world):
+        self.told.append((method, "before"))
+
+    def after(self, method, world):
+        self.told.append((method, "after"))
+
+
+def test_an_observer_sees_each_methods_world_and_changes_nothing():
+    seen = Seen()
+    watched, alone = gs.run(SHORT, observer=seen), gs.run(SHORT)
+    assert seen.told == [
+        (method, when) for method in ("local", "remote", "genie") for when in ("before", "after")
+    ]
+    assert watched.metrics.equals(alone.metrics)
+
+
+@pytest.mark.parametrize("options", [{"workers": 2}, {"seeds": 2}, {"out": "results"}])
+def test_an_observer_is_for_one_run_in_memory(options):
+    with pytest.raises(gs.UserError, match="observer: is for one run in memory"):
+        gs.run(SHORT, observer=Seen(), **options)

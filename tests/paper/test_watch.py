@@ -77,7 +77,7 @@ def watched(*worlds, rules=RULES):
     watch = WorldObserver(rules)
     for method, one in worlds:
         watch.before(method, one)
-        watch.after(one)
+        watch.after(method, one)
     return by_text(watch.facts())
 
 

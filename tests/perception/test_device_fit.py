@@ -7,8 +7,6 @@ from statistics import NormalDist
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from genie_sim import device_fit
 from genie_sim.build import detector_time
@@ -134,31 +132,12 @@ def test_latencies_measured_elsewhere_become_a_profile(run_cli, tmp_path):
     assert time.median_ns == pytest.approx(81.7e6, rel=0.03)
 
 
-def test_the_measured_distribution_can_be_kept(tmp_path):
-    measured = device_fit.Measurement("yolo", np.repeat([10e6, 30e6], 100), "made up")
-    path = tmp_path / "two_humps.yaml"
-    device = device_fit.write(path, measured, device_fit.fit(measured.latencies_ns), empirical=True)
-    assert load_profile(path) == device
-    law = detector_time(device, "yolo")
-    rng = np.random.default_rng(3)
-    samples = np.array([law.sample(rng) for _ in range(2000)])
-    assert np.mean(samples < 10.1e6) == pytest.approx(0.5, abs=0.05)
-    assert np.mean(samples > 29.9e6) == pytest.approx(0.5, abs=0.05)
-    assert law.mean_ns == pytest.approx(samples.mean(), rel=0.02)
-
-
 @pytest.mark.parametrize(("processors", "cores"), [(6, 6), (None, 1)])
 def test_a_profile_has_the_machines_processors(tmp_path, monkeypatch, processors, cores):
     monkeypatch.setattr(device_fit.os, "cpu_count", lambda: processors)
     measured = device_fit.Measurement("yolo", np.repeat([10e6, 30e6], 100), "made up")
     device = device_fit.write(tmp_path / "a.yaml", measured, device_fit.fit(measured.latencies_ns))
     assert device.cores.value == cores
-
-
-@given(st.lists(st.integers(1, 10**9), min_size=2, max_size=30).map(sorted), st.integers(0, 2**32))
-def test_an_empirical_time_is_never_outside_what_was_measured(quantiles, seed):
-    law = ServiceTime(1_000_000, 0.5, 0.5, tuple(quantiles))
-    assert quantiles[0] <= law.sample(np.random.default_rng(seed)) <= quantiles[-1]
 
 
 @pytest.mark.parametrize(

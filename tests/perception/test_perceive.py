@@ -3,7 +3,6 @@ KITTI's labels.
 """
 
 import os
-import re
 from pathlib import Path
 
 import cv2
@@ -20,7 +19,6 @@ from genie_sim.perception.perceive import DriveFrames, perceive
 from genie_sim.perception.placement import HALF_DEPTH_M
 from genie_sim.perception.sources import encoded_beside
 from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.perception.tuning import simplest, thread_counts
 from tests.kitti_folder import (
     DATE,
     FIRST_STAMP_S,
@@ -184,42 +182,6 @@ def test_threads_and_batches_make_the_same_trace(street):
         "threads": 2,
         "batch": 4,
     }
-
-
-def test_what_is_fastest_is_found_out_and_told(street, monkeypatch):
-    """Whatever is chosen here, the trace is the same."""
-    root, weights = street
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
-    said = []
-    made = perceived(root, weights, threads=None, batch=None, report=said.append)
-    assert made.frames == perceived(root, weights).frames
-    assert re.match(
-        r"auto: --threads [12] --batch [124], .*1 x 1: \d+, 2 x 1: \d+, 1 x 2: .* 2 x 4: \d+$",
-        *said,
-    )
-    perceived(root, weights, threads=2, batch=None, report=said.append)
-    assert "--threads 2" in said[1]
-    assert " 1 x" not in said[1]
-
-
-@pytest.mark.parametrize(
-    ("rates_fps", "chosen"),
-    [
-        ({(1, 1): 96, (2, 1): 100, (1, 4): 99}, (1, 1)),
-        ({(1, 1): 90, (2, 1): 100, (1, 2): 101}, (2, 1)),
-        ({(1, 1): 50, (1, 2): 80, (2, 4): 100}, (2, 4)),
-    ],
-)
-def test_of_settings_that_are_nearly_as_fast_the_simplest_is_taken(rates_fps, chosen):
-    assert simplest(rates_fps) == chosen
-
-
-@pytest.mark.parametrize(
-    ("processors", "counts"),
-    [(1, [1]), (2, [1, 2]), (6, [1, 2, 4, 6]), (64, [1, 2, 4, 8, 16, 32, 64])],
-)
-def test_thread_counts_that_are_tried(processors, counts):
-    assert thread_counts(processors) == counts
 
 
 def test_published_detections_have_no_threads(street):

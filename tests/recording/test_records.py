@@ -4,6 +4,7 @@ memory.
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -30,7 +31,7 @@ from genie_sim.recording.records import (
     FrameRow,
 )
 from genie_sim.recording.results import Metric
-from genie_sim.recording.tables import Table
+from genie_sim.recording.tables import Column, Schema, Table
 
 MS = 1_000_000
 
@@ -306,6 +307,61 @@ def test_a_column_that_is_never_empty_refuses_none():
         table.append(OpenFrame("genie", Header(0, "camera_02", "car1")).update(column).values())
         with pytest.raises(TypeError, match="is never empty"):
             table.to_frame()
+
+
+ONE_OF_EACH = Schema(
+    "one",
+    "a row",
+    tuple(
+        Column(kind + "?" * nullable, kind, "", "", nullable)
+        for kind in ("int64", "int32", "float64", "bool", "text")
+        for nullable in (False, True)
+    ),
+)
+
+
+def test_every_kind_of_column_keeps_its_values():
+    rows = [
+        (2**63 - 1, None, -(2**31), 3, math.inf, None, True, None, "a", None),
+        (-(2**63) + 1, 5, 2**31 - 1, None, 1e-300, 2, False, True, "", "a"),
+    ]
+    table = Table(ONE_OF_EACH)
+    for row in rows:
+        table.append(row)
+    frame = table.to_frame()
+    for name, *expected in zip(frame.columns, *rows, strict=True):
+        values = frame[name].astype(object)
+        assert [None if pd.isna(value) else value for value in values] == expected, name
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("int64", "text"),
+        ("int64", 1.5),
+        ("int64", 2**63),
+        ("int64?", 1.5),
+        ("int32", 2**31),
+        ("int32?", -(2**31) - 1),
+        ("float64", "text"),
+        ("float64?", 10**400),
+        ("bool", 200),
+        ("text", [1]),
+        ("text?", [1]),
+    ],
+)
+def test_what_a_column_cannot_hold_is_refused(column, value):
+    row = dict(
+        zip(
+            [one.name for one in ONE_OF_EACH.columns],
+            (1, 1, 1, 1, 1.0, 1.0, True, True, "a", "a"),
+            strict=True,
+        )
+    )
+    table = Table(ONE_OF_EACH)
+    table.append(tuple((row | {column: value}).values()))
+    with pytest.raises(TypeError):
+        table.to_frame()
 
 
 def test_a_table_of_an_older_genie_sim_is_named_with_what_to_do(tmp_path, monkeypatch):

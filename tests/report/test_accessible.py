@@ -12,12 +12,9 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim.cli import main
 from genie_sim.paper import page as evaluation
-from genie_sim.scenario.yaml_input import dump
 from tests.browser import Browser
 from tests.report.test_sweep_page import swept
-from tests.tuning.test_page import TWO
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 AXE = resources.files("axe_core_python").joinpath("axe.min.js")
@@ -61,11 +58,6 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
         short = {"cars[0].route.window": ["0 s", "1 s"]}
         seeds = gs.run("1car_homo", short, seeds=2, jobs=1, out=folder)
         return Path(str(seeds.folder)) / "report.html"
-    if what == "search":
-        (folder / "two.yaml").write_text(dump(TWO))
-        searched = ["search", str(folder / "two.yaml"), "--out", str(folder), "--jobs", "1"]
-        assert main(searched) == 0
-        return folder / "two" / "report.html"
     if what == "comparison":
         return gs.compare(run).report(folder)
     few = Path(shutil.copytree(PAPER, folder / "evaluation"))
@@ -80,9 +72,7 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
     return folder / "report.html"
 
 
-@pytest.mark.parametrize(
-    "what", ["run", "seeds", "fleet", "sweep", "search", "comparison", "evaluation"]
-)
+@pytest.mark.parametrize("what", ["run", "seeds", "fleet", "sweep", "comparison", "evaluation"])
 def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
     page = page_of(what, run, tmp_path)
     # in the dark, only colours are others

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -20,7 +21,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.ros.certificates import make_authority, make_peer
+from tests.run_page import blocks, shell
 
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parent.parent
@@ -58,69 +59,38 @@ def free_port() -> int:
 
 
 class Keys:
-    """Key files of ``genie-sim keys`` in a folder: ``keys("car1", "car")``, made when they are
-    asked for.
+    """Folders of keys, made by the commands of ``docs/how-to/keys.md``: ``keys("car1")`` is the
+    folder of an authority that has issued a certificate to ``car1``, among others.
     """
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        make_authority(folder / "ours")
-        make_authority(folder / "others")
-
-    def __call__(self, name: str, role: str, which: str = "first") -> str:
-        """The path of a key file; ``which`` tells several of one name apart."""
-        path = self._folder / f"{name}-{role}-{which}.pem"
-        if not path.exists():
-            make_peer(self._folder / "ours", name, role).rename(path)
-        return str(path)
-
-    def other(self, name: str, role: str) -> str:
-        """A key file of another authority."""
-        path = self._folder / "others" / f"{name}.pem"
-        return str(path if path.exists() else make_peer(path.parent, name, role))
-
-    def certificate(self, pem: str, names: str, days: int) -> str:
-        """Another certificate of our authority for the key of ``pem``, with ``names`` and so many
-        days to go.
-        """
-        request, made = (
-            self._folder / "request",
-            self._folder / f"certificate{len(list(self._folder.iterdir()))}",
+        page = (REPOSITORY / "docs" / "how-to" / "keys.md").read_text(encoding="utf-8")
+        self._authority, self._genie = (
+            block.text for block in blocks(page) if block.language == "bash" and not block.not_run
         )
-        with_names = ["-addext", f"subjectAltName={names}"] if names else []
-        new = [
-            "openssl",
-            "req",
-            "-new",
-            "-key",
-            pem,
-            "-subj",
-            "/CN=x",
-            *with_names,
-            "-out",
-            request,
-        ]
-        authority = self._folder / "ours" / "authority.pem"
-        sign = [
-            "openssl",
-            "x509",
-            "-req",
-            "-in",
-            request,
-            "-CA",
-            authority,
-            "-CAkey",
-            authority,
-            "-days",
-            str(days),
-        ]
-        for command in (new, [*sign, "-copy_extensions", "copy", "-out", made]):
-            subprocess.run(command, check=True, capture_output=True)
-        return str(made)
+        self._folder = folder
+
+    def __call__(self, name: str, authority: str = "ours", days: int = 365) -> str:
+        """The folder of an authority, after it has issued a certificate to ``name``."""
+        folder = self._folder / authority
+        if not folder.exists():
+            folder.mkdir()
+            self.run(self._authority, folder)
+        if not (folder / "keys" / f"{name}.pem").exists():
+            commands = self._genie.replace("edge1 car1", name)
+            self.run(commands.replace("-days 365", f"-days {days}"), folder)
+        return str(folder / "keys")
+
+    def run(self, commands: str, folder: Path) -> None:
+        """Runs commands of a shell in a folder."""
+        status, printed = shell(f"cd {folder}\n{commands}")
+        assert status == 0, printed
 
 
 @pytest.fixture(scope="session")
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Keys:
+    if shutil.which("openssl") is None:
+        pytest.skip("needs openssl, which makes keys")
     return Keys(tmp_path_factory.mktemp("keys"))
 
 

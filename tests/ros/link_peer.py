@@ -10,9 +10,9 @@ import logging
 import sys
 import time
 
-from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.links import Links
 from genie_sim.ros.plan import AttachPlan
-from tests.ros.test_link import CODECS, image
+from tests.ros.test_links import CODECS, image
 
 logging.basicConfig(level=logging.INFO, format="%(message)s")
 
@@ -24,7 +24,7 @@ def say(*words: object) -> None:
 
 
 def main() -> None:
-    links = TlsLinks(AttachPlan.from_json(sys.argv[1]), CODECS.get)
+    links = Links(AttachPlan.from_json(sys.argv[1]), CODECS.get)
     links.start(lambda peer, topic, message: say("got", message.header.stamp_ns // 10**9))
     pause_s = 1 / float(sys.argv[2]) if len(sys.argv) > 2 else 0.0
     say("ready")

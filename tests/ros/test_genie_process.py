@@ -11,7 +11,7 @@ import pytest
 from genie_sim.errors import UserError
 from genie_sim.ros import genie_process
 from genie_sim.ros.codec import IMAGE, WireType, codec_of
-from genie_sim.ros.genie_process import GenieProcess
+from genie_sim.ros.genie_process import GenieProcess, OneLine
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import AttachPlan
 from genie_sim.ros.typestore import message, time, typestore
@@ -159,3 +159,9 @@ def test_a_stamp_that_no_message_can_hold_is_a_value_error():
         with pytest.raises(ValueError, match="does not fit into a message"):
             codec.restamped(header, stamp_ns, "x")
     assert codec.restamped(header, 2**32 * 10**9 - 1, "x")
+
+
+def test_a_line_of_the_log_is_one_line_whatever_it_quotes():
+    quoted = "a\nlink: edge1 is connected\x1b[2J\u2028"
+    record = logging.LogRecord("x", logging.WARNING, "", 0, "dropped: %s", (quoted,), None)
+    assert OneLine().format(record) == "dropped: a\\nlink: edge1 is connected\\x1b[2J\\u2028"

@@ -49,7 +49,6 @@ def plan(name: str, role: str, **settings: object) -> AttachPlan:
         pose_topic="/pose",
         horizontal_fov_rad=1.4,
         connect=("edge1@there:1",) if role == "car" else (),
-        key_file="key.pem",
     )
 
 

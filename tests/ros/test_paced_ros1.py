@@ -52,17 +52,15 @@ class Cars:
             edge.start_node(DETECTOR, "detector.py")
             self.attach_edge(name)
         peers = [f"{name}@{address}" for name, address in self._addresses.items()]
-        key_file = keys("car1", "car")
-        self.car.attach(name="car1", connect=peers, key_file=key_file, **self._paced)
+        self.car.attach(name="car1", connect=peers, keys=keys("car1"), **self._paced)
         for name in edges:
             until(lambda name=name: self.times_connected(name) == 1, f"the link to {name} is up")
 
     def attach_edge(self, name: str) -> None:
-        key_file = self._keys(name, "edge")
-        at = {"role": "edge", "name": name, "listen": self._addresses[name]}
+        at = {"role": "edge", "name": name, "listen": self._addresses[name], "cars": ["car1"]}
         edge = self.edges[name]
         until(lambda: edge.pid_of(DETECTOR), f"the detector of {name} runs")
-        self.attached[name] = edge.attach(**at, key_file=key_file, **self._paced)
+        self.attached[name] = edge.attach(**at, keys=self._keys(name), **self._paced)
 
     def times_connected(self, name: str) -> int:
         return self.car.log_of_genie().count(f"edge {name} is connected")

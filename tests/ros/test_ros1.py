@@ -156,7 +156,7 @@ def test_what_cannot_be_attached_to_is_refused_and_left_alone(master: Master):
     assert "genie.eviction: unknown eviction 'lruu'" in master.try_attach(
         settings={"eviction": "lruu"}
     )
-    assert "needs a key file" in master.try_attach(connect=["127.0.0.1:1"])
+    assert "needs a folder of keys" in master.try_attach(connect=["edge1@127.0.0.1:1"])
     assert "unknown topic '/image'" in master.try_attach(requests=["/image"])
     assert master.pid_of(DETECTOR) == detector.pid
     master.attach()

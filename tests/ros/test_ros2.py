@@ -224,12 +224,10 @@ def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], D
     """The car's detector takes a second, the edge's 50 ms; only the link joins their domains."""
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
-    edge_key, car_key = keys("edge1", "edge"), keys("car1", "car")
-    edge.attach(
-        edge.start_detector().pid, role="edge", name="edge1", listen=address, key_file=edge_key
-    )
+    at = {"role": "edge", "name": "edge1", "listen": address, "cars": ["car1"]}
+    edge.attach(edge.start_detector().pid, **at, keys=keys("edge1"))
     detector = car.start_detector(seconds=1.0)
-    car.attach(detector.pid, name="car1", connect=[f"edge1@{address}"], key_file=car_key)
+    car.attach(detector.pid, name="car1", connect=[f"edge1@{address}"], keys=keys("car1"))
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
     answers = car.play("1,2,1", pause_s=1.3, listen_s=0.8)
     assert car.lookups() == [("car1", "miss"), ("car1", "miss"), ("car1", "hit")]
@@ -257,8 +255,8 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
     def attach(edge: Domain) -> subprocess.Popen[str]:
         pid = until(edge.pid_of_detector, "the detector runs")
         name = edge.folder.name
-        at = {"role": "edge", "name": name, "listen": addresses[name]}
-        return edge.attach(pid, **at, key_file=keys(name, "edge"), **paced)
+        at = {"role": "edge", "name": name, "listen": addresses[name], "cars": ["car1"]}
+        return edge.attach(pid, **at, keys=keys(name), **paced)
 
     def looks_again(what: str) -> None:
         before = len(car.looks("edge", "answered"))
@@ -270,7 +268,7 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
         attached.append(attach(edge))
     detector = car.start_detector(0.4, DETECTOR_FRAME="map")
     peers = [f"{name}@{address}" for name, address in addresses.items()]
-    car.attach(detector.pid, name="car1", connect=peers, key_file=keys("car1", "car"), **paced)
+    car.attach(detector.pid, name="car1", connect=peers, keys=keys("car1"), **paced)
     for name in addresses:
         until(lambda name=name: f"edge {name} is connected" in car.log_of_genie(), "a link is up")
     time.sleep(6)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import pytest
 
 from genie_sim.ros.codec import WireType, codec_of
-from genie_sim.ros.link import TlsLinks
+from genie_sim.ros.links import Links
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import AttachPlan
 from tests.ros.conftest import DETECTOR, Keys, Master, free_port, until
@@ -40,8 +40,8 @@ def test_the_edge_answers_what_the_car_is_slow_to_see(
     car.start_node(DETECTOR, "detector.py", "_seconds:=1.0")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
-    car.attach(name="car1", connect=[f"edge1@{address}"], key_file=keys("car1", "car"))
+    edge.attach(role="edge", name="edge1", listen=address, cars=["car1"], keys=keys("edge1"))
+    car.attach(name="car1", connect=[f"edge1@{address}"], keys=keys("car1"))
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
 
     answers = car.play("1,2,1,2", pause_s=1.3, listen_s=0.8)
@@ -60,7 +60,7 @@ def test_the_edge_answers_what_the_car_is_slow_to_see(
     assert [outcome for _, outcome, _ in lookups(car)[4:]] == ["miss", "hit"]
     assert alone[0]["after_s"] > 1.0, "its own detector"
 
-    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
+    edge.attach(role="edge", name="edge1", listen=address, cars=["car1"], keys=keys("edge1"))
     until(
         lambda: car.log_of_genie().count("edge edge1 is connected") == 2,
         "the car has found its edge again",
@@ -76,10 +76,8 @@ def test_what_one_edge_has_seen_is_a_hit_at_the_other(
     for edge in (first, second):
         edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    first.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
-    second.attach(
-        role="edge", name="edge2", connect=[f"edge1@{address}"], key_file=keys("edge2", "edge")
-    )
+    first.attach(role="edge", name="edge1", listen=address, edges=["edge2"], keys=keys("edge1"))
+    second.attach(role="edge", name="edge2", connect=[f"edge1@{address}"], keys=keys("edge2"))
     until(lambda: "edge edge1 is connected" in second.log_of_genie(), "the link is up")
     first.play("1,2")
     answers = second.play("1")
@@ -95,23 +93,24 @@ def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys)
     edge = new_master("edge1")
     edge.start_node(DETECTOR, "detector.py")
     address = f"127.0.0.1:{free_port()}"
-    edge.attach(role="edge", name="edge1", listen=address, key_file=keys("edge1", "edge"))
+    cars, keys_of_edge = ["car1", "car2"], keys("edge1")
+    edge.attach(role="edge", name="edge1", listen=address, cars=cars, keys=keys_of_edge)
     image_type, objects = (
         WireType("sensor_msgs/Image", IMAGE_MD5),
         "/detection/image_detector/objects_remote",
     )
 
-    def say(name: str, role: str, *, key: str, topic: str, origin: str) -> None:
+    def say(name: str, *, topic: str, origin: str, authority: str = "ours") -> None:
         plan = AttachPlan(
             node="/n",
             name=name,
-            role=role,
+            role="car",
             requests=(),
             answers=(),
             connect=(f"edge1@{address}",),
-            key_file=key,
+            keys=keys(name, authority),
         )
-        links = TlsLinks(plan, {}.get)
+        links = Links(plan, {}.get)
         links.start(lambda *_: None)
         time.sleep(1.0)
         image = struct.pack("<IIII", 0, 1, 0, 6) + b"camera" + bytes(100)
@@ -121,16 +120,15 @@ def test_nobody_poisons_the_map(new_master: Callable[[str], Master], keys: Keys)
         time.sleep(0.5)
         links.close()
 
-    images, key = "/image_raw_remote", keys("car2", "car")
-    unknown_car, unknown_edge = keys.other("mallory", "car"), keys.other("mallory2", "edge")
-    say("mallory", "car", key=unknown_car, topic=images, origin="mallory")
-    say("mallory2", "edge", key=unknown_edge, topic=objects, origin="car1")
-    say("car2", "car", key=key, topic=images, origin="car1")  # is car2, and not car1
-    say("car2", "car", key=key, topic=objects, origin="car2")  # images are no objects
+    images = "/image_raw_remote"
+    say("car1", topic=images, origin="car1", authority="others")
+    say("mallory", topic=images, origin="mallory")
+    say("car2", topic=images, origin="car1")  # is car2, and not car1
+    say("car2", topic=objects, origin="car2")  # images are no objects
     assert not (edge.folder / "record.jsonl").read_text()
-    assert "refused 127.0.0.1" in edge.log_of_genie()
+    assert edge.log_of_genie().count("mallory at tls/127.0.0.1") == 1
     assert edge.log_of_genie().count("car car2 may not send") == 1
     assert edge.log_of_genie().count("a type that is not the one here") == 1
 
-    say("car2", "car", key=key, topic=images, origin="car2")
+    say("car2", topic=images, origin="car2")
     assert lookups(edge) == [("car2", "miss", "client")], "an honest car is heard"

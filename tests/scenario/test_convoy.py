@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.errors import UserError
-from genie_sim.paper.evaluation_run import EvaluationRun
+from genie_sim.paper.runs import EvaluationRun
 from genie_sim.scenario.scenario import read_scenario
 from genie_sim.units import NS_PER_S
 
@@ -89,15 +89,15 @@ def test_a_mistake_in_a_convoy_is_told_in_one_line(data, said):
     ],
 )
 def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
-    made = EvaluationRun("3car_hetero", 1, (f"server={server}",)).prepare().scenario
+    made = EvaluationRun("3car_hetero", 1, (f"server={server}",)).load()
     assert ([edge.device for edge in made.edges], [car.edge for car in made.cars]) == (
         devices,
         edges,
     )
-    alike = EvaluationRun("3car_homo", 1, (f"server={server}",)).prepare().scenario
+    alike = EvaluationRun("3car_homo", 1, (f"server={server}",)).load()
     assert [edge.device for edge in alike.edges] == [XAVIER] * 3
     with pytest.raises(UserError, match="unknown server 'al'"):
-        EvaluationRun("3car_homo", 1, ("server=al",)).prepare()
+        EvaluationRun("3car_homo", 1, ("server=al",)).load()
 
 
 def test_cars_of_a_convoy_start_one_after_another():

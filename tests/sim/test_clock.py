@@ -1,18 +1,21 @@
-"""The clock of a run is SimPy's environment: what happens at one instant happens in SimPy's
-order.
+"""The clock of a run is SimPy's environment, in whole nanoseconds; devices take from queues that
+keep the newest.
 """
 
 from __future__ import annotations
 
 import gc
+import math
 import random
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
 import simpy
 
+from genie_sim.errors import UserError
 from genie_sim.runner import prepare, simulate
-from genie_sim.sim.clock import Clock
+from genie_sim.sim.clock import Clock, Newest
 from tests.conformance import small
 
 
@@ -73,6 +76,132 @@ def test_a_failure_that_nobody_handles_ends_the_run_and_time_never_runs_backward
         env.run(until=3)
     with pytest.raises(ValueError):
         env.run(until=0)
+
+
+@pytest.mark.parametrize("delay", [-1, -1.0, 1.7, 0.4, math.inf, math.nan, "3 ms", None])
+def test_a_delay_is_a_whole_number_of_nanoseconds(delay: Any):
+    env = Clock()
+    with pytest.raises((ValueError, TypeError)):
+        env.timeout(delay)
+    with pytest.raises((ValueError, TypeError)):
+        env.after(delay, list)
+    env.run()
+    assert env.now == 0
+
+
+@pytest.mark.parametrize("delay", [3, 3.0, np.int64(3), np.float64(3.0)])
+def test_numbers_of_other_types_are_taken_where_they_are_whole(delay: Any):
+    env = Clock()
+    env.run(env.timeout(delay))
+    assert env.now == 3 and type(env.now) is int
+
+
+def test_the_exception_of_a_process_is_raised_as_it_is():
+    class Broken(Exception):
+        def __init__(self, *, part: str) -> None:
+            super().__init__(f"{part} is broken")
+
+    env, broken = Clock(), Broken(part="it")
+
+    def fails():
+        yield env.timeout(1)
+        raise broken
+
+    env.process(fails())
+    with pytest.raises(Broken) as raised:
+        env.run(until=3)
+    assert raised.value is broken
+
+
+def test_a_process_that_waits_for_another_may_handle_what_that_raises():
+    env, noted = Clock(), []
+
+    def fails():
+        yield env.timeout(1)
+        raise KeyError("it")
+
+    def waits():
+        try:
+            yield env.process(fails())
+        except KeyError:
+            noted.append(env.now)
+
+    env.process(waits())
+    env.run(until=3)
+    assert noted == [1]
+
+
+def test_what_is_no_event_is_named():
+    env = Clock()
+
+    def wrong():
+        yield 3
+
+    env.process(wrong())
+    with pytest.raises(UserError, match="wrong: a process yields the event that it waits for"):
+        env.run(until=3)
+
+
+def test_clearing_ends_every_process_and_runs_its_finally():
+    env, ended = Clock(), []
+
+    def waits(event):
+        try:
+            yield event
+        finally:
+            ended.append(event)
+
+    events = [env.event(), env.timeout(5), env.timeout(6) | env.event()]
+    for event in events:
+        env.process(waits(event))
+    env.run(until=3)
+    env.clear()
+    assert ended == events and env.peek() == math.inf
+
+
+class Item(NamedTuple):
+    flow: str
+    number: int
+
+
+def test_a_queue_keeps_the_newest_of_each_flow_and_gives_the_oldest():
+    env, taken = Clock(), []
+    queue = Newest[Item](env, 2)
+    pushed_out = [
+        queue.put(Item(flow, number)) for number, flow in enumerate(["a", "b", "a", "a", "b", "a"])
+    ]
+    assert pushed_out == [None, None, None, Item("a", 0), None, Item("a", 2)]
+    assert queue.in_the_way("a") == Item("a", 3) and queue.in_the_way("c") is None
+
+    def takes():
+        while True:
+            taken.append((yield queue.get()))
+
+    env.process(takes())
+    env.run(until=1)
+    assert [item.number for item in taken] == [1, 3, 4, 5] and not len(queue)
+    queue.put(Item("a", 6))
+    assert not len(queue), "the process that waits takes it"
+    env.run(until=2)
+    assert taken[-1] == Item("a", 6)
+
+
+def test_takers_of_a_queue_take_turns():
+    env, taken = Clock(), []
+    queue = Newest[Item](env, 5)
+
+    def takes(name: str):
+        while True:
+            item = yield queue.get()
+            yield env.timeout(10)
+            taken.append((name, item.number, env.now))
+
+    for name in ("first", "second"):
+        env.process(takes(name))
+    for number in range(3):
+        env.after(number, queue.put, (Item("a", number),))
+    env.run(until=100)
+    assert taken == [("first", 0, 10), ("second", 1, 11), ("first", 2, 20)]
 
 
 def test_a_run_leaves_nothing_to_pythons_collector():

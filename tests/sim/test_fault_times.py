@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.fault import TimedFault, start
+from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.fault_process import run
 
 MS = 1_000_000
 BEGIN_NS = 700 * MS
@@ -35,7 +36,8 @@ def course(until_ns: int, seed: int = 1, **times: int) -> Noted:
     """A fault with these ``times``, after ``until_ns`` of a run whose last frame is taken then."""
     clock, fault = Clock(), Noted()
     network = SimpleNamespace(clock=clock, stream=lambda *names: np.random.default_rng(seed))
-    start(TimedFault(fault=fault, name="fault 0", **times), network, last_frame_ns=until_ns)
+    timed = TimedFault(fault=fault, name="fault 0", **times)
+    clock.process(run(timed, network, last_frame_ns=until_ns))
     clock.run(until=10 * until_ns)
     return fault
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +10,7 @@ from sim.street import build, drive, scenario
 from genie_sim.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim import topology
+from genie_sim.sim.settings import Edge
 
 NAMES = ("edge1", "edge2", "edge3")
 
@@ -64,6 +64,47 @@ def test_an_edge_that_leaves_another_out_is_not_asked_by_it_either():
     }
 
 
+def edges(*places: tuple[float, float] | None, **named: list[str]) -> list[Edge]:
+    """Edges ``e0``, ``e1``, ... at these places."""
+    return [
+        Edge(f"e{number}", "agx_xavier", neighbours=named.get(f"e{number}"), at_m=place)
+        for number, place in enumerate(places)
+    ]
+
+
+def test_up_to_six_edges_all_share_and_of_more_each_with_the_four_nearest():
+    six, twelve = (topology.neighbours(edges(*[None] * number)) for number in (6, 12))
+    assert all(len(others) == 5 for others in six.values())
+    assert twelve["e5"] == ["e3", "e4", "e6", "e7"]
+    assert twelve["e0"] == ["e1", "e2", "e3", "e4"], "in the order of the scenario"
+    assert twelve["e4"] == ["e0", "e1", "e2", "e3", "e5", "e6"], "both share"
+
+
+def test_the_nearest_edges_are_those_on_the_ground_and_both_share():
+    line = edges((0, 0), (1000, 0), (10, 0), (990, 0), (20, 0), (980, 0))
+    near = topology.neighbours(line, 1)
+    assert near == {
+        "e0": ["e2"],
+        "e1": ["e3"],
+        "e2": ["e0", "e4"],
+        "e3": ["e1", "e5"],
+        "e4": ["e2"],
+        "e5": ["e3"],
+    }
+    assert all(name in near[other] for name, others in near.items() for other in others)
+
+
+def test_named_neighbours_stay_however_far_they_are():
+    line = edges(*[(100.0 * number, 0) for number in range(9)], e0=["e8"])
+    near = topology.neighbours(line, 1)
+    assert near["e0"] == ["e8"] and near["e8"] == ["e0", "e7"] and "e0" not in near["e1"]
+
+
+def test_an_edge_that_names_none_shares_with_nobody():
+    near = topology.neighbours(edges(*[None] * 9, e4=[]), 2)
+    assert near["e4"] == [] and "e4" not in near["e3"] and near["e3"]
+
+
 def test_naming_all_others_is_the_same_as_naming_none():
     named = three(**{name: [other for other in reversed(NAMES) if other != name] for name in NAMES})
     for table, rows in drive(named).items():
@@ -97,7 +138,7 @@ def test_neighbours_that_cannot_be_are_told_in_one_line(
 
 def test_an_edge_without_a_list_is_no_neighbour_of_who_leaves_it_out():
     lists = {"edge1": None, "edge2": ("edge3",), "edge3": None}
-    edges: list[Any] = [SimpleNamespace(name=name, neighbours=lists[name]) for name in lists]
+    edges = [Edge(name, "agx_xavier", neighbours=lists[name]) for name in lists]
     assert topology.neighbours(edges) == {
         "edge1": ["edge3"],
         "edge2": ["edge3"],

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -44,8 +42,8 @@ class Clerk(Node):
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
-    def work(self, message, done: Callable[..., None], arguments) -> None:
-        self.clock.after(WORK_NS, done, arguments)
+    def work(self, message):
+        yield self.clock.timeout(WORK_NS)
 
     def handle(self, topic: str, message, sender: str) -> None:
         self.done.append((self.clock.now, message.header.stamp_ns, topic))
@@ -88,7 +86,9 @@ def link(clock: Clock, name: str, up: bool = True) -> Link:
 def clerk(
     name: str = "clerk", topics: tuple[str, ...] = ("/notes",), threads: int = 1, **settings
 ) -> Clerk:
-    return Clerk(name, office(**settings), topics, (), threads=threads)
+    node = Clerk(name, office(**settings), topics, (), threads=threads)
+    node.clock.run(node.clock.timeout(0))  # its threads wait for messages
+    return node
 
 
 # Queues

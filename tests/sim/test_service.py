@@ -20,13 +20,6 @@ def test_the_shifted_log_normal_law():
     assert ServiceTime(1, 0.0, 1.0).at(-9.0) == 1, "at least a nanosecond"
 
 
-def test_measured_quantiles_are_interpolated():
-    law = ServiceTime(0, 0.0, 0.0, quantiles_ns=(100, 200, 600))
-    assert [law.at(z) for z in (-40.0, 0.0, 40.0)] == [100, 200, 600]
-    assert law.at(0.6744897501960817) == 400, "halfway at three quarters"
-    assert law.mean_ns == (150 + 400) / 2
-
-
 def test_endless_times_are_those_drawn_one_by_one():
     one, many = np.random.default_rng(5), np.random.default_rng(5)
     draws = LAW.draws(many)

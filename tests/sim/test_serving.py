@@ -26,6 +26,7 @@ from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Admission, Serving
+from tests.sim.processes import job
 
 MS = 1_000_000
 SERVICE_MS = 10
@@ -253,7 +254,7 @@ def test_every_picture_of_a_batch_has_the_time_of_a_slow_and_stalled_accelerator
     """
     bench = Bench(batch=2, wait_ns=MS, clock=Clock(is_traced=True))
     accelerator = bench.host.accelerator
-    accelerator.run(5 * MS, lambda: None)
+    job(accelerator, 5 * MS)
     bench.clock.after(0, accelerator.slow, (3.0,))
     bench.clock.after(20 * MS, accelerator.stall)
     bench.clock.after(25 * MS, accelerator.go_on)

@@ -258,32 +258,25 @@ def test_steps_in_a_row_at_one_place_are_one():
     assert up.since(25) == []
 
 
-class Job:
-    """What a processor does, for one frame after the other."""
-
-    label = SpanLabel("inference", "detector")
-
-    def __init__(self, clock: Clock) -> None:
-        self.clock, self.paths = clock, []
-
-    def done(self) -> None:
-        self.paths.append(self.clock.path)
-
-
 def test_what_waits_for_a_processor_keeps_its_own_way():
     clock = Clock(is_traced=True)
-    processor, job = Processor(clock, "car1.accelerator", "accelerator"), Job(clock)
-    for number in range(2):
+    processor, paths = Processor(clock, "car1.accelerator", "accelerator"), []
+    label = SpanLabel("inference", "detector")
+
+    def frame(number: int):
         clock.begin(Header(number, "camera", "car1"))
-        processor.run(10, job.done, (), job.label)
-    clock.path = None
+        yield from processor.serve(10, label)
+        paths.append(clock.path)
+
+    for number in range(2):
+        clock.process(frame(number))
     clock.run(until=100)
     queueing = SpanLabel("queueing", "car1.accelerator")
-    assert [one.since(-1) for one in job.paths] == [
-        [(Job.label, 0, 10)],
-        [(queueing, 0, 10), (Job.label, 10, 20)],
+    assert [one.since(-1) for one in paths] == [
+        [(label, 0, 10)],
+        [(queueing, 0, 10), (label, 10, 20)],
     ]
-    assert [one.header.stamp_ns for one in job.paths] == [0, 1]
+    assert [one.header.stamp_ns for one in paths] == [0, 1]
 
 
 class InTwos(Interceptor):

@@ -1,4 +1,4 @@
-"""A sweep for an article: which sweep it is, and titles that tell methods apart."""
+"""A sweep for a paper: which sweep it is, and titles that tell methods apart."""
 
 from __future__ import annotations
 

@@ -212,34 +212,6 @@ def test_seeds_are_written_as_they_are_read():
     assert seeds_text([1, 2, 4]) == "seeds 1, 2, 4"
 
 
-def test_an_article_is_written_from_several_seeds_with_tables_figures_and_definitions(
-    folder, tmp_path, capsys
-):
-    out = tmp_path / "article"
-    for publisher, document in (("acm", "acmart"), ("ieee", "IEEEtran")):
-        command = ["article", str(folder), "--out", str(out), "--publisher", publisher]
-        assert main(command) == 0
-        assert document in (out / "article.tex").read_text(encoding="utf-8")
-    text = (out / "article.tex").read_text(encoding="utf-8")
-    figures = re.findall(r"\\includegraphics.*\{(figures/[^}]*)\}", text)
-    assert {"figures/latency_cdf.pdf", "figures/differences.pdf"} <= set(figures)
-    assert all((out / figure).is_file() for figure in figures)
-    assert r"\section{Definitions}" in text and "first answer, mean" in text
-    assert "Genie (DG) is better than remote (R)" in text
-    tables = (out / "tables.tex").read_text(encoding="utf-8")
-    assert re.findall(r"\\label\{(.*)\}", tables)[1].endswith("-differences")
-    assert all(label in text for label in re.findall(r"\\label\{(.*)\}", tables))
-    (mean,) = [
-        metric
-        for metric in seeds_of(folder).measured
-        if (metric.metric, metric.method) == ("first_answer_mean", "genie")
-    ]
-    assert f"{mean.value:.3g}" in tables
-    capsys.readouterr()
-    assert main(["article", str(folder), "--out", str(out), "--publisher", "springer"]) == 1
-    assert "unknown publisher 'springer'" in capsys.readouterr().err
-
-
 def test_a_table_has_only_the_methods_that_are_asked_for(folder, capsys):
     command = ["table", str(folder), "--methods", "genie,remote"]
     assert main(command) == 0

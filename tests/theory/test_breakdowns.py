@@ -10,10 +10,11 @@ import pytest
 from genie_sim.faults.slow import Slow
 from genie_sim.faults.stall import Stall
 from genie_sim.seeds import stream
-from genie_sim.sim import fault
+from genie_sim.sim import fault_process
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Processor
 from genie_sim.sim.fault import TimedFault
+from tests.sim.processes import job
 
 S, MS = 1_000_000_000, 1_000_000
 SEED, CYCLES = 3, 1000
@@ -40,7 +41,7 @@ def test_availability_of_a_queue_with_breakdowns():
     def serve() -> None:
         service_ns = max(1, round(rng.exponential(0.1 * S)))
         served_ns.append(service_ns)
-        processor.run(service_ns, serve)
+        job(processor, service_ns, serve)
 
     serve()
     end_ns = round(CYCLES * (up_s + down_s) * S)
@@ -50,7 +51,7 @@ def test_availability_of_a_queue_with_breakdowns():
         mean_time_between_ns=round(up_s * S),
         mean_duration_ns=round(down_s * S),
     )
-    fault.start(timed, network(clock, processor), end_ns)  # type: ignore[arg-type]
+    clock.process(fault_process.run(timed, network(clock, processor), end_ns))  # type: ignore[arg-type]
     clock.run(until=end_ns)
     share = sum(served_ns[:-1]) / end_ns
     expected = up_s / (up_s + down_s)
@@ -65,7 +66,7 @@ def test_a_stall_by_hand():
     cpu = Processor(clock, "car1.cpu", "cpu", capacity=2)
 
     def run(name: str, service_ms: int) -> None:
-        cpu.run(service_ms * MS, lambda: ended.update({name: clock.now // MS}))
+        job(cpu, service_ms * MS, lambda: ended.update({name: clock.now // MS}))
 
     run("within", 30)  # would end during the stall
     run("across", 100)  # would end after it
@@ -80,7 +81,7 @@ def test_a_stall_by_hand():
 def test_two_stalls_that_overlap_and_one_job_over_two_stalls():
     clock, ended = Clock(), []
     processor = Processor(clock, "edge1.accelerator", "accelerator")
-    processor.run(50 * MS, lambda: ended.append(clock.now // MS))
+    job(processor, 50 * MS, lambda: ended.append(clock.now // MS))
     for at_ms, call in ((10, processor.stall), (20, processor.stall), (30, processor.go_on)):
         clock.after(at_ms * MS, call)
     for at_ms, call in ((60, processor.go_on), (80, processor.stall), (90, processor.go_on)):
@@ -89,16 +90,40 @@ def test_two_stalls_that_overlap_and_one_job_over_two_stalls():
     assert ended == [50 + (60 - 10) + (90 - 80)]
 
 
-def test_a_stalled_processor_that_is_voided_forgets_what_it_held():
+def test_interrupted_jobs_of_a_stalled_processor_are_forgotten():
     clock, ended = Clock(), []
     processor = Processor(clock, "edge1.accelerator", "accelerator")
-    processor.run(10 * MS, lambda: ended.append("old"))
+    old = [job(processor, 10 * MS, lambda: ended.append("old")) for _ in range(2)]
     clock.after(5 * MS, processor.stall)
-    clock.after(20 * MS, processor.void)
+    for process in old:
+        clock.after(20 * MS, process.interrupt)
     clock.after(30 * MS, processor.go_on)
-    clock.after(31 * MS, processor.run, (10 * MS, lambda: ended.append(clock.now // MS)))
+    clock.after(31 * MS, job, (processor, 10 * MS, lambda: ended.append(clock.now // MS)))
     clock.run()
-    assert ended == [41]
+    assert ended == [41] and processor.completed == 1 and processor.queued == 0
+    assert processor.busy_ns == (20 + 10) * MS
+
+
+def test_a_job_that_is_interrupted_at_the_instant_of_its_turn_makes_room_for_the_next():
+    clock, ended = Clock(), []
+    processor = Processor(clock, "edge1.accelerator", "accelerator")
+    first, second, third = (
+        job(processor, 10 * MS, lambda name=name: ended.append((name, clock.now // MS)))
+        for name in ("first", "second", "third")
+    )
+
+    def crash() -> None:
+        processor.stall()
+        second.interrupt()
+        processor.go_on()
+
+    clock.after(5 * MS, processor.stall)
+    clock.after(7 * MS, first.interrupt)
+    clock.after(8 * MS, processor.go_on)
+    clock.after(8 * MS, crash)
+    clock.run()
+    assert ended == [("third", 18)]
+    assert third.processed and processor.busy_ns == (7 + 10) * MS
 
 
 def test_jobs_of_a_slow_host_take_longer():
@@ -106,14 +131,19 @@ def test_jobs_of_a_slow_host_take_longer():
     processor = Processor(clock, "edge1.accelerator", "accelerator")
     slow, hot = Slow("edge1", factor=5.0), Slow("edge1", factor=1.5)
     world = network(clock, processor)
-    processor.run(10 * MS, lambda: ended.append(clock.now // MS))  # before: as usual
+
+    def come() -> None:
+        job(processor, 10 * MS, lambda: ended.append(clock.now // MS))
+        clock.run(clock.timeout(0))  # it is in the queue
+
+    come()  # before: as usual
     slow.begin(world)  # type: ignore[arg-type]
-    processor.run(10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     hot.begin(world)  # type: ignore[arg-type]
-    processor.run(10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     slow.end(world)  # type: ignore[arg-type]
-    processor.run(10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     hot.end(world)  # type: ignore[arg-type]
-    processor.run(10 * MS, lambda: ended.append(clock.now // MS))
+    come()
     clock.run()
     assert ended == [10, 60, 135, 150, 160]

@@ -19,6 +19,7 @@ from genie_sim.sim.link_models.cell import Band, Cell
 from genie_sim.sim.link_models.fields import NormalField
 from genie_sim.sim.link_models.path_loss import StreetCanyon, los_db, los_probability, nlos_db
 from genie_sim.sim.link_models.wire import Wire
+from tests.sim.processes import send
 
 SEED, S = 5, 1_000_000_000
 FREE = Cell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up
@@ -59,7 +60,7 @@ def ends_ns(cell: Cell, messages: list[tuple[int, int]], air: Street | None = No
         def end(number: int = number) -> None:
             ended[number] = air.clock.now
 
-        air.clock.after(begin_ns, cars[number].send, (size_bytes, end))
+        air.clock.after(begin_ns, send, (air.clock, cars[number], size_bytes, end))
     air.clock.run()
     return ended
 
@@ -135,7 +136,7 @@ def times_in_cell_ns(begins_ns: list[int], sizes: list[int]) -> list[int]:
             spent_ns.append(air.clock.now - begin_ns)
             idle.append(car)
 
-        car.send(size_bytes, end)
+        send(air.clock, car, size_bytes, end)
 
     for begin_ns, size_bytes in zip(begins_ns, sizes, strict=True):
         air.clock.after(begin_ns, arrive, (size_bytes,))
@@ -175,7 +176,7 @@ def test_up_and_down_are_apart_and_so_are_edges():
     radio, ended = FREE.radio(air), {}
     for ends in (("a", "edge1", True), ("b", "edge1", False), ("c", "edge2", True)):
         sender = radio.sender(LinkEnds(ends[0], *ends))
-        sender.send(SIZE, lambda name=ends[0]: ended.update({name: air.clock.now}))
+        send(air.clock, sender, SIZE, lambda name=ends[0]: ended.update({name: air.clock.now}))
     air.clock.run()
     up_ns, down_ns = (SIZE * 8 * S // FREE.rate_bps(up) for up in (True, False))
     assert ended == {"a": up_ns, "b": -(-SIZE * 8 * S // FREE.rate_bps(False)), "c": up_ns}
@@ -207,7 +208,12 @@ def test_without_coverage_a_message_waits_a_second_and_is_lost():
     assert Cell().rate_bps(True, 160.0) == 0
     (far,) = senders(Cell(), air, 1)
     ended = []
-    far.send(SIZE, lambda: ended.append((air.clock.now, far.delay_ns(SIZE, air.clock.now))))
+    send(
+        air.clock,
+        far,
+        SIZE,
+        lambda: ended.append((air.clock.now, far.delay_ns(SIZE, air.clock.now))),
+    )
     air.clock.run()
     assert ended == [(S, None)]
     assert air.resources[0].drops == 1 and air.resources[0].busy_ns == 0
@@ -226,12 +232,12 @@ def test_a_link_that_goes_down_gives_its_share_to_the_others():
     air, ended = Street(), {}
     first, second = senders(FREE, air, 2)
     for name, sender in (("first", first), ("second", second)):
-        sender.send(SIZE, lambda name=name: ended.update({name: air.clock.now}))
+        send(air.clock, sender, SIZE, lambda name=name: ended.update({name: air.clock.now}))
     alone_ns = SIZE * 8 * S // FREE.rate_bps(True)
     air.clock.after(alone_ns // 2, first.set_up, (False,))
     air.clock.run()
     assert ended == {"first": alone_ns // 2, "second": alone_ns // 2 + alone_ns * 3 // 4}
-    first.send(SIZE, lambda: ended.update(later=air.clock.now))
+    send(air.clock, first, SIZE, lambda: ended.update(later=air.clock.now))
     now_ns = air.clock.now
     air.clock.run()
     assert ended["later"] == now_ns, "a link that is down takes no time"

@@ -7,7 +7,6 @@ add one, write a frozen dataclass with the method of either and name it here (or
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +14,8 @@ import numpy as np
 from genie_sim.monitor import Resource
 
 if TYPE_CHECKING:
+    import simpy
+
     from genie_sim.sim.clock import Clock
 
 LINK_MODELS: dict[str, str] = {
@@ -83,8 +84,8 @@ class Air(Protocol):
 class Sender(Protocol):
     """What carries the messages of one direction of a link, one after the other."""
 
-    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
-        """Sends a message, and calls ``carried`` once, later, when its last bit has left."""
+    def sent(self, size_bytes: int) -> "simpy.Event":
+        """Sends a message; happens when its last bit has left."""
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         """How long the message takes from now, when its last bit has left, until it arrives;

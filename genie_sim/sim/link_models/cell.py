@@ -5,7 +5,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import simpy
+
 from genie_sim.settings import Bounds, Count
+from genie_sim.sim.clock import Steps
 from genie_sim.sim.link_models import Air, LinkEnds
 from genie_sim.sim.link_models.path_loss import StreetCanyon
 from genie_sim.units import NS_PER_MS, NS_PER_S
@@ -178,17 +181,18 @@ class CellSender:
         self.alone_bps = rate_bps
         self._direction = direction
         self._delay_ns = delay_ns
-        self._carried: Callable[[], None] | None = None
+        self._sent: simpy.Event | None = None  # happens when the present message has left
         self._is_up = True
         self._is_lost = False
 
-    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
+    def sent(self, size_bytes: int) -> simpy.Event:
+        clock = self._direction.clock
         self._is_lost = False
         if not self._is_up:  # lost by what took the link down
-            self._direction.clock.after(0, carried)
-            return
-        self._carried = carried
+            return clock.timeout(0)
+        self._sent = clock.event()
         self._direction.begin(self, size_bytes)
+        return self._sent
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         return None if self._is_lost else self._delay_ns
@@ -196,16 +200,16 @@ class CellSender:
     def set_up(self, is_up: bool) -> None:
         """Bits that were still to be sent when the link goes down take nothing of the cell."""
         self._is_up = is_up
-        if not is_up and self._carried is not None:
+        if not is_up and self._sent is not None:
             self._direction.give_up(self)
             self.end()
 
     def end(self, is_lost: bool = False) -> None:
         """The transmission is over."""
-        carried, self._carried = self._carried, None
+        sent, self._sent = self._sent, None
         self._is_lost = is_lost
-        assert carried is not None, "a message is being sent"
-        carried()
+        assert sent is not None, "a message is being sent"
+        self._direction.clock.wake(sent)
 
 
 @dataclass(slots=True, eq=False)
@@ -240,7 +244,7 @@ class CellDirection:
         self._served = 0  # how many of them have a rate
         self._since_ns = 0  # until when what was sent is subtracted
         self._busy_ns = 0
-        self._plan = 0  # its number: an earlier one is void
+        self._next_end: simpy.Event | None = None  # of a transmission, as planned now
         self._is_following = False
 
     @property
@@ -264,7 +268,7 @@ class CellDirection:
         self._replan()
         if self._follows_places and not self._is_following:
             self._is_following = True
-            self.clock.after(PLACES_NS, self._follow)
+            self.clock.process(self._follow())
 
     def give_up(self, sender: CellSender) -> None:
         """A sender's link goes down."""
@@ -284,15 +288,16 @@ class CellDirection:
 
     def _replan(self) -> None:
         """Schedules the next end of a transmission."""
-        self._plan += 1
+        self._next_end = None
         served = [sent for sent in self._sent_by if sent.rate_bps]
         self._served = count = len(served)
         if served:
             next_ns = min(-(-max(sent.left, 0) * count // sent.rate_bps) for sent in served)
-            self.clock.after(next_ns, self._end_next, (self._plan,))
+            self._next_end = self.clock.timeout(next_ns)
+            self._next_end.callbacks.append(self._end_next)
 
-    def _end_next(self, plan: int) -> None:
-        if plan != self._plan:
+    def _end_next(self, planned: simpy.Event) -> None:
+        if planned is not self._next_end:
             return
         self._advance()
         ended = [sent for sent in self._sent_by if sent.left <= 0]
@@ -303,24 +308,33 @@ class CellDirection:
             self.sent_bytes += sent.size_bytes
             sent.sender.end()
 
-    def _follow(self) -> None:
+    def _follow(self) -> Steps:
         """The rates follow the places of the cars, as long as somebody sends."""
-        if not self._sent_by:
-            self._is_following = False
-            return
-        self.clock.after(PLACES_NS, self._follow)
+        while True:
+            yield self.clock.timeout(PLACES_NS)
+            if not self._sent_by:
+                self._is_following = False
+                return
+            self._update_rates()
+            self._give_up_failed()
+
+    def _update_rates(self) -> None:
         now_ns = self.clock.now
         rates_bps = [sent.sender.alone_bps() for sent in self._sent_by]
-        if rates_bps != [sent.rate_bps for sent in self._sent_by]:
-            self._advance()
-            for sent, rate_bps in zip(self._sent_by, rates_bps, strict=True):
-                sent.rate_bps = rate_bps
-                if rate_bps:
-                    sent.uncovered_ns = None
-                elif sent.uncovered_ns is None:
-                    sent.uncovered_ns = now_ns
-            self._replan()
-        failed = [sent for sent in self._sent_by if _has_failed(sent, now_ns)]
+        if rates_bps == [sent.rate_bps for sent in self._sent_by]:
+            return
+        self._advance()
+        for sent, rate_bps in zip(self._sent_by, rates_bps, strict=True):
+            sent.rate_bps = rate_bps
+            if rate_bps:
+                sent.uncovered_ns = None
+            elif sent.uncovered_ns is None:
+                sent.uncovered_ns = now_ns
+        self._replan()
+
+    def _give_up_failed(self) -> None:
+        """What has had no coverage for too long is lost."""
+        failed = [sent for sent in self._sent_by if _has_failed(sent, self.clock.now)]
         for sent in failed:
             self._sent_by.remove(sent)
             self.drops += 1

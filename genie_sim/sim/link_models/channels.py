@@ -1,7 +1,8 @@
 """Links whose messages take the times of a channel."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+import simpy
 
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Radio, Sender
 
@@ -17,9 +18,8 @@ class ChannelSender:
         self.occupied_ns = channel.occupied_ns
         self.delay_ns = channel.delay_ns
 
-    def send(self, size_bytes: int, carried: Callable[[], None]) -> None:
-        clock = self._clock
-        clock.after(int(self.occupied_ns(size_bytes, clock.now)), carried)
+    def sent(self, size_bytes: int) -> simpy.Event:
+        return self._clock.timeout(int(self.occupied_ns(size_bytes, self._clock.now)))
 
     def set_up(self, is_up: bool) -> None:
         """A message that is on its way when the link goes down still takes its time."""

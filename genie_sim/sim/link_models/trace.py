@@ -86,6 +86,7 @@ class TraceRadio:
     def __init__(self, trace: RecordedLink, air: Air) -> None:
         self._trace = trace
         self._air = air
+        self._shares: dict[str, float] = {}  # of the recording's length, where each link begins
 
     def sender(self, ends: LinkEnds) -> ChannelSender:
         trace = self._trace
@@ -112,8 +113,10 @@ class TraceRadio:
             return lambda now_ns: now_ns + trace.begin_ns
         if trace.offset == "position" and ends.car is not None:
             return _nearest(recording, air, ends.car)
-        share = air.stream("trace", ends.name if ends.car is None else ends.car).random()
-        offset_ns = int(share * steps.period_ns)
+        name = ends.name if ends.car is None else ends.car  # both directions begin together
+        if name not in self._shares:
+            self._shares[name] = air.stream("trace", name).random()
+        offset_ns = int(self._shares[name] * steps.period_ns)
         return lambda now_ns: now_ns + offset_ns
 
 

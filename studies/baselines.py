@@ -1,0 +1,103 @@
+"""Other caches beside Genie: the study behind docs/baselines.md, which says what was declared.
+
+    python -m studies.baselines cold|warm
+
+``cold`` runs the cases and the methods of the shipped sweep ``baselines``, with a consumer that
+holds the newest answers and with one that tracks. ``warm`` has every car of the first case drive
+its window twice: the metric ``lap_f1`` of ``lap 2`` counts. Tables and pages are in
+``results/studies/baselines``, and what is there already is not simulated again.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import genie_sim as gs
+from genie_sim.messages import OBJECT_BYTES
+from genie_sim.methods.central import Central
+from genie_sim.methods.genie import Genie
+from genie_sim.sim.method import HostConfig, HostContext
+from genie_sim.study.design import load_design
+
+OUT = Path("results/studies/baselines")
+FIRST_CASE = "as in the scenario"
+CAPACITY_BYTES = 1_000_000  # of every cache
+CONSUMERS = {"set": "consumer", "list": ["newest", "tracker"]}
+RECORD = ["lookups", "answers", "held", "resources"]
+CARS = 3
+SHOWN = ("streaming_f1", "wrong_hit_share", "ghost_share", "lap_f1")
+
+
+class PayingGenie(Genie):
+    """Genie, whose look-ups cost as much as those of the methods that compare pictures."""
+
+    title = "Genie, key paid"
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        config = super().on_car(host)
+        return None if config is None else replace(config, key="hsv")
+
+    def on_edge(self, host: HostContext) -> HostConfig:
+        return replace(super().on_edge(host), key="hsv")
+
+
+class PayingCentral(Central):
+    """The central cache, whose look-ups cost as much as those of the others."""
+
+    title = "central cache, key paid"
+
+    def on_edge(self, host: HostContext) -> HostConfig:
+        config = super().on_edge(host)
+        return config if config.interceptor is None else replace(config, key="hsv")
+
+
+def methods(map_bytes: int) -> list[Any]:
+    """Those of the sweep; Genie and the central cache pay for their keys, Genie for its map too."""
+    shipped = load_design("baselines").settings["methods"]
+    others = [entry for entry in shipped if entry not in ("genie", "central")]
+    own = "studies.baselines"
+    return [
+        *others,
+        {
+            "name": "genie",
+            "method": f"{own}:PayingGenie",
+            "genie": {"capacity": f"{CAPACITY_BYTES - map_bytes} B"},
+        },
+        {"name": "genie_free", "method": "genie"},
+        {"name": "central", "method": f"{own}:PayingCentral"},
+    ]
+
+
+def bytes_of_largest_map() -> int:
+    """What the objects of the largest map take in a run of Genie as in the scenario."""
+    run = gs.run("baselines", {"methods": ["genie"], "record": ["lookups"]})
+    objects = run.lookups[run.lookups["kind"] != "image"]
+    return OBJECT_BYTES * int(objects["entries"].max())
+
+
+def simulated(start: str, cases: dict[str, Any], laps: int) -> None:
+    """Simulates these cases, and prints the main metrics of each method."""
+    settings: dict[str, Any] = {"methods": methods(bytes_of_largest_map()), "record": RECORD}
+    if laps > 1:
+        settings |= {f"cars[{car}].route.laps": laps for car in range(CARS)}
+    axes = {"case": {"list": cases}, "consumer": CONSUMERS}
+    table = gs.sweep("baselines", axes, settings, seeds=3, out=OUT / start)
+    table = table[table["metric"].isin(SHOWN) & table["component"].isin(["", "lap 2"])]
+    by = ["case", "consumer", "method"]
+    print(table.pivot_table("value", by, "metric", sort=False).round(3).to_string())
+
+
+def main(start: str) -> None:
+    """Runs one part of the study."""
+    cases: Any = load_design("baselines").axes["case"].cases
+    if start == "warm":
+        simulated(start, {FIRST_CASE: cases[FIRST_CASE]}, laps=2)
+    else:
+        simulated(start, cases, laps=1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])
