@@ -13,7 +13,7 @@ from genie_sim.settings import keys_of
 GROUPS = {  # a setting belongs to the longest path that it is below
     "The run": (
         *("name", "description", "seed", "methods", "model", "spread", "queue_length"),
-        *("consumer", "start_jitter", "judged", "record", "origin"),
+        *("consumer", "start_jitter", "judged", "record", "metrics", "origin"),
     ),
     "What cameras see": ("perception",),
     "Cameras": ("cameras", "image_encoding"),
@@ -34,6 +34,7 @@ SEE = {  # where more is written
     "consumer": "[Freshness](../explanation/freshness.md)",
     "judged": "[Correctness](../explanation/correctness.md)",
     "record": "[Tables](tables.md)",
+    "metrics": "[Add a metric](../extend/metric.md)",
     "perception": "[Perception](../perception.md)",
     "perception.source": "[Add a frame source](../extend/frame-source.md)",
     "perception.town[town]": "[The town](../explanation/town.md)",

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from genie_sim import report, runner
 from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import seed_runs
+from genie_sim.analysis import compare_tables, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -32,6 +32,7 @@ from genie_sim.paths import expanded
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import results
 from genie_sim.report import comparison, notebook
+from genie_sim.report.output import Output
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario, with_methods
 from genie_sim.settings import plain_data
@@ -310,7 +311,7 @@ def _run_seeds(
             reports=kept,
         )
         work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
-        status = work.finish(pictures=kept)
+        status = work.finish(Output(page=kept))
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
     if kept:
@@ -389,7 +390,7 @@ class Comparison:
 
     def text(self, format: str = "markdown") -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
-        return comparison.text(self._made, format)
+        return compare_tables.text(self._made, format)
 
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""
@@ -477,7 +478,7 @@ def sweep(
             reports=out is not None,
         )
         work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
-        status = work.finish(pictures=out is not None)
+        status = work.finish(Output(page=out is not None))
         table = pd.read_parquet(
             status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
         )

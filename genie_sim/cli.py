@@ -3,7 +3,6 @@
 import os
 import sys
 import textwrap
-from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,6 +37,7 @@ from genie_sim.version import VERSION
 if TYPE_CHECKING:
     from genie_sim.analysis.seed_runs import SeedRuns
     from genie_sim.recording.results import Run
+    from genie_sim.report.output import Output
     from genie_sim.scenario.scenario import Scenario
     from genie_sim.study.study import Study
     from genie_sim.study.tasks import DaskWorkers, LocalWorkers
@@ -151,28 +151,21 @@ def run(
         setting = with_methods(setting, names, f"--methods {methods}")
     from genie_sim import build, runner
     from genie_sim.recording.results import checked_label
+    from genie_sim.report.output import Output
 
     label = checked_label(label, "--label")
     if own := build.plugin_names(setting):
         click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
     for note in build.notes(setting):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
-    formats = ("svg",) if figures else ()
+    output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(
-            setting, several, out, jobs=jobs, label=label, report=not no_report, formats=formats
-        )
+        return _run_seeds(setting, several, out, jobs=jobs, label=label, output=output)
     with Progress() as progress:
         result = runner.run_to_folder(
-            setting,
-            out,
-            progress,
-            with_report=not no_report,
-            figures=formats,
-            label=label,
-            workers=workers or 1,
+            setting, out, progress, output, label=label, workers=workers or 1
         )
-    _show(result, figures=figures, report=not no_report)
+    _show(result, output)
 
 
 def _run_seeds(
@@ -182,8 +175,7 @@ def _run_seeds(
     *,
     jobs: int | None,
     label: str,
-    report: bool,
-    formats: Sequence[str],
+    output: "Output",
 ) -> None:
     """Runs a scenario under several seeds, or what is missing of that, and shows the means."""
     from genie_sim import parallel
@@ -193,10 +185,10 @@ def _run_seeds(
     from genie_sim.study.tasks import LocalWorkers
 
     design = design_of(scenario, seeds)
-    work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=report)
+    work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=output.page)
     _simulate(work, LocalWorkers(jobs or parallel.workers_here()))
-    status = work.finish(pictures=report, formats=formats)
-    _show(load(status.folder), figures=bool(formats), report=report)
+    status = work.finish(output)
+    _show(load(status.folder), output)
 
 
 def _simulate(
@@ -215,7 +207,7 @@ def _simulate(
             raise SystemExit(130) from None
 
 
-def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
+def _show(result: "Run | SeedRuns", output: "Output") -> None:
     """Prints the main table of a run, or of several seeds, and where the results are."""
     from genie_sim.analysis import screen
 
@@ -232,8 +224,9 @@ def _show(result: "Run | SeedRuns", *, figures: bool, report: bool) -> None:
         others = ",".join(method.name for method in result.methods[1:])
         click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
-    click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
-    if report:
+    where = folder / "figures" if output.figures else f"genie-sim figures {folder}"
+    click.echo(f"Figures: {where}")
+    if output.page:
         click.echo(f"Report:  {folder / terminal.PAGE}")
 
 
@@ -485,6 +478,7 @@ def sweep(
     from genie_sim import parallel
     from genie_sim.analysis.seed_runs import load
     from genie_sim.recording.results import checked_label
+    from genie_sim.report.output import Output
     from genie_sim.study.study import Study
     from genie_sim.study.tasks import DaskWorkers, LocalWorkers
 
@@ -499,7 +493,7 @@ def sweep(
     _simulate(work, workers, part)
     done = work.finish()
     if done.complete and not work.design.axes:
-        _show(load(done.folder), figures=False, report=True)
+        _show(load(done.folder), Output())
     elif done.complete:
         click.echo(
             f"{done.points:,} points, {done.runs:,} runs\n"

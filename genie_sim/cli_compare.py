@@ -48,7 +48,7 @@ def compare(
 
     Of one result alone, its methods are compared.
     """
-    from genie_sim.analysis import text_table
+    from genie_sim.analysis import compare_tables, text_table
     from genie_sim.analysis.compare import compare as compare_runs
     from genie_sim.analysis.seed_runs import load
     from genie_sim.analysis.verdict import verdicts
@@ -57,12 +57,12 @@ def compare(
     text_table.checked(format)
     runs = [load(folder, allow_changed=allow_changed) for folder in folders]
     compared = compare_runs(runs, listed("--methods", methods), listed("--labels", labels))
-    click.echo(comparison.text(compared, format), nl=False)
+    click.echo(compare_tables.text(compared, format), nl=False)
     if format == "markdown":
         click.echo()
         for sentence in verdicts(compared):
             click.echo(one_line(sentence))
-        click.echo(comparison.note(compared))
+        click.echo(compare_tables.about(compared))
         for path, values in compared.settings.items():
             click.echo(one_line(f"{path}: {' | '.join(values)}"))
     if out is not None:

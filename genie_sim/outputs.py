@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from genie_sim.analysis import compare_tables, summary, text_table
 from genie_sim.analysis import figures as of_runs
-from genie_sim.analysis import latex, summary, text_table
 from genie_sim.analysis.compare import ComparedRuns, compare
 from genie_sim.analysis.seed_runs import ABOUT, is_seeds_folder, load, with_methods
 from genie_sim.analysis.style import PAGE_IN, WIDTHS
@@ -60,7 +60,7 @@ def table(
 
     text_table.checked(format)
     if len(folders) > 1:
-        return comparison.text(_compared(folders, allow_changed, methods), format)
+        return compare_tables.text(_compared(folders, allow_changed, methods), format)
     (folder,) = folders
     if _is_evaluation(folder):
         if methods:
@@ -70,7 +70,7 @@ def table(
         return printed.table_of(folder, format, methods, allow_changed)
     run = with_methods(load(folder, allow_changed=allow_changed), methods)
     with provenance.of_this_version(folder):
-        return latex.tables(run) if format == "latex" else summary.table(run, format)
+        return summary.table(run, format)
 
 
 def _compared(

@@ -4,7 +4,7 @@ import gc
 import pickle
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
@@ -34,6 +34,7 @@ from genie_sim.recording.results import (
 )
 from genie_sim.recording.tables import Table
 from genie_sim.recording.tables import write as write_columns
+from genie_sim.report.output import USUAL, Output
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile
@@ -55,14 +56,13 @@ def run_to_folder(
     scenario: Scenario,
     out: Path,
     progress: Progress | None = None,
-    with_report: bool = True,
-    figures: Sequence[str] = (),
+    output: Output = USUAL,
     *,
     label: str = "",
     workers: int = 1,
 ) -> Run:
-    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with ``figures`` in these
-    formats, such as ``svg``; ``label`` is what the user calls the run. With several ``workers``,
+    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with what ``output`` says;
+    ``label`` is what the user calls the run. With several ``workers``,
     its methods run side by side in so many processes; results do not depend on it.
 
     Raises ``UserError`` before it simulates.
@@ -76,8 +76,7 @@ def run_to_folder(
         folder,
         run_id,
         progress=progress,
-        with_report=with_report,
-        figures=figures,
+        output=output,
         label=label,
         workers=workers,
     )
@@ -89,8 +88,7 @@ def write(
     run_id: str,
     *,
     progress: Progress | None = None,
-    with_report: bool = True,
-    figures: Sequence[str] = (),
+    output: Output = USUAL,
     label: str = "",
     workers: int = 1,
 ) -> Run:
@@ -103,8 +101,7 @@ def write(
             prepared,
             run_id,
             progress=progress,
-            with_report=with_report,
-            figure_formats=figures,
+            output=output,
             label=label,
             workers=workers,
         )
@@ -169,14 +166,13 @@ def rerun(
     present = [name for name in FILES if (folder / name).exists()]
     provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
     with tempfile.TemporaryDirectory() as temporary:
-        with_report = (folder / "report.html").is_file()
+        formats = _formats_in(folder / "figures")
         _fill(
             Path(temporary),
             prepared,
             made["run_id"],
             progress=progress,
-            with_report=with_report,
-            figure_formats=_formats_in(folder / "figures"),
+            output=Output((folder / "report.html").is_file(), formats),
             label=checked_label(made.get("label", ""), f"{where}: label"),
         )
         names = sorted(
@@ -259,7 +255,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns)
+    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
     return Run(
         run_id=run_id,
         facts=facts(prepared),
@@ -275,8 +271,7 @@ def _fill(
     run_id: str,
     *,
     progress: Progress | None,
-    with_report: bool,
-    figure_formats: Sequence[str],
+    output: Output,
     label: str = "",
     workers: int = 1,
 ) -> Run:
@@ -292,10 +287,8 @@ def _fill(
         The run's id.
     progress : callable, optional
         Called with the time now and at the end [s], and what is done.
-    with_report : bool
-        Whether to write ``report.html``.
-    figure_formats : sequence of str
-        Such as ``svg``; none: no figures.
+    output : Output
+        What is written for people to look at.
     label : str
         What the user calls the run; may be empty.
     workers : int
@@ -306,7 +299,7 @@ def _fill(
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
     made = replace(finished(prepared, run_id, tables), label=label)
-    _write_derived(folder, made, with_report=with_report, figure_formats=figure_formats)
+    _write_derived(folder, made, output)
     about = {
         "rows": {name: len(table) for name, table in tables.items()},
         "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
@@ -316,22 +309,11 @@ def _fill(
     return made
 
 
-def _write_derived(
-    folder: Path, run: Run, *, with_report: bool, figure_formats: Sequence[str] = ()
-) -> None:
-    """Writes what follows from a run's tables: metrics, summary, page, figures."""
-    from genie_sim import report
-    from genie_sim.analysis import summary
-
+def _write_derived(folder: Path, run: Run, output: Output) -> None:
+    """Writes what follows from a run's tables: metrics, and what people look at."""
     metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
-    (folder / "summary.md").write_text(summary.markdown(run), encoding="utf-8")
-    if figure_formats:
-        from genie_sim.analysis import figures
-
-        figures.write(run, folder / "figures", figure_formats)
-    if with_report:
-        report.write(folder / report.NAME, run)
+    output.write(run, folder)
     (folder / "scenario.resolved.yaml").write_text(run.yaml, encoding="utf-8")
 
 
@@ -349,7 +331,7 @@ def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
     provenance.write_json(folder / "run.json", about)
 
 
-def save(run: Run, out: Path, with_report: bool = True) -> Path:
+def save(run: Run, out: Path, output: Output = USUAL) -> Path:
     """Writes a run that is in memory as ``run_to_folder`` writes it; returns its folder. Raises
     ``UserError``.
     """
@@ -358,7 +340,7 @@ def save(run: Run, out: Path, with_report: bool = True) -> Path:
     with provenance.result_folder(folder) as partial:
         for name, schema in SCHEMAS.items():
             write_columns(partial / f"{name}.parquet", schema, run.tables[name])
-        _write_derived(partial, run, with_report=with_report)
+        _write_derived(partial, run, output)
         _write_about(partial, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
     return folder
 
@@ -372,6 +354,10 @@ def prepare(
     the profiles that the scenario read. Raises ``UserError``.
     """
     build.check_own_plugins(scenario)
+    if scenario.metrics:
+        from genie_sim.analysis.registry import own_metrics
+
+        own_metrics(scenario.metrics)
     source = frame_source(scenario)
     if getattr(source, "is_map", False):
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}

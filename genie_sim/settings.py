@@ -110,6 +110,13 @@ class Matches:
 
 
 @dataclasses.dataclass(frozen=True)
+class IfGiven:
+    """Marks a setting that is written only where it is given: what it does not touch stays as it
+    was before there was such a setting.
+    """
+
+
+@dataclasses.dataclass(frozen=True)
 class NotEmpty:
     """A text, list or mapping must not be empty."""
 
@@ -907,4 +914,5 @@ def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, An
         setting.key: _plain(setting.kind, values[setting.name], setting.unit)
         for setting in settings_of(cls)
         if setting.name in values
+        and (mark_in(setting.kind, IfGiven) is None or values[setting.name] != setting.default)
     }

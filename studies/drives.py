@@ -41,7 +41,7 @@ import pandas as pd
 from scipy.stats import linregress
 
 import genie_sim as gs
-from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.analysis.text_table import markdown
 from genie_sim.core.rules import SIMILARITY

@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim import files, runner
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.errors import UserError
 from genie_sim.fleet import CHECK_NS, Cells, device_of_each
 from genie_sim.recording.records import Tables

@@ -12,7 +12,8 @@ import pytest
 from genie_sim import api, outputs
 from genie_sim.analysis import seed_runs
 from genie_sim.recording import results
-from genie_sim.study import printed, seeds
+from genie_sim.report.output import USUAL, Output
+from genie_sim.study import printed
 
 
 def default(call: Callable[..., Any], name: str) -> Any:
@@ -32,5 +33,4 @@ def test_changed_results_are_refused_unless_they_are_allowed(module: ModuleType)
 
 
 def test_several_seeds_have_a_page_and_no_figures():
-    assert default(seeds.write, "with_report") is True
-    assert default(seeds.write, "figures") == ()
+    assert Output(page=True, figures=()) == USUAL

@@ -1,27 +1,30 @@
 """What attacks did: how much of what attackers forged others held, how many cars, and how long.
 
-A ghost counts as poisoned where an object of its class was added within ``NEAR_M``, from the first
-message that told it until ``AFTER_NS`` after the last; a missed object counts as suppressed where
-one was left out. Objects may be there by chance: what they are without an attack is measured with
-``applied: false``.
+A false object counts as poisoned where an object of its class was added within ``NEAR_M``, from the
+first message that told it until ``AFTER_NS`` after the last; a missed object counts as suppressed
+where one was left out. Objects may be there by chance: what they are without an attack is measured
+with ``applied: false``.
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.analysis.correctness import CAUSES
+from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where, average, quotient
+from genie_sim.analysis.statistics import Measured
 from genie_sim.classes import class_of
 from genie_sim.grid import Grid
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
+from genie_sim.recording.records import CONSUMER
 from genie_sim.units import NS_PER_S
 
 NEAR_M = 2.0  # as far as what is held may be from what is there
 AFTER_NS = 10 * NS_PER_S
-GHOSTS = ("moved_away", "never_there", "duplicate")
 SPREAD_S = 1.0  # a car that holds poison for so long has got it
+ATTACKS = "Attacks"
 
 
 class Place(NamedTuple):
@@ -44,40 +47,65 @@ class Hold(NamedTuple):
     end_ns: float
 
 
-def of_attacks(
-    attacks: Columns, held: Columns, held_objects: Columns, methods: Sequence[str]
-) -> Iterator[Metric]:
-    """Metrics of all attacks of each method; the component says at which cars: ``attackers``,
-    ``receivers`` (those to which an attacker sends messages itself) or ``others`` (all that do not
-    attack, receivers included).
+class AtCars(NamedTuple):
+    """What these cars held of what was added, and missed of what was left out, in so long a time
+    since the first attack [s].
+    """
+
+    added: Sequence[Hold]
+    left_out: Sequence[Hold]
+    cars: Collection[str]
+    seconds: float
+
+
+class AtOthers(NamedTuple):
+    """What the cars that do not attack held of what was added, and when each forgery was told last
+    [ns].
+    """
+
+    added: Sequence[Hold]
+    ends_ns: Mapping[int, int]
+    n: int
+
+    @property
+    def exposures_s(self) -> list[float]:
+        """For how long each car that was reached held any of it."""
+        spans: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
+        for hold in self.added:
+            spans[hold.car].append((hold.begin_ns, hold.end_ns))
+        return [_union_ns(of_car) / NS_PER_S for of_car in spans.values()]
+
+
+def views(attacks: Columns, held: Columns, held_objects: Columns, methods: Sequence[str]) -> Views:
+    """All attacks of each method; the component says at which cars: ``attackers``, ``receivers``
+    (those to which an attacker sends messages itself) or ``others`` (all that do not attack,
+    receivers included).
     """
     for method in methods:
         forgeries = attacks.where(method=method)
-        instants = held.where(method=method, what="consumer")
+        instants = held.where(method=method, what=CONSUMER)
         if not len(forgeries) or not len(instants):
             continue
         begin_ns, last_ns = int(forgeries["begin_ns"].min()), float(instants["stamp_ns"].max())
-        cars = set(instants["car"].unique())
+        cars, attackers = set(instants["car"].unique()), set(forgeries["attacker"].unique())
         groups = {
-            "attackers": cars & set(forgeries["attacker"].unique()),
+            "attackers": cars & attackers,
             "receivers": cars & set(forgeries["receiver"].unique()),
-            "others": cars - set(forgeries["attacker"].unique()),
+            "others": cars - attackers,
         }
         rows = held_objects.where(method=method)
-        ghosts = rows.rows(rows["judged"].isin(GHOSTS))
-        added = list(_holds(forgeries.where(change="added"), ghosts, last_ns))
+        false_objects = rows.rows(rows["judged"].isin(CAUSES))
+        added = list(_holds(forgeries.where(change="added"), false_objects, last_ns))
         left_out = list(
             _holds(forgeries.where(change="left_out"), rows.where(judged="missed"), last_ns)
         )
-        seconds = (last_ns - begin_ns) / NS_PER_S
         for component, members in groups.items():
-            where = (method, "all", component)
-            yield _number("poisoned_objects", where, holds=added, cars=members, seconds=seconds)
-            yield _number(
-                "suppressed_objects", where, holds=left_out, cars=members, seconds=seconds
-            )
+            at_cars = AtCars(added, left_out, members, (last_ns - begin_ns) / NS_PER_S)
+            yield Where(method, component=component), at_cars
+        others = groups["others"]
         ends_ns = dict(enumerate(forgeries.where(change="added")["end_ns"].tolist()))
-        yield from _of_others((method, "all", "others"), added, groups["others"], ends_ns)
+        at_others = [hold for hold in added if hold.car in others]
+        yield Where(method, component="others"), AtOthers(at_others, ends_ns, len(others))
 
 
 def _holds(forgeries: Columns, rows: Columns, last_ns: float) -> Iterator[Hold]:
@@ -108,59 +136,6 @@ def _holds(forgeries: Columns, rows: Columns, last_ns: float) -> Iterator[Hold]:
             yield Hold(car, first.number, max(begin_ns, first.begin_ns), end_ns)
 
 
-def _number(
-    metric: str,
-    where: tuple[str, str, str],
-    *,
-    holds: Iterable[Hold],
-    cars: Collection[str],
-    seconds: float,
-) -> Metric:
-    """How many such objects one of these cars holds, or misses, on average over the time.
-
-    Parameters
-    ----------
-    metric : str
-        Its name.
-    where : tuple of str
-        Method, placement and component.
-    holds : iterable of Hold
-        Those of all cars.
-    cars : collection of str
-        The cars that count.
-    seconds : float
-        The time since the first attack began [s].
-    """
-    total_s = sum(hold.end_ns - hold.begin_ns for hold in holds if hold.car in cars) / NS_PER_S
-    whole_s = seconds * len(cars)
-    value = total_s / whole_s if whole_s > 0 else None
-    return Metric(metric, *where, value=value, unit="objects", n=len(cars))
-
-
-def _of_others(
-    where: tuple[str, str, str],
-    holds: Iterable[Hold],
-    cars: Collection[str],
-    ends_ns: dict[int, int],
-) -> Iterator[Metric]:
-    """Spread, exposure and life of what was added; ``ends_ns`` of each forgery."""
-    spans: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-    lasts_ns: dict[int, float] = {}
-    for hold in holds:
-        if hold.car in cars:
-            spans[hold.car].append((hold.begin_ns, hold.end_ns))
-            lasts_ns[hold.forgery] = max(hold.end_ns, lasts_ns.get(hold.forgery, 0.0))
-    exposures_s = [_union_ns(car_spans) / NS_PER_S for car_spans in spans.values()]
-    reached = sum(exposure_s >= SPREAD_S for exposure_s in exposures_s)
-    n = len(cars)
-    yield Metric("poison_spread", *where, value=reached / n if n else None, unit="1", n=n)
-    longest_s = max(exposures_s, default=0.0) if n else None
-    yield Metric("poison_exposure", *where, value=longest_s, unit="s", n=n)
-    lives_s = [max(0.0, last - ends_ns[number]) / NS_PER_S for number, last in lasts_ns.items()]
-    life_s = float(np.mean(lives_s)) if lives_s else None
-    yield Metric("poison_life", *where, value=life_s, unit="s", n=len(lives_s))
-
-
 def _union_ns(spans: Iterable[tuple[float, float]]) -> float:
     """How long at least one of the spans lasts."""
     total_ns = reached_ns = 0.0
@@ -168,3 +143,107 @@ def _union_ns(spans: Iterable[tuple[float, float]]) -> float:
         total_ns += max(0.0, end_ns - max(begin_ns, reached_ns))
         reached_ns = max(reached_ns, end_ns)
     return total_ns
+
+
+class PoisonedObjects(MetricDefinition):
+    """False objects where attackers added an object: mean number, per car since the first attack,
+    at attackers, receivers or others (the component).
+    """
+
+    title = "poisoned objects held"
+    unit = "objects"
+    better = LOWER
+    section = ATTACKS
+    view = AtCars
+    reads = (
+        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
+        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
+    )
+
+    def holds(self, view: AtCars) -> Sequence[Hold]:
+        """Those that count, of all cars."""
+        return view.added
+
+    def of(self, view: AtCars) -> Measured:
+        spans_ns = (
+            hold.end_ns - hold.begin_ns for hold in self.holds(view) if hold.car in view.cars
+        )
+        whole_s = view.seconds * len(view.cars)
+        return Measured(
+            sum(spans_ns) / NS_PER_S / whole_s if whole_s > 0 else None, n=len(view.cars)
+        )
+
+
+class SuppressedObjects(PoisonedObjects):
+    """Missed objects that attackers left out: mean number, per car since the first attack, at
+    attackers, receivers or others (the component).
+    """
+
+    title = "suppressed objects"
+
+    def holds(self, view: AtCars) -> Sequence[Hold]:
+        return view.left_out
+
+
+class PoisonSpread(MetricDefinition):
+    """Share of the cars that do not attack which hold poisoned objects for a second or longer."""
+
+    title = "cars reached by poison"
+    better = LOWER
+    section = ATTACKS
+    view = AtOthers
+    reads = (
+        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
+        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
+    )
+
+    def of(self, view: AtOthers) -> Measured:
+        reached = sum(exposure_s >= SPREAD_S for exposure_s in view.exposures_s)
+        return quotient(reached, view.n, view.n)
+
+
+class PoisonExposure(MetricDefinition):
+    """The longest time for which a car that does not attack holds any poisoned object."""
+
+    title = "longest exposure to poison"
+    unit = "s"
+    better = LOWER
+    section = ATTACKS
+    view = AtOthers
+    reads = (
+        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
+        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
+    )
+
+    def of(self, view: AtOthers) -> Measured:
+        return Measured(max(view.exposures_s, default=0.0) if view.n else None, n=view.n)
+
+
+class PoisonLife(MetricDefinition):
+    """Mean time from the last forged message of an object until no other car holds it."""
+
+    title = "life of poison"
+    unit = "s"
+    better = LOWER
+    section = ATTACKS
+    view = AtOthers
+    reads = (
+        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
+        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
+    )
+
+    def of(self, view: AtOthers) -> Measured:
+        lasts_ns: dict[int, float] = {}
+        for hold in view.added:
+            lasts_ns[hold.forgery] = max(hold.end_ns, lasts_ns.get(hold.forgery, 0.0))
+        lives_s = [max(0.0, last - view.ends_ns[of]) / NS_PER_S for of, last in lasts_ns.items()]
+        return average(lives_s)
+
+
+METRICS = {
+    "poisoned_objects": PoisonedObjects(),
+    "suppressed_objects": SuppressedObjects(),
+    "poison_spread": PoisonSpread(),
+    "poison_exposure": PoisonExposure(),
+    "poison_life": PoisonLife(),
+}

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
-from genie_sim.analysis.metrics import PART
+from genie_sim.analysis.frame_metrics import PART
 from genie_sim.recording.results import MethodInfo, Metric
 from genie_sim.text import number_text
 

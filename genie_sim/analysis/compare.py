@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.correctness import HELD, Parts
-from genie_sim.analysis.metrics import response_ms
-from genie_sim.analysis.registry import DEADLINE_MS
+from genie_sim import plugins
+from genie_sim.analysis.registry import definition
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
 from genie_sim.errors import UserError, short_repr, unknown
 from genie_sim.recording import provenance
-from genie_sim.recording.columns import Columns, Floats, Text, joined
+from genie_sim.recording.columns import Floats, Text, joined
 from genie_sim.recording.results import MethodInfo, Metric, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
@@ -44,70 +43,25 @@ class Sums(NamedTuple):
         return float(self.above.sum()) / below if below else None
 
 
-def _first_time(rows: Columns) -> tuple[Floats, Any]:
-    times = response_ms(rows, "first")
-    return np.nan_to_num(times), ~np.isnan(times)
-
-
-def _fresh_time(rows: Columns) -> tuple[Floats, Any]:
-    times = response_ms(rows, "fresh")
-    return np.nan_to_num(times), ~np.isnan(times)
-
-
-def _answered(rows: Columns) -> tuple[Any, Floats]:
-    return ~np.isnan(rows.floats("first_answer_ns")), np.ones(len(rows))
-
-
-def _in_time(rows: Columns) -> tuple[Any, Floats]:
-    return response_ms(rows, "first") < DEADLINE_MS, np.ones(len(rows))
-
-
-def _bytes(column: str) -> Parts:
-    """Bytes per frame, of a column of the table ``frames``."""
-    return lambda rows: (rows[column], np.ones(len(rows)))
-
-
-def _agreement(rows: Columns) -> tuple[Floats, Floats]:
-    """F1 against the detector's own answers, as sums."""
-    served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
-    return 2 * matched, served + detected
-
-
-class Compared(NamedTuple):
-    """A metric that is compared: its unit, its ratio, and over which rows of which table; without
-    a ratio it is the run's own number, and has no interval within one run.
-    """
-
-    unit: str
-    parts: Parts | None
-    table: str = "frames"
-    rows: Mapping[str, str] = {}
-
-
-def _of_consumer(metric: str) -> Compared:
-    unit, parts = HELD[metric]
-    return Compared(unit, parts, "held", {"what": "consumer"})
-
-
-COMPARED: Mapping[str, Compared] = {
-    "first_answer_mean": Compared("ms", _first_time),
-    "fresh_answer_mean": Compared("ms", _fresh_time),
-    "answered_share": Compared("1", _answered),
-    "under_deadline_share": Compared("1", _in_time),
-    "first_proxy_f1": Compared("1", _agreement, "answers", {"which": "first"}),
-    "result_proxy_f1": Compared("1", _agreement, "answers", {"which": "result"}),
-    "streaming_f1": _of_consumer("streaming_f1"),
-    "object_recall": _of_consumer("object_recall"),
-    "ghost_share": _of_consumer("ghost_share"),
-    "gospa": _of_consumer("gospa"),
-    "bytes_up_per_frame": Compared("B", _bytes("bytes_up")),
-    "bytes_down_per_frame": Compared("B", _bytes("bytes_down")),
-    "accelerator_time": Compared("s", None),
-    "cpu_time": Compared("s", None),
-    "energy_per_frame": Compared("J", None),
-    "energy_per_fresh": Compared("J", None),
-    "energy_per_right": Compared("J", None),
-}
+COMPARED = (
+    "first_answer_mean",
+    "fresh_answer_mean",
+    "answered_share",
+    "under_deadline_share",
+    "first_proxy_f1",
+    "result_proxy_f1",
+    "streaming_f1",
+    "object_recall",
+    "ghost_share",
+    "gospa",
+    "bytes_up_per_frame",
+    "bytes_down_per_frame",
+    "accelerator_time",
+    "cpu_time",
+    "energy_per_frame",
+    "energy_per_fresh",
+    "energy_per_right",
+)
 # those that figures and tables for papers show
 DRAWN = (
     "first_answer_mean",
@@ -122,11 +76,11 @@ WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
 
 def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
     """A metric's sums in one run under one method."""
-    _, parts, table, of = COMPARED[metric]
-    if parts is None:
+    ratio = definition(metric).over_rows
+    if ratio is None:
         return _whole_run(metric, run, method)
-    rows = run.tables[table].where(method=method.name, **of)
-    above, below = (np.asarray(part, dtype=float) for part in parts(rows))
+    rows = run.tables[ratio.table].where(method=method.name, **ratio.only)
+    above, below = (np.nan_to_num(np.asarray(part, dtype=float)) for part in ratio.parts(rows))
     return Sums(rows["car"], rows["stamp_ns"], above, below)
 
 
@@ -241,7 +195,7 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
                 references[label] = reference
             arms.append(arm)
     rows = []
-    for metric in COMPARED:
+    for metric in (*COMPARED, *_own(arms)):
         for arm in arms:
             row = _difference(metric, arm, references.get(arm.label))
             if row is not None:
@@ -249,6 +203,12 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
     warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
     differing = _settings([_any(by_seed) for by_seed in settings])
     return ComparedRuns(arms, rows, names, settings=differing, warning=warning)
+
+
+def _own(arms: Sequence[ComparedMethod]) -> list[str]:
+    """The metrics of the user's own that were computed in any run."""
+    names = (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured)
+    return [name for name in dict.fromkeys(names) if plugins.is_own(name)]
 
 
 def _any(by_seed: Mapping[int, Run]) -> Run:
@@ -375,7 +335,7 @@ def _difference(
     if not values:
         return None
     mean = float(np.mean(list(values.values())))
-    alone = Difference(metric, arm.label, mean, COMPARED[metric].unit)
+    alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
     if reference is None:
         return alone
     other_sums, gaps = {}, []
@@ -394,7 +354,7 @@ def _difference(
         if ours.value is None or theirs.value is None:
             return alone._replace(against=reference.label)
         by, gap = BLOCKS, ours.value - theirs.value
-        if COMPARED[metric].parts is None:
+        if definition(metric).over_rows is None:
             return alone._replace(against=reference.label, difference=gap)
         half_of_blocks, n = _over_blocks(ours, theirs)
         low, high = around(gap, half_of_blocks)
@@ -460,14 +420,16 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]
     """
     metrics = []
     for arm in comparison.arms:
-        for name in COMPARED:
+        for name in (*COMPARED, *_own(comparison.arms)):
             of_runs = _metrics_of(arm, name)
             if len(of_runs) == 1:
                 metrics.append(replace(of_runs[0], method=arm.label))
             elif of_runs:
                 values = [metric.value for metric in of_runs if metric.value is not None]
                 mean, half = over_seeds(values)
-                low, high = wilson(mean, half) if COMPARED[name].unit == "1" else around(mean, half)
+                low, high = (
+                    wilson(mean, half) if definition(name).unit == "%" else around(mean, half)
+                )
                 metrics.append(
                     replace(of_runs[0], method=arm.label, value=mean, low=low, high=high)
                 )

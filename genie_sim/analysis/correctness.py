@@ -1,126 +1,85 @@
 """Correctness metrics, computed from the tables ``answers`` and ``held``.
 
-Sums are over answers or instants (micro averages); intervals are those of ``metrics``, from blocks
-of one second.
+Sums are over answers or instants (micro averages); intervals are from blocks of one second.
 """
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.registry import RIGHT_F1, ZERO_DELAY
-from genie_sim.analysis.statistics import Blocks, share
+from genie_sim.analysis.metric import (
+    HIGHER,
+    LOWER,
+    RIGHT_F1,
+    ZERO_DELAY,
+    MetricDefinition,
+    Ratio,
+    Rows,
+    Views,
+    Where,
+    quotient,
+)
+from genie_sim.analysis.statistics import Blocks, Measured
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
+from genie_sim.recording.records import CONSUMER
 
-CAUSES = ("moved_away", "never_there", "duplicate")  # of ghosts
+CORRECTNESS, LAPS = "Correctness", "Laps"
+CAUSES = ("moved_away", "never_there", "duplicate")  # of false objects
 HITS = {
     "all": ("own_cache", "edge_cache", "peer_cache"),
     "car": ("own_cache",),
     "edge": ("edge_cache", "peer_cache"),
 }
-# of a ratio of sums over rows: above and below, row by row
-Parts = Callable[[Columns], tuple[Any, Any]]
 
 
-def _visible(rows: Columns) -> Any:
-    return rows["visible_static"] + rows["visible_moving"]
+class AnswerRows(Rows):
+    """The answers under a method, which come from caches anywhere, on cars, or on edges."""
 
 
-def _of_ghosts(cause: str) -> Parts:
-    return lambda rows: (rows[cause], rows["held"])
+class HeldRows(Rows):
+    """What consumers hold at each instant under a method, or the zero-delay detector."""
 
 
-# Accuracy metrics of held objects: unit, and the ratio over the rows of table ``held``.
-HELD: dict[str, tuple[str, Parts]] = {
-    "object_precision": ("1", lambda rows: (rows["right"], rows["held"])),
-    "object_recall": ("1", lambda rows: (rows["right"], _visible(rows))),
-    "object_recall_static": ("1", lambda rows: (rows["found_static"], rows["visible_static"])),
-    "object_recall_moving": ("1", lambda rows: (rows["found_moving"], rows["visible_moving"])),
-    "streaming_f1": ("1", lambda rows: (2 * rows["right"], rows["held"] + _visible(rows))),
-    "ghost_share": ("1", lambda rows: (rows["held"] - rows["right"], rows["held"])),
-    **{f"ghost_share_{cause}": ("1", _of_ghosts(cause)) for cause in CAUSES},
-    "gospa": ("m", lambda rows: (rows["gospa_m"], np.ones(len(rows)))),
-    "held_age": ("s", lambda rows: (rows["age_s"] * rows["held"], rows["held"])),
-    "place_error": ("m", lambda rows: (rows["error_m"] * rows["right"], rows["right"])),
-}
+class Lap(NamedTuple):
+    """What consumers hold in one lap."""
+
+    held: Columns
 
 
-def of_answers(answers: Columns, methods: Sequence[str]) -> Iterator[Metric]:
-    """Precision, recall and F1 of first answers and results against the detector's own answer to
-    the frame (a proxy), and the share of cache hits whose F1 is below ``RIGHT_F1``, by where the
-    cache is.
-    """
+def answer_views(answers: Columns, methods: Sequence[str]) -> Views:
+    """The answers of each method, by where the cache is that a result comes from."""
     blocks = Blocks(answers["car"], answers["stamp_ns"])
-    method, which, source = (answers[name] for name in ("method", "which", "source"))
-    served, detected, matched = map(answers.floats, ("served", "detected", "matched"))
-    wrong = 2 * matched < RIGHT_F1 * (served + detected)  # two empty answers agree
-    proxies = {
-        "precision": (matched, served),
-        "recall": (matched, detected),
-        "f1": (2 * matched, served + detected),
-    }
-    for name in methods:
-        for answer in ("first", "result"):
-            rows = (method == name) & (which == answer)
-            if not rows.any():
-                continue
-            for measure, (above, below) in proxies.items():
-                yield share(
-                    blocks,
-                    f"{answer}_proxy_{measure}",
-                    (name, "all", ""),
-                    part=rows * above,
-                    whole=rows * below,
-                )
-        for placement, sources in HITS.items():
-            hits = (method == name) & (which == "result") & source.isin(sources)
-            if hits.any():
-                where = (name, placement, "")
-                yield share(blocks, "wrong_hit_share", where, part=hits & wrong, whole=hits)
+    for method in methods:
+        chosen = answers["method"] == method
+        for placement in HITS:
+            where = Where(method, placement)
+            yield where, AnswerRows(answers, chosen, blocks, where)
 
 
-def of_held(held: Columns, methods: Sequence[str], intervals: bool = True) -> Iterator[Metric]:
-    """Streaming accuracy of what the consumers hold at each instant, and, as component
-    ``zero_delay``, of the zero-delay detector, which stands under the first method that a car
-    drives with and holds for all.
+def held_views(held: Columns, methods: Sequence[str], intervals: bool = True) -> Views:
+    """What the consumers hold at each instant, and, as component ``zero_delay``, the zero-delay
+    detector, which stands under the first method that a car drives with and holds for all.
     """
     blocks = Blocks(held["car"], held["stamp_ns"], intervals)
-    method, what = held["method"], held["what"]
-    for name in methods:
-        for component in ("", ZERO_DELAY):
-            rows = (method == name) & ((what == ZERO_DELAY) == (component == ZERO_DELAY))
-            if not rows.any():
-                continue
-            for metric, (unit, parts) in HELD.items():
-                above, below = (np.where(rows, np.nan_to_num(part), 0.0) for part in parts(held))
-                where = (name, "all", component)
-                yield share(blocks, metric, where, part=above, whole=below, unit=unit)
+    zero_delay = held["what"] == ZERO_DELAY
+    for method in methods:
+        chosen = held["method"] == method
+        for component, what in (("", ~zero_delay), (ZERO_DELAY, zero_delay)):
+            where = Where(method, component=component)
+            yield where, HeldRows(held, chosen & what, blocks, where)
 
 
-def of_laps(held: Columns, frames: Columns, methods: Sequence[str]) -> Iterator[Metric]:
-    """Recall and streaming F1 of what consumers hold in each lap, with the lap as component;
-    nothing where no car drives its route more than once.
-    """
+def lap_views(held: Columns, frames: Columns, methods: Sequence[str]) -> Views:
+    """Each lap as component; nothing where no car drives its route more than once."""
     if not len(frames) or not frames["lap"].max():
         return
-    for name in methods:
-        judged = held.where(method=name, what="consumer")
-        laps = _laps(judged, frames.where(method=name))
+    for method in methods:
+        judged = held.where(method=method, what=CONSUMER)
+        laps = _laps(judged, frames.where(method=method))
         for lap in np.unique(laps).tolist():
-            of_lap = judged.rows(laps == lap)
-            for metric, source in (("lap_recall", "object_recall"), ("lap_f1", "streaming_f1")):
-                above, below = (int(np.sum(part)) for part in HELD[source][1](of_lap))
-                yield Metric(
-                    metric,
-                    name,
-                    "all",
-                    f"lap {lap + 1}",
-                    value=above / below if below else None,
-                    unit="1",
-                    n=below,
-                )
+            yield Where(method, component=f"lap {lap + 1}"), Lap(judged.rows(laps == lap))
 
 
 def _laps(judged: Columns, frames: Columns) -> Any:
@@ -133,3 +92,274 @@ def _laps(judged: Columns, frames: Columns) -> Any:
         rows = judged["car"] == car
         laps[rows] = np.searchsorted(begins_ns, judged["stamp_ns"][rows], side="right") - 1
     return laps
+
+
+class ProxyPrecision(Ratio):
+    """Precision of the {}s, against the detector's own answer to the same frame (a proxy for the
+    truth).
+    """
+
+    measure = "precision"
+    better = HIGHER
+    section = CORRECTNESS
+    view = AnswerRows
+    table = "answers"
+    reads = "answers: which, served, matched"
+
+    def __init__(self, which: str, answer: str) -> None:
+        self.only = MappingProxyType({"which": which})
+        self.title = f"proxy {self.measure}, {answer}"
+        self._answer = answer
+
+    @property
+    def meaning(self) -> str:
+        return super().meaning.format(self._answer)
+
+    def counts(self, rows: Rows) -> Any:
+        counts = super().counts(rows)
+        return counts & (rows.where.placement == "all")
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return rows["matched"], rows["served"]
+
+
+class ProxyRecall(ProxyPrecision):
+    """Recall of the {}s, against the detector's own answer to the same frame (a proxy for the
+    truth).
+    """
+
+    measure = "recall"
+    reads = "answers: which, detected, matched"
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return rows["matched"], rows["detected"]
+
+
+class ProxyF1(ProxyPrecision):
+    """F1 of the {}s, against the detector's own answer to the same frame (a proxy for the
+    truth).
+    """
+
+    measure = "F1"
+    reads = "answers: which, served, detected, matched"
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
+        return 2 * matched, served + detected
+
+
+class WrongHits(Ratio):
+    """Share of the cache hits with an F1 below 80 % against the detector's own answer to the same
+    frame (a proxy for the truth).
+    """
+
+    title = "wrong cache hits"
+    better = LOWER
+    section = CORRECTNESS
+    view = AnswerRows
+    table = "answers"
+    only = MappingProxyType({"which": "result"})
+    reads = "answers: which, served, detected, matched, source"
+
+    def counts(self, rows: Rows) -> Any:
+        return super().counts(rows) & rows.table["source"].isin(HITS[rows.where.placement])
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
+        # two empty answers agree
+        return 2 * matched < RIGHT_F1 * (served + detected), np.ones(len(rows))
+
+
+class HeldRatio(Ratio):
+    """A ratio of sums of columns over what consumers hold at each instant."""
+
+    section = CORRECTNESS
+    view = HeldRows
+    table = "held"
+    only = MappingProxyType({"what": CONSUMER})
+    above: tuple[str, ...] = ()
+    """The columns whose sum is above; a column may count twice."""
+
+    below: tuple[str, ...] = ()
+    """The columns whose sum is below."""
+
+    def __init_subclass__(cls) -> None:
+        if "reads" not in vars(cls):
+            cls.reads = f"held: {', '.join(dict.fromkeys((*cls.above, *cls.below)))}"
+
+    def counts(self, rows: Rows) -> Any:
+        return rows.chosen
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return sum(rows[name] for name in self.above), sum(rows[name] for name in self.below)
+
+
+class HeldMean(HeldRatio):
+    """The mean of the column ``above``, weighted with the column ``below``, if there is one."""
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        values = rows[self.above[0]]
+        weights = rows[self.below[0]] if self.below else np.ones(len(rows))
+        return values * weights, weights
+
+
+class ObjectPrecision(HeldRatio):
+    """Share of the held objects that are in view at that instant."""
+
+    title = "streaming precision"
+    better = HIGHER
+    above = ("right",)
+    below = ("held",)
+
+
+class ObjectRecall(HeldRatio):
+    """Share of the objects in view that the consumer holds at that instant."""
+
+    title = "recall of visible objects"
+    better = HIGHER
+    above = ("right",)
+    below = ("visible_static", "visible_moving")
+
+
+class StaticRecall(HeldRatio):
+    """Recall of the visible objects that stand still."""
+
+    title = "recall of static objects"
+    better = HIGHER
+    above = ("found_static",)
+    below = ("visible_static",)
+
+
+class MovingRecall(HeldRatio):
+    """Recall of the visible objects that move."""
+
+    title = "recall of moving objects"
+    better = HIGHER
+    above = ("found_moving",)
+    below = ("visible_moving",)
+
+
+class StreamingF1(HeldRatio):
+    """F1 of the objects that the consumer holds at each instant, against those in view then."""
+
+    title = "streaming F1"
+    better = HIGHER
+    above = ("right", "right")
+    below = ("held", "visible_static", "visible_moving")
+
+
+class FalseObjects(HeldRatio):
+    """Share of the held objects without a true object of their class within 2 m."""
+
+    title = "false objects"
+    better = LOWER
+    above = ("held", "right")
+    below = ("held",)
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return rows["held"] - rows["right"], rows["held"]
+
+
+class MovedAway(HeldRatio):
+    """Share of the held objects that were there and left."""
+
+    title = "false objects: moved away"
+    better = LOWER
+    above = ("moved_away",)
+    below = ("held",)
+
+
+class NeverThere(HeldRatio):
+    """Share of the held objects that never were there."""
+
+    title = "false objects: never there"
+    better = LOWER
+    above = ("never_there",)
+    below = ("held",)
+
+
+class Duplicates(HeldRatio):
+    """Share of the held objects that are held twice."""
+
+    title = "false objects: duplicates"
+    better = LOWER
+    above = ("duplicate",)
+    below = ("held",)
+
+
+class Gospa(HeldMean):
+    """Mean GOSPA distance from the held objects to those in view."""
+
+    title = "GOSPA"
+    unit = "m"
+    better = LOWER
+    above = ("gospa_m",)
+
+
+class HeldAge(HeldMean):
+    """Mean time since the held objects were detected."""
+
+    title = "age of held objects"
+    unit = "s"
+    better = LOWER
+    above = ("age_s",)
+    below = ("held",)
+
+
+class PositionError(HeldMean):
+    """Mean distance of the right held objects to the true ones."""
+
+    title = "position error"
+    unit = "m"
+    better = LOWER
+    above = ("error_m",)
+    below = ("right",)
+
+
+class LapRecall(MetricDefinition):
+    """Recall of visible objects in one lap of the cars' routes."""
+
+    title = "recall in a lap"
+    better = HIGHER
+    section = LAPS
+    view = Lap
+    measure: HeldRatio = ObjectRecall()
+    reads = "held: right, visible_static, visible_moving"
+
+    def of(self, view: Lap) -> Measured:
+        above, below = (int(np.sum(part)) for part in self.measure.parts(view.held))
+        return quotient(above, below, below)
+
+
+class LapF1(LapRecall):
+    """Streaming F1 in one lap of the cars' routes."""
+
+    title = "streaming F1 in a lap"
+    measure = StreamingF1()
+    reads = "held: right, visible_static, visible_moving, held"
+
+
+ANSWERS = {
+    "first_proxy_precision": ProxyPrecision("first", "first answer"),
+    "first_proxy_recall": ProxyRecall("first", "first answer"),
+    "first_proxy_f1": ProxyF1("first", "first answer"),
+    "result_proxy_precision": ProxyPrecision("result", "result"),
+    "result_proxy_recall": ProxyRecall("result", "result"),
+    "result_proxy_f1": ProxyF1("result", "result"),
+    "wrong_hit_share": WrongHits(),
+}
+HELD = {
+    "object_precision": ObjectPrecision(),
+    "object_recall": ObjectRecall(),
+    "object_recall_static": StaticRecall(),
+    "object_recall_moving": MovingRecall(),
+    "streaming_f1": StreamingF1(),
+    "ghost_share": FalseObjects(),
+    "ghost_share_moved_away": MovedAway(),
+    "ghost_share_never_there": NeverThere(),
+    "ghost_share_duplicate": Duplicates(),
+    "gospa": Gospa(),
+    "held_age": HeldAge(),
+    "place_error": PositionError(),
+}
+METRICS = {**ANSWERS, **HELD, "lap_recall": LapRecall(), "lap_f1": LapF1()}

@@ -16,7 +16,8 @@ from genie_sim.analysis.drawing import (
     logarithmic_x,
     one_panel,
 )
-from genie_sim.analysis.registry import METRICS, ZERO_DELAY, component_title, title_of
+from genie_sim.analysis.metric import ZERO_DELAY
+from genie_sim.analysis.registry import METRICS, component_title, title_of
 from genie_sim.recording.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"

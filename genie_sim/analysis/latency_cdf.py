@@ -20,8 +20,8 @@ from genie_sim.analysis.drawing import (
     logarithmic_x,
     seeds_of,
 )
-from genie_sim.analysis.metrics import response_ms
-from genie_sim.analysis.registry import DEADLINE_MS
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.analysis.statistics import mean_bands
 from genie_sim.analysis.style import LINE_IN, thinned
 from genie_sim.recording.columns import Columns

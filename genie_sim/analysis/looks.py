@@ -1,53 +1,159 @@
 """What became of paced looks, how old the newest look of a view is, and what edges told."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
-from genie_sim.analysis.statistics import Blocks, latencies
+from genie_sim.analysis.correctness import CORRECTNESS
+from genie_sim.analysis.frame_metrics import FRAMES, STATISTICS, statistic_of
+from genie_sim.analysis.metric import (
+    HIGHER,
+    LOWER,
+    MetricDefinition,
+    Views,
+    Where,
+    average,
+    quotient,
+)
+from genie_sim.analysis.statistics import Blocks, Measured
 from genie_sim.recording.columns import Columns, Floats
-from genie_sim.recording.results import Metric
+from genie_sim.recording.records import CONSUMER
 from genie_sim.units import NS_PER_MS
 
 ENDS = ("answered", "stale", "overtaken", "timed_out")  # of a frame that went up
 
 
-def of_looks(
-    tables: Mapping[str, Columns], methods: Sequence[str], intervals: bool = True
-) -> Iterator[Metric]:
-    """The metrics of each method that paces its looks."""
-    looks, frames = tables["looks"], tables["frames"]
+class Looks:
+    """The looks of a method that paces them, how many frames were published, and what its
+    consumers hold, if that is known.
+    """
+
+    def __init__(
+        self, events: Columns, published: int, held: Columns | None, intervals: bool
+    ) -> None:
+        self.events, self.published, self.held = events, published, held
+        self.way_up = events.where(way="edge")
+        self._intervals = intervals
+
+    def sent_up(self, outcome: str) -> int:
+        """How many frames went up and ended so."""
+        return len(self.way_up.where(outcome=outcome))
+
+    @cached_property
+    def answered(self) -> Columns:
+        """The frames that were answered from the map."""
+        return self.events.where(way="map")
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """These frames by car and second."""
+        return Blocks(self.answered["car"], self.answered["stamp_ns"], self._intervals)
+
+
+def views(tables: Mapping[str, Columns], methods: Sequence[str], intervals: bool) -> Views:
+    """Each method that paces its looks."""
     for method in methods:
-        events = looks.where(method=method)
-        if not len(events):
-            continue
-        published, where = len(frames.where(method=method)), (method, "all", "")
-        own = len(events.where(way="own", outcome="answered"))
-        yield Metric("looks_own_share", *where, value=own / published, unit="1", n=published)
-        yield from _of_way_up(events.where(way="edge"), method, published)
-        answered = events.where(way="map")
-        blocks = Blocks(answered["car"], answered["stamp_ns"], intervals)
-        age_ms = (answered["stamp_ns"] - answered.floats("looked_ns")) / NS_PER_MS
-        yield from latencies(blocks, age_ms, "view_age", where)
-        if "held" in tables:
-            yield from _of_shared(tables["held"].where(method=method, what="consumer"), method)
+        events = tables["looks"].where(method=method)
+        if len(events):
+            published = len(tables["frames"].where(method=method))
+            held = None
+            if "held" in tables:
+                held = tables["held"].where(method=method, what=CONSUMER)
+            yield Where(method), Looks(events, published, held, intervals)
 
 
-def _of_way_up(events: Columns, method: str, published: int) -> Iterator[Metric]:
-    """How the frames that went up to the edge ended, and how long the answered ones took."""
-    where = method, "all", ""
-    sent = len(events.where(outcome="sent"))
-    yield Metric("looks_sent_share", *where, value=sent / published, unit="1", n=published)
-    counts = {end: len(events.where(outcome=end)) for end in ENDS}
-    counts["in_flight"] = sent - sum(counts.values())
-    for end, count in counts.items():
-        yield Metric(
-            f"looks_{end}_share", *where, value=count / sent if sent else None, unit="1", n=sent
-        )
-    round_trips_ms = _round_trips_ms(events)
-    n = len(round_trips_ms)
-    mean_ms = float(round_trips_ms.mean()) if n else None
-    yield Metric("look_round_trip_mean", *where, value=mean_ms, unit="ms", n=n)
+class OwnLooks(MetricDefinition):
+    """Share of the published frames that the car's own detector looked at, where looks are
+    paced.
+    """
+
+    title = "looks by the car's detector"
+    section = FRAMES
+    view = Looks
+    reads = "looks: way, outcome"
+
+    def of(self, view: Looks) -> Measured:
+        own = len(view.events.where(way="own", outcome="answered"))
+        return quotient(own, view.published, view.published)
+
+
+class LooksSent(MetricDefinition):
+    """Share of the published frames that went up to be looked at by the edge."""
+
+    title = "looks sent up"
+    section = FRAMES
+    view = Looks
+    reads = "looks: way, outcome"
+
+    def of(self, view: Looks) -> Measured:
+        return quotient(view.sent_up("sent"), view.published, view.published)
+
+
+class LooksAnswered(MetricDefinition):
+    """Share of the frames sent up that were answered in time."""
+
+    title = "looks answered"
+    better = HIGHER
+    section = FRAMES
+    view = Looks
+    reads = "looks: way, outcome"
+    end = "answered"
+
+    def of(self, view: Looks) -> Measured:
+        sent = view.sent_up("sent")
+        return quotient(view.sent_up(self.end), sent, sent)
+
+
+class LooksStale(LooksAnswered):
+    """Share of the frames sent up whose answer came too late to count."""
+
+    title = "looks answered too late"
+    better = LOWER
+    end = "stale"
+
+
+class LooksOvertaken(LooksAnswered):
+    """Share of the frames sent up that were lost: a later one was answered first."""
+
+    title = "looks lost, overtaken"
+    better = LOWER
+    end = "overtaken"
+
+
+class LooksTimedOut(LooksAnswered):
+    """Share of the frames sent up that were given up: no answer came in time."""
+
+    title = "looks lost, timed out"
+    better = LOWER
+    end = "timed_out"
+
+
+class LooksInFlight(LooksAnswered):
+    """Share of the frames sent up that were neither answered nor given up when the run ended."""
+
+    title = "looks in flight"
+    better = ""
+
+    def of(self, view: Looks) -> Measured:
+        sent = view.sent_up("sent")
+        return quotient(sent - sum(map(view.sent_up, ENDS)), sent, sent)
+
+
+class LookRoundTrip(MetricDefinition):
+    """Mean time from when a frame went up until its answer came, of those that got one before they
+    were given up.
+    """
+
+    title = "round trip of a look, mean"
+    unit = "ms"
+    better = LOWER
+    section = FRAMES
+    view = Looks
+    reads = "looks: way, outcome, t_ns, stamp_ns, stream, car"
+
+    def of(self, view: Looks) -> Measured:
+        return average(_round_trips_ms(view.way_up))
 
 
 def _round_trips_ms(events: Columns) -> Floats:
@@ -64,11 +170,74 @@ def _round_trips_ms(events: Columns) -> Floats:
     return np.asarray((times_ns[answered] - times_ns[answered - 1]) / NS_PER_MS)
 
 
-def _of_shared(held: Columns, method: str) -> Iterator[Metric]:
-    """What the consumers hold because another car saw it."""
-    where = method, "all", ""
-    total, shared, right = (int(held[name].sum()) for name in ("held", "shared", "shared_right"))
-    share = shared / total if total else None
-    yield Metric("shared_share", *where, value=share, unit="1", n=total)
-    right_share = right / shared if shared else None
-    yield Metric("shared_right_share", *where, value=right_share, unit="1", n=shared)
+class ViewAge(MetricDefinition):
+    """Time from the newest frame of a frame's view that a detector had looked at when this one came
+    to this one, where looks are paced.
+    """
+
+    unit = "ms"
+    better = LOWER
+    view = Looks
+    reads = "looks: way, car, stamp_ns, looked_ns"
+
+    def __init__(self, statistic: str, section: str = FRAMES) -> None:
+        self._statistic = statistic
+        self.title = f"age of view, {STATISTICS[statistic][0]}"
+        self.section = section
+
+    @property
+    def meaning(self) -> str:
+        return super().meaning.replace("Time", STATISTICS[self._statistic][1], 1)
+
+    def of(self, view: Looks) -> Measured:
+        age_ns = view.answered["stamp_ns"] - view.answered.floats("looked_ns")
+        return statistic_of(self._statistic, view.blocks, age_ns / NS_PER_MS)
+
+
+class Shared(MetricDefinition):
+    """Share of the held objects that another car saw last, where looks are paced."""
+
+    title = "objects that another car saw"
+    section = CORRECTNESS
+    view = Looks
+    reads = "held: held, shared"
+
+    def of(self, view: Looks) -> Measured | None:
+        if view.held is None:
+            return None
+        total = int(view.held["held"].sum())
+        return quotient(int(view.held["shared"].sum()), total, total)
+
+
+class SharedRight(MetricDefinition):
+    """Share of the held objects that another car saw last which are in view at that instant."""
+
+    title = "right among objects that another car saw"
+    better = HIGHER
+    section = CORRECTNESS
+    view = Looks
+    reads = "held: shared, shared_right"
+
+    def of(self, view: Looks) -> Measured | None:
+        if view.held is None:
+            return None
+        shared = int(view.held["shared"].sum())
+        return quotient(int(view.held["shared_right"].sum()), shared, shared)
+
+
+METRICS = {
+    "looks_own_share": OwnLooks(),
+    "looks_sent_share": LooksSent(),
+    "looks_answered_share": LooksAnswered(),
+    "looks_stale_share": LooksStale(),
+    "looks_overtaken_share": LooksOvertaken(),
+    "looks_timed_out_share": LooksTimedOut(),
+    "looks_in_flight_share": LooksInFlight(),
+    "look_round_trip_mean": LookRoundTrip(),
+    "view_age_mean": ViewAge("mean"),
+    "view_age_p50": ViewAge("p50", section=""),
+    "view_age_p95": ViewAge("p95"),
+    "view_age_p99": ViewAge("p99", section=""),
+    "shared_share": Shared(),
+    "shared_right_share": SharedRight(),
+}

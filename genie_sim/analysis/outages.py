@@ -1,83 +1,175 @@
-"""What a fault did: before it, while it lasted, after it, and how long until all was as before."""
+"""What a fault did: before it, while it lasted, after it, and how long until all was as before.
+
+The fault is the first of each method that is no hand-over. A frame, or an instant of ``held``,
+belongs to the phase of its stamp, which is the component of the numbers.
+"""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.correctness import HELD
+from genie_sim.analysis.correctness import FalseObjects, HeldRatio, ObjectRecall
+from genie_sim.analysis.frame_metrics import Answered, FrameShare, LookAge, WithFreshResult
+from genie_sim.analysis.metric import HIGHER, LOWER, MetricDefinition, Views, Where, average
+from genie_sim.analysis.statistics import Measured
 from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
+from genie_sim.recording.records import CONSUMER
 from genie_sim.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = NS_PER_S // 2
 RECOVERED = 0.95  # of the share of fresh results before the fault
 PHASES = ("before", "during", "after")
-JUDGED = {"fault_recall": "object_recall", "fault_ghosts": "ghost_share"}
+FAULTS = "Around the first fault"
 
 
-def of_faults(
-    faults: Columns, frames: Columns, held: Columns | None, methods: Sequence[str]
-) -> Iterator[Metric]:
-    """Metrics of the first fault of each method that is no hand-over, with the phase as component.
+class PhaseFrames(NamedTuple):
+    """The frames of one phase."""
 
-    A frame, or an instant of ``held``, belongs to the phase of its stamp.
-    """
-    for name in methods:
-        own = faults.where(method=name)
+    frames: Columns
+
+
+class PhaseHeld(NamedTuple):
+    """What is judged of what consumers hold: above and below, row by row of one phase."""
+
+    judged: type[HeldRatio]
+    above: Any
+    below: Any
+
+
+class AfterFault(NamedTuple):
+    """All frames of a method, and the fault's end [ns], NaN where it did not end."""
+
+    frames: Columns
+    begin_ns: int
+    end_ns: float
+
+
+def views(faults: Columns, frames: Columns, held: Columns | None, methods: Sequence[str]) -> Views:
+    """The phases of the first fault of each method."""
+    for method in methods:
+        own = faults.where(method=method)
         own = own.rows(np.array([fault != "hand_over" for fault in own["fault"].tolist()], bool))
         if not len(own):
             continue
         first = own.by("begin_ns").rows(slice(0, 1))
-        begin_ns, end_ns = int(first["begin_ns"][0]), float(first.floats("end_ns")[0])
-        yield from _of_frames(frames.where(method=name), name, begin_ns, end_ns)
-        if held is not None:
-            yield from _of_held(held.where(method=name, what="consumer"), name, begin_ns, end_ns)
+        fault = int(first["begin_ns"][0]), float(first.floats("end_ns")[0])
+        of_method = frames.where(method=method)
+        for phase, rows in _phases(of_method, *fault):
+            yield Where(method, component=phase), PhaseFrames(of_method.rows(rows))
+        yield Where(method), AfterFault(of_method, *fault)
+        if held is None:
+            continue
+        of_consumers = held.where(method=method, what=CONSUMER)
+        for judged in (ObjectRecall, FalseObjects):
+            parts = [np.nan_to_num(part) for part in judged().parts(of_consumers)]
+            for phase, rows in _phases(of_consumers, *fault):
+                yield (
+                    Where(method, component=phase),
+                    PhaseHeld(judged, *(part[rows] for part in parts)),
+                )
 
 
-def _of_frames(frames: Columns, method: str, begin_ns: int, end_ns: float) -> Iterator[Metric]:
-    """Answers, fresh results, latency, age of look and recovery."""
-    stamps_ns = frames["stamp_ns"]
-    phases = _phases(stamps_ns, begin_ns, end_ns)
-    fresh = ~np.isnan(frames.floats("fresh_answer_ns"))
-    latency_ms = (frames.floats("first_answer_ns") - stamps_ns) / NS_PER_MS
-    look_age_ms = np.maximum(stamps_ns - frames.floats("first_looked_ns"), 0.0) / NS_PER_MS
-    answered = ~np.isnan(latency_ms)
-    looked = ~np.isnan(look_age_ms)
+def _phases(rows: Columns, begin_ns: int, end_ns: float) -> Iterator[tuple[str, Any]]:
+    """Each phase, and which of the rows are in it; ``end_ns`` is NaN where it did not end."""
+    stamps_ns = rows["stamp_ns"]
+    phases = (stamps_ns >= begin_ns).astype(int) + (stamps_ns >= end_ns)
     for number, phase in enumerate(PHASES):
-        rows = phases == number
-        where = (method, "all", phase)
-        yield _mean("fault_answered_share", where, answered[rows], unit="1")
-        yield _mean("fault_fresh_share", where, fresh[rows], unit="1")
-        yield _mean("fault_latency", where, latency_ms[rows & answered], unit="ms")
-        yield _mean("fault_look_age", where, look_age_ms[rows & looked], unit="ms")
-    before = fresh[phases == 0]
-    recovery_s = None
-    if before.any() and not np.isnan(end_ns):
-        recovery_s = _recovery_s(stamps_ns - int(end_ns), fresh, RECOVERED * float(before.mean()))
-    yield Metric("fault_recovery", method, "all", "", value=recovery_s, unit="s")
+        yield phase, phases == number
 
 
-def _phases(stamps_ns: Any, begin_ns: int, end_ns: float) -> Any:
-    """Before, during or after the fault: 0, 1 or 2. ``end_ns`` is NaN where it did not end."""
-    return (stamps_ns >= begin_ns).astype(int) + (stamps_ns >= end_ns)
+class FaultMetric(MetricDefinition):
+    """A metric before, during or after the first fault that is no hand-over (the component)."""
+
+    pattern: str
+    """The title, with a place for the phase."""
+
+    section = FAULTS
+
+    def __init_subclass__(cls) -> None:
+        cls.title = cls.pattern.format("around a fault")
+
+    def titled(self, placement: str = "all", component: str = "") -> str:
+        return self.pattern.format(f"{component} the fault") if component else self.title
 
 
-def _mean(metric: str, where: tuple[str, str, str], values: Any, unit: str) -> Metric:
-    value = float(np.mean(values)) if len(values) else None
-    return Metric(metric, *where, value=value, unit=unit, n=len(values))
+class FaultAnswered(FaultMetric):
+    """Share of the frames with any answer, before, during or after the first fault that is no
+    hand-over (the component).
+    """
+
+    pattern = "frames answered {}"
+    better = HIGHER
+    view = PhaseFrames
+    share: FrameShare = Answered()
+    reads = Answered.reads
+
+    def of(self, view: PhaseFrames) -> Measured:
+        return average(self.share.flags(view.frames))
 
 
-def _of_held(held: Columns, method: str, begin_ns: int, end_ns: float) -> Iterator[Metric]:
-    """Recall and ghosts of what consumers hold."""
-    phases = _phases(held["stamp_ns"], begin_ns, end_ns)
-    for metric, source in JUDGED.items():
-        unit, parts = HELD[source]
-        above, below = (np.nan_to_num(part) for part in parts(held))
-        for number, phase in enumerate(PHASES):
-            part, whole = (float(np.sum(values[phases == number])) for values in (above, below))
-            value = part / whole if whole else None
-            yield Metric(metric, method, "all", phase, value=value, unit=unit, n=round(whole))
+class FaultFresh(FaultAnswered):
+    """Share of the frames with a fresh result, before, during or after the first fault that is no
+    hand-over (the component).
+    """
+
+    pattern = "frames with a fresh result {}"
+    share = WithFreshResult()
+    reads = WithFreshResult.reads
+
+
+class FaultLatency(FaultMetric):
+    """Mean time from a frame's stamp to its first answer, before, during or after the first fault
+    that is no hand-over (the component).
+    """
+
+    pattern = "first answer {}, mean"
+    unit = "ms"
+    better = LOWER
+    view = PhaseFrames
+    reads = "frames: first_answer_ns, stamp_ns"
+
+    def of(self, view: PhaseFrames) -> Measured:
+        times_ms = (view.frames.floats("first_answer_ns") - view.frames["stamp_ns"]) / NS_PER_MS
+        return average(times_ms[~np.isnan(times_ms)])
+
+
+class FaultLookAge(FaultMetric):
+    """Mean time from the newest frame in which a detector saw any of a first answer to its own
+    frame, before, during or after the first fault that is no hand-over (the component).
+    """
+
+    pattern = "age of look {}, mean"
+    unit = "ms"
+    better = LOWER
+    view = PhaseFrames
+    reads = LookAge.reads
+
+    def of(self, view: PhaseFrames) -> Measured:
+        ages_ms = LookAge("mean").times_ms(view.frames)
+        return average(ages_ms[~np.isnan(ages_ms)])
+
+
+class FaultRecovery(MetricDefinition):
+    """From the end of the first fault to the first half second with 95 % of the share of fresh
+    results before it.
+    """
+
+    title = "recovery after a fault"
+    unit = "s"
+    better = LOWER
+    section = FAULTS
+    view = AfterFault
+    reads = "frames: stamp_ns, fresh_answer_ns"
+
+    def of(self, view: AfterFault) -> Measured:
+        stamps_ns = view.frames["stamp_ns"]
+        fresh = ~np.isnan(view.frames.floats("fresh_answer_ns"))
+        before = fresh[stamps_ns < view.begin_ns]
+        if not before.any() or np.isnan(view.end_ns):
+            return Measured(None)
+        enough = RECOVERED * float(before.mean())
+        return Measured(_recovery_s(stamps_ns - int(view.end_ns), fresh, enough))
 
 
 def _recovery_s(after_ns: Any, fresh: Any, enough: float) -> float | None:
@@ -92,3 +184,43 @@ def _recovery_s(after_ns: Any, fresh: Any, enough: float) -> float | None:
         if rows.any() and fresh[rows].mean() >= enough:
             return number * WINDOW_NS / NS_PER_S
     return None
+
+
+class FaultRecall(FaultMetric):
+    """Share of the visible objects that consumers hold, before, during or after the first fault
+    that is no hand-over (the component).
+    """
+
+    pattern = "recall of visible objects {}"
+    better = HIGHER
+    view = PhaseHeld
+    judged: type[HeldRatio] = ObjectRecall
+    reads = "held: right, visible_static, visible_moving"
+
+    def of(self, view: PhaseHeld) -> Measured | None:
+        if view.judged is not self.judged:
+            return None
+        above, below = float(np.sum(view.above)), float(np.sum(view.below))
+        return Measured(above / below if below else None, n=round(below))
+
+
+class FaultFalseObjects(FaultRecall):
+    """Share of the held objects that are not there, before, during or after the first fault that is
+    no hand-over (the component).
+    """
+
+    pattern = "false objects {}"
+    better = LOWER
+    judged = FalseObjects
+    reads = "held: right, held"
+
+
+METRICS = {
+    "fault_answered_share": FaultAnswered(),
+    "fault_fresh_share": FaultFresh(),
+    "fault_latency": FaultLatency(),
+    "fault_look_age": FaultLookAge(),
+    "fault_recovery": FaultRecovery(),
+    "fault_recall": FaultRecall(),
+    "fault_ghosts": FaultFalseObjects(),
+}

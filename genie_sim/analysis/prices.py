@@ -8,15 +8,16 @@ and whether one method takes less than another over all their ranges is decided 
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from genie_sim.analysis.metric import LOWER, POWERS, MetricDefinition, Ratio, Views, Where, quotient
+from genie_sim.analysis.statistics import Measured
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import CONSUMER
-from genie_sim.recording.results import Metric
 from genie_sim.units import NS_PER_S
 
 BITS_PER_MEGABIT = 10**6
@@ -24,6 +25,7 @@ IDLE = ("idle", "port")  # what is always taken
 Key = tuple[str, str, str]  # kind, name and part of a power
 End = Literal["value", "low", "high"]
 ENDS: tuple[End, ...] = ("value", "low", "high")
+PRICES = "Prices"
 
 
 @dataclass(frozen=True)
@@ -121,57 +123,233 @@ def _placed(hosts: Columns) -> dict[str, Columns]:
     return {"all": hosts} | {name: rows for name, rows in placed.items() if len(rows)}
 
 
-def of_hosts(tables: Mapping[str, Columns], methods: Sequence[str]) -> Iterator[Metric]:
-    """Bytes, computing time and energy of each method. ``low`` and ``high`` of energy are with all
-    powers at that end of their ranges.
+class Carried(NamedTuple):
+    """The hosts and the frames of a method."""
+
+    hosts: Columns
+    frames: Columns
+
+
+class Worked(NamedTuple):
+    """The hosts of a method in one placement."""
+
+    hosts: Columns
+    placement: str
+
+
+class Consumed(NamedTuple):
+    """The energy of a method's hosts in one placement, with all powers at each of ``ENDS`` [J], and
+    what it is divided by, by metric.
     """
+
+    energy: Ledger
+    counts: Mapping[str, int]
+
+
+def views(tables: Mapping[str, Columns], methods: Sequence[str]) -> Views:
+    """Bytes, computing time and energy of each method, in all, of cars and of edges."""
     for method in methods:
         hosts = tables["hosts"].where(method=method)
         frames = tables["frames"].where(method=method)
         if not len(hosts) or not len(frames):
             continue
-        yield from _bytes(hosts, frames, method)
+        yield Where(method), Carried(hosts, frames)
         for placement, rows in _placed(hosts).items():
-            where = method, placement, ""
-            for name in ("accelerator", "cpu"):
-                seconds = float(rows[f"{name}_ns"].sum()) / NS_PER_S
-                yield Metric(f"{name}_time", *where, value=seconds, unit="s", n=len(rows))
-            batches = int(rows["batches"].sum())
-            if batches and placement == "edge":
-                size = float(rows["pictures"].sum()) / batches
-                yield Metric("batch_size", *where, value=size, unit="pictures", n=batches)
-        yield from _energy(tables, frames, method)
+            yield Where(method, placement), Worked(rows, placement)
+        counts = {
+            "frame": len(frames),
+            "fresh": int((~np.isnan(frames.floats("fresh_answer_ns"))).sum()),
+        }
+        if "held" in tables:
+            held = tables["held"].where(method=method, what=CONSUMER)
+            counts["right"] = int(held["right"].sum())
+        for placement, energy in ledgers(tables, method).items():
+            yield Where(method, placement), Consumed(energy, counts)
 
 
-def _bytes(hosts: Columns, frames: Columns, method: str) -> Iterator[Metric]:
-    where, n, span_ns = (method, "all", ""), len(frames), duration_ns(frames)
-    for name in ("bytes_up", "bytes_down"):
-        carried = int(hosts[name].sum())
-        yield Metric(f"{name}_per_frame", *where, value=carried / n, unit="B", n=n)
-        rate = carried * NS_PER_S / span_ns if span_ns else None
-        yield Metric(f"{name}_rate", *where, value=rate, unit="B/s", n=n)
+class BytesOfFrames(Ratio):
+    """Bytes per published frame, frame by frame."""
+
+    unit = "B"
+    table = "frames"
+
+    def __init__(self, column: str) -> None:
+        self._column = column
+
+    def parts(self, rows: Columns) -> tuple[Any, Any]:
+        return rows[self._column], np.ones(len(rows))
 
 
-def _energy(tables: Mapping[str, Columns], frames: Columns, method: str) -> Iterator[Metric]:
-    counts = {
-        "energy_per_frame": len(frames),
-        "energy_per_fresh": int((~np.isnan(frames.floats("fresh_answer_ns"))).sum()),
-    }
-    if "held" in tables:
-        held = tables["held"].where(method=method, what=CONSUMER)
-        counts["energy_per_right"] = int(held["right"].sum())
-    for placement, of_placement in ledgers(tables, method).items():
-        where = method, placement, ""
-        joules = [of_placement.joules(end) for end in ENDS]
-        active = [of_placement.without_idle(end) for end in ENDS]
-        for name, n in counts.items():
-            yield _per(name, where, joules, n)
-        yield _per("energy_active_per_frame", where, active, len(frames))
+class BytesUpPerFrame(MetricDefinition):
+    """Bytes that cars sent to their edges per published frame."""
+
+    title = "sent up per frame"
+    unit = "B"
+    better = LOWER
+    section = PRICES
+    view = Carried
+    column = "bytes_up"
+    reads = "hosts: bytes_up"
+
+    @property
+    def over_rows(self) -> Ratio | None:
+        return BytesOfFrames(self.column) if self.unit == "B" else None
+
+    def of(self, view: Carried) -> Measured:
+        n = len(view.frames)
+        return quotient(int(view.hosts[self.column].sum()), n, n)
 
 
-def _per(name: str, where: tuple[str, str, str], joules: Sequence[float | None], n: int) -> Metric:
-    value, low, high = (None if of is None or not n else of / n for of in joules)
-    return Metric(name, *where, value=value, unit="J", low=low, high=high, n=n)
+class BytesDownPerFrame(BytesUpPerFrame):
+    """Bytes that edges sent to cars per published frame."""
+
+    title = "sent down per frame"
+    column = "bytes_down"
+    reads = "hosts: bytes_down"
+
+
+class BytesUpRate(BytesUpPerFrame):
+    """Bytes that all cars sent to their edges per second until the last answer."""
+
+    title = "sent up per second"
+    unit = "B/s"
+    reads = "hosts: bytes_up; frames: first_answer_ns, fresh_answer_ns, result_answer_ns"
+
+    def of(self, view: Carried) -> Measured:
+        carried, span_ns = int(view.hosts[self.column].sum()), duration_ns(view.frames)
+        return Measured(carried * NS_PER_S / span_ns if span_ns else None, n=len(view.frames))
+
+
+class BytesDownRate(BytesUpRate):
+    """Bytes that edges sent to all cars per second until the last answer."""
+
+    title = "sent down per second"
+    column = "bytes_down"
+    reads = "hosts: bytes_down; frames: first_answer_ns, fresh_answer_ns, result_answer_ns"
+
+
+class AcceleratorTime(MetricDefinition):
+    """Time that accelerators worked, summed over them."""
+
+    title = "accelerator time"
+    unit = "s"
+    better = LOWER
+    section = PRICES
+    view = Worked
+    column = "accelerator_ns"
+    reads = "hosts: accelerator_ns"
+
+    def of(self, view: Worked) -> Measured:
+        return Measured(float(view.hosts[self.column].sum()) / NS_PER_S, n=len(view.hosts))
+
+
+class CpuTime(AcceleratorTime):
+    """Time that CPU cores worked, summed over them."""
+
+    title = "CPU time"
+    column = "cpu_ns"
+    reads = "hosts: cpu_ns"
+
+
+class BatchSize(MetricDefinition):
+    """Mean number of pictures that were detected at once."""
+
+    title = "pictures per batch"
+    unit = "pictures"
+    section = PRICES
+    view = Worked
+    reads = "hosts: batches, pictures"
+
+    def of(self, view: Worked) -> Measured | None:
+        batches = int(view.hosts["batches"].sum())
+        if not batches or view.placement != "edge":
+            return None
+        return quotient(float(view.hosts["pictures"].sum()), batches, batches)
+
+
+class Energy(MetricDefinition):
+    """Energy per what is counted."""
+
+    unit = "J"
+    better = LOWER
+    section = PRICES
+    view = Consumed
+    mark = POWERS
+    per = "frame"
+    reads = (
+        "frames: first_answer_ns, fresh_answer_ns, result_answer_ns; power: kind, name, "
+        "part, value, low, high; hosts: device, accelerator_ns, cpu_ns, interface, "
+        "transfer_ns, tail_ns, bytes_up, bytes_down"
+    )
+
+    def joules(self, energy: Ledger, end: End) -> float | None:
+        """The energy that counts, with all powers at one end of their ranges."""
+        return energy.joules(end)
+
+    def of(self, view: Consumed) -> Measured | None:
+        n = view.counts.get(self.per)
+        if n is None:
+            return None
+        joules = [self.joules(view.energy, end) for end in ENDS]
+        value, low, high = (None if of is None or not n else of / n for of in joules)
+        return Measured(value, low, high, n)
+
+
+class EnergyPerFrame(Energy):
+    """Energy per published frame. In brackets: with every power at the lower and the upper end of
+    its range.
+    """
+
+    title = "energy per frame"
+
+
+class EnergyPerFresh(Energy):
+    """Energy per frame with a fresh result. In brackets: with every power at the lower and the
+    upper end of its range.
+    """
+
+    title = "energy per fresh result"
+    section = ""
+    per = "fresh"
+
+
+class EnergyPerRight(Energy):
+    """Energy per right object that a consumer holds at a frame of its first camera. In brackets:
+    with every power at the lower and the upper end of its range.
+    """
+
+    title = "energy per right object"
+    per = "right"
+    reads = (
+        "frames: first_answer_ns, fresh_answer_ns, result_answer_ns; power: kind, name, "
+        "part, value, low, high; hosts: device, accelerator_ns, cpu_ns, interface, "
+        "transfer_ns, tail_ns, bytes_up, bytes_down; held: right"
+    )
+
+
+class ActiveEnergyPerFrame(Energy):
+    """Energy per published frame beyond what the computers and ports take when idle."""
+
+    title = "energy per frame without idle"
+    section = ""
+
+    def joules(self, energy: Ledger, end: End) -> float | None:
+        return energy.without_idle(end)
+
+
+METRICS = {
+    "bytes_up_per_frame": BytesUpPerFrame(),
+    "bytes_up_rate": BytesUpRate(),
+    "bytes_down_per_frame": BytesDownPerFrame(),
+    "bytes_down_rate": BytesDownRate(),
+    "accelerator_time": AcceleratorTime(),
+    "cpu_time": CpuTime(),
+    "batch_size": BatchSize(),
+    "energy_per_frame": EnergyPerFrame(),
+    "energy_per_fresh": EnergyPerFresh(),
+    "energy_per_right": EnergyPerRight(),
+    "energy_active_per_frame": ActiveEnergyPerFrame(),
+}
 
 
 def takes_less(ours: Ledger, theirs: Ledger) -> bool | None:

@@ -2,13 +2,12 @@
 
 import functools
 import math
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.recording.columns import Floats, Text
-from genie_sim.recording.results import Metric
 from genie_sim.text import significant
 from genie_sim.units import NS_PER_S
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
 
 BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
-PERCENTILES = (50, 95, 99)
 NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 
 NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be below 0
@@ -204,67 +202,62 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
     return max((middle - reach) / (1 + k), 0.0), min((middle + reach) / (1 + k), 1.0)
 
 
-def share(
-    blocks: Blocks,
-    name: str,
-    where: tuple[str, str, str],
-    *,
-    part: Floats,
-    whole: Floats,
-    unit: str = "1",
-) -> Metric:
-    """The ratio of two sums over rows as a metric with its interval, Wilson's for a share.
+class Measured(NamedTuple):
+    """A number, the ends of its interval, and over how many rows it is."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+    n: int = 0
+
+
+def ratio(blocks: Blocks, above: Floats, below: Floats, is_share: bool = True) -> Measured:
+    """The ratio of two sums over rows with its interval, Wilson's for a share.
 
     Parameters
     ----------
     blocks : Blocks
         The rows grouped into seconds.
-    name : str
-        The metric.
-    where : tuple of str
-        Its method, placement and component.
-    part, whole : array
-        A number for each row, above and below; for a share, flags or counts.
-    unit : str
-        ``1`` for a share; the ratio in any other unit is a mean, and gets the usual interval.
+    above, below : array of float
+        A number for each row; for a share, flags or counts.
+    is_share : bool
+        Any other ratio is a mean, and gets the usual interval.
     """
-    n = int(whole.sum())
+    n = int(below.sum())
     if not n:
-        return Metric(name, *where, value=None, unit=unit)
-    value = float(part.sum() / n)
-    half = blocks.half_width(blocks.influence(part.astype(float), whole.astype(float)))
-    low, high = wilson(value, half, n) if unit == "1" and half is not None else around(value, half)
-    return Metric(name, *where, value=value, unit=unit, low=low, high=high, n=n)
+        return Measured(None)
+    value = float(above.sum() / n)
+    half = blocks.half_width(blocks.influence(above, below))
+    low, high = wilson(value, half, n) if is_share and half is not None else around(value, half)
+    return Measured(value, low, high, n)
 
 
-def latencies(
-    blocks: Blocks, values_ms: Floats, name: str, where: tuple[str, str, str]
-) -> Iterator[Metric]:
-    """Mean and percentiles of the values that are not NaN; ``where`` as in a metric: method,
-    placement, component.
+def mean(blocks: Blocks, values: Floats) -> Measured:
+    """The mean of the values that are not NaN."""
+    known = ~np.isnan(values)
+    n = int(known.sum())
+    if not n:
+        return Measured(None)
+    value = float(values[known].mean())
+    half = blocks.half_width(blocks.influence(np.where(known, values, 0.0), known.astype(float)))
+    return Measured(value, *around(value, half), n)
 
-    A percentile's interval is Woodruff's: the interval of the share of values below it, read back
-    through the distribution; it ends at the run's smallest and largest value.
+
+def percentile(blocks: Blocks, values: Floats, percent: int) -> Measured:
+    """A percentile of the values that are not NaN.
+
+    Its interval is Woodruff's: the interval of the share of values below it, read back through the
+    distribution; it ends at the run's smallest and largest value.
     """
-    answered = ~np.isnan(values_ms)
-    values, n = values_ms[answered], int(answered.sum())
+    known = ~np.isnan(values)
+    n = int(known.sum())
     if not n:
-        for part in ("mean", *(f"p{percent}" for percent in PERCENTILES)):
-            yield Metric(f"{name}_{part}", *where, value=None, unit="ms")
-        return
-    mean = float(values.mean())
-    half = blocks.half_width(
-        blocks.influence(np.where(answered, values_ms, 0.0), answered.astype(float))
-    )
-    low, high = around(mean, half)
-    yield Metric(f"{name}_mean", *where, value=mean, unit="ms", low=low, high=high, n=n)
-    percentiles = np.percentile(values, PERCENTILES).tolist()
-    for percent, value in zip(PERCENTILES, percentiles, strict=True):
-        below = answered & (values_ms <= value)
-        half = blocks.half_width(blocks.influence(below.astype(float), answered.astype(float)))
-        low = high = None
-        if half is not None:
-            rank = percent / 100
-            low = float(np.quantile(values, max(rank - half, 0.0)))
-            high = float(np.quantile(values, min(rank + half, 1.0)))
-        yield Metric(f"{name}_p{percent}", *where, value=value, unit="ms", low=low, high=high, n=n)
+        return Measured(None)
+    value = float(np.percentile(values[known], percent))
+    below = known & (values <= value)
+    half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
+    if half is None:
+        return Measured(value, n=n)
+    rank = percent / 100
+    low, high = np.quantile(values[known], [max(rank - half, 0.0), min(rank + half, 1.0)]).tolist()
+    return Measured(value, low, high, n)

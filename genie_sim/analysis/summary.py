@@ -1,20 +1,20 @@
 """The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from genie_sim.analysis import prices, text_table
-from genie_sim.analysis.outages import PHASES
-from genie_sim.analysis.registry import (
-    METRICS,
-    RECENT_MS,
-    WINDOW_REQUESTS,
-    ZERO_DELAY,
-    component_title,
-    value_text,
-)
+from genie_sim.analysis import compare_tables, correctness, prices, text_table
+from genie_sim.analysis.attacks import ATTACKS
+from genie_sim.analysis.compare import compared
+from genie_sim.analysis.correctness import CORRECTNESS, LAPS
+from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
+from genie_sim.analysis.genie_metrics import GENIES
+from genie_sim.analysis.metric import MARKS, RECENT_MS, WINDOW_REQUESTS, ZERO_DELAY
+from genie_sim.analysis.outages import FAULTS
+from genie_sim.analysis.registry import METRICS, cell, component_title, definition
+from genie_sim.analysis.result_table import ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.recording.columns import Columns
@@ -23,19 +23,7 @@ from genie_sim.text import one_line
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle
-
-# The resources of which the busiest has a row, whichever that is.
-BUSIEST: Mapping[str, Callable[[Metric], bool]] = {
-    f"busiest accelerator {where}": partial(
-        lambda placement, metric: (
-            metric.placement == placement and metric.component.endswith(".accelerator")
-        ),
-        placement,
-    )
-    for placement, where in PLACEMENTS.items()
-} | {"busiest link": lambda metric: "->" in metric.component}
-
-SCREEN = (
+MAIN = (  # the metrics of the main table, in its order
     "first_answer_mean",
     "first_answer_p95",
     "under_deadline_share",
@@ -49,108 +37,13 @@ SCREEN = (
     "held_age",
     "first_proxy_f1",
     "wrong_hit_share",
-)
-SCREEN_REUSE = ("image_reuse", "object_reuse")
-SCREEN_PRICES = ("bytes_up_per_frame", "accelerator_time", "energy_per_frame")
-FAULTS = (
-    "fault_answered_share",
-    "fault_fresh_share",
-    "fault_latency",
-    "fault_look_age",
-    "fault_recall",
-    "fault_ghosts",
-)
-RECOVERY = "fault_recovery"
-RESPONSE_TIMES = (
-    "first_answer_mean",
-    "first_answer_p50",
-    "first_answer_p95",
-    "first_answer_p99",
-    "under_deadline_share",
-    "fresh_answer_mean",
-    "fresh_answer_p50",
-    "fresh_answer_p95",
-    "fresh_answer_p99",
-    "fresh_under_deadline_share",
-    "look_age_mean",
-    "look_age_p50",
-    "look_age_p95",
-    "look_age_p99",
-)
-FRAMES = (
-    "answered_share",
-    "fresh_answered_share",
-    "recent_share",
-    "empty_answer_share",
-    "dropped_share",
-    "in_flight_share",
-    "fresh_answer_throughput",
-    "looks_own_share",
-    "looks_sent_share",
-    "looks_answered_share",
-    "looks_stale_share",
-    "looks_overtaken_share",
-    "looks_timed_out_share",
-    "looks_in_flight_share",
-    "look_round_trip_mean",
-    "view_age_mean",
-    "view_age_p95",
-)
-PROXIES = (
-    "first_proxy_precision",
-    "first_proxy_recall",
-    "first_proxy_f1",
-    "result_proxy_precision",
-    "result_proxy_recall",
-    "result_proxy_f1",
-    "wrong_hit_share",
-)
-TRUTHS = (
-    "streaming_f1",
-    "object_precision",
-    "object_recall",
-    "object_recall_static",
-    "object_recall_moving",
-    "gospa",
-    "ghost_share",
-    "ghost_share_moved_away",
-    "ghost_share_never_there",
-    "ghost_share_duplicate",
-    "held_age",
-    "place_error",
-    "shared_share",
-    "shared_right_share",
-)
-LAPS = ("lap_recall", "lap_f1")
-IMPROVEMENTS = ("improvement_first_answer", "improvement_fresh_answer")
-GENIES = (
     "image_reuse",
-    "image_reuse_pooled",
-    "image_reuse_with_neighbours",
-    "wrong_hit_share",
-    "coalesced_share",
     "object_reuse",
-    "object_reuse_pooled",
-    "confidence_boost",
-    "stored_images",
-    "stored_objects",
-)
-
-PRICES = (
     "bytes_up_per_frame",
-    "bytes_down_per_frame",
-    "bytes_up_rate",
-    "bytes_down_rate",
-)
-PRICES_PLACED = (  # of cars and edges apart
     "accelerator_time",
-    "cpu_time",
-    "batch_size",
     "energy_per_frame",
-    "energy_active_per_frame",
-    "energy_per_fresh",
-    "energy_per_right",
 )
+SECTIONS = (TIMES, FRAMES, CORRECTNESS, LAPS, FAULTS, ATTACKS, IMPROVEMENTS, GENIES, prices.PRICES)
 
 ABOUT_TIMES = (
     "Times: from when a frame reaches the queue of its first ROS node. Shares: of all published "
@@ -168,7 +61,6 @@ ABOUT_TRUTH = (
 ABOUT_PROXIES = (
     "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, too."
 )
-ABOUT_WRONG_HITS = METRICS["wrong_hit_share"].meaning
 NO_TRUTH = (
     "The objects that are really there are not known here; 'genie-sim truth' makes a truth table "
     "of any labelled drive."
@@ -177,46 +69,31 @@ ABOUT_ENERGY = (
     "Energy: of cars and edges until the last answer, from the watts of the device profiles; in "
     "brackets with every power at the lower and at the upper end of its range."
 )
-ABOUT_IMPROVEMENTS = "Improvement: 1 - mean of the method / mean of the baseline."
-ABOUT_FAULTS = (
-    "The first fault that is no hand-over; a frame belongs to the time of its stamp. Recovery: "
-    "from its end to the first half second with 95 % of the share of fresh results before it."
-)
+ABOUT = {
+    IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
+    FAULTS: "The first fault that is no hand-over; a frame belongs to the time of its stamp."
+    " Recovery: from its end to the first half second with 95 % of the share of fresh results"
+    " before it.",
+}
 ABOUT_BUSIEST = "Busiest: the utilization of whichever is used most."
 ABOUT_INTERVALS = (
     "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run "
     "(blocks of one second; other seeds and drives may differ by more); for reuse the lowest and "
     f"the highest ratio of any {WINDOW_REQUESTS} requests in a row of any Genie."
 )
+IN_ONE_RUN = "In brackets: 95 % intervals inside the run, over blocks of one second."
 
 
-class MetricRow(NamedTuple):
-    """A row of a table: its label, and a metric or nothing for each column."""
-
-    label: str
-    metrics: Sequence[Metric | None]
-
-
-class MetricTable(NamedTuple):
-    """A table of metrics: its title, the headings of its columns, its rows, and a note below."""
+class _Column(NamedTuple):
+    """A column of a table: the numbers of a method, or of a component beside the methods."""
 
     title: str
-    headings: Sequence[str]
-    rows: Sequence[MetricRow]
-    note: str = ""
-
-
-class MetricColumn(NamedTuple):
-    """The metrics of one column: those of a method, a placement and a component."""
-
-    heading: str
     method: str
-    placement: str = "all"
     component: str = ""
 
 
 class _Numbers:
-    """The metrics of a run by their names and places, and the methods that were simulated."""
+    """The numbers of a run by their names and places, and the methods that were simulated."""
 
     def __init__(self, run: Run | SeedRuns) -> None:
         self.metrics = run.measured
@@ -226,61 +103,115 @@ class _Numbers:
             for metric in run.measured
         }
         simulated = {metric.method for metric in run.measured}
-        self.titles = {
-            method.name: one_line(method.title)
-            for method in run.methods
-            if method.name in simulated
-        }
-        self.columns = [MetricColumn(title, name) for name, title in self.titles.items()]
+        self.methods = [method for method in run.methods if method.name in simulated]
+        self.titles = {method.name: one_line(method.title) for method in self.methods}
+        self.columns = [_Column(title, name) for name, title in self.titles.items()]
+        self._places: dict[str, dict[tuple[str, str], None]] = {}
+        for name, _, *place in self._by_place:
+            if place[1] != ZERO_DELAY:
+                self._places.setdefault(name, {})[place[0], place[1]] = None
 
-    def of(self, metric: str, column: MetricColumn) -> Metric | None:
-        return self._by_place.get((metric, column.method, column.placement, column.component))
+    @property
+    def own(self) -> list[str]:
+        """The metrics of the user's own."""
+        return [name for name in self._places if name not in METRICS]
 
-    def rows(self, metrics: Sequence[str], columns: Sequence[MetricColumn]) -> list[MetricRow]:
-        """A row for each metric."""
-        return [
-            MetricRow(METRICS[metric].label, [self.of(metric, column) for column in columns])
-            for metric in metrics
-        ]
+    def is_measured(self, metrics: Iterable[str]) -> bool:
+        """Whether there is a number of any of these metrics."""
+        return any(name in self._places for name in metrics)
 
-    def zero_delay(self) -> list[MetricColumn]:
+    def rows(
+        self, metrics: Iterable[str], columns: Sequence[_Column], whole: bool = False
+    ) -> Iterator[Row]:
+        """A row for each metric, placement and component that has a number; with ``whole``, of a
+        metric of cars and edges together that alone.
+        """
+        for name in metrics:
+            places = self._places.get(name, {})
+            if whole and ("all", "") in places:
+                places = {("all", ""): None}
+            for placement, component in places:
+                cells = [
+                    cell(
+                        self._by_place.get(
+                            (name, column.method, placement, component or column.component)
+                        )
+                    )
+                    for column in columns
+                ]
+                if any(found.is_known for found in cells):
+                    metric = definition(name)
+                    title = metric.titled(placement, component_title(component, self.methods))
+                    yield Row(metric.labelled(title), cells)
+
+    def section(self, title: str) -> ResultTable:
+        """The table of a section, of the columns that have a number."""
+        columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
+        names = [name for name in (*METRICS, *self.own) if definition(name).section == title]
+        rows = list(self.rows(names, columns))
+        table = ResultTable([column.title for column in columns], rows, title)
+        return table.without_empty_columns()
+
+    def zero_delay(self) -> list[_Column]:
         """The column of the zero-delay detector, the same for all methods; none without truth."""
         for name in self.titles:
-            column = MetricColumn(component_title(ZERO_DELAY), name, component=ZERO_DELAY)
-            if self.of("streaming_f1", column) is not None:
-                return [column]
+            if ("streaming_f1", name, "all", ZERO_DELAY) in self._by_place:
+                return [_Column(component_title(ZERO_DELAY), name, ZERO_DELAY)]
         return []
 
-    def busiest(self, of_kind: Callable[[Metric], bool], column: MetricColumn) -> Metric | None:
-        """The utilization of the busiest resource of a kind under a column's method; ``None``
-        where there is no such resource.
+    def busiest(self, columns: Sequence[_Column]) -> Iterator[Row]:
+        """The utilization of the busiest accelerator on cars and on edges, and of the busiest
+        link.
         """
-        uses = [
-            metric
-            for metric in self.metrics
-            if (metric.metric, metric.method) == ("utilization", column.method) and of_kind(metric)
-        ]
-        if column.component or not uses:
-            return None
-        return max(uses, key=lambda metric: metric.value or 0.0)
+        kinds = {f"busiest accelerator {where}": (of, False) for of, where in PLACEMENTS.items()}
+        for title, kind in (kinds | {"busiest link": ("all", True)}).items():
+            cells = []
+            for column in columns:
+                uses = [
+                    metric
+                    for metric in self.metrics
+                    if (metric.metric, metric.method) == ("utilization", column.method)
+                    and not column.component
+                    and _kind(metric) == kind
+                ]
+                cells.append(cell(max(uses, key=_use, default=None)))
+            if any(found.is_known for found in cells):
+                yield Row(METRICS["utilization"].labelled(title), cells)
 
-    def utilization(self) -> dict[str, dict[str, Metric]]:
-        """By resource and method, of those that are used at all; the busiest resource first."""
+    def utilization(self) -> ResultTable:
+        """The busiest devices and links while frames were published; others are counted."""
         by_resource: dict[str, dict[str, Metric]] = {}
         for metric in self.metrics:
             if metric.metric == "utilization":
                 by_resource.setdefault(metric.component, {})[metric.method] = metric
-        highest = {
-            resource: max(metric.value or 0.0 for metric in by_method.values())
-            for resource, by_method in by_resource.items()
-        }
-        names = sorted(highest, key=lambda resource: (-highest[resource], resource))
-        return {name: by_resource[name] for name in names if highest[name] >= MIN_USE}
+        highest = {name: max(map(_use, uses.values())) for name, uses in by_resource.items()}
+        used = sorted(
+            (name for name in highest if highest[name] >= MIN_USE),
+            key=lambda name: (-highest[name], name),
+        )
+        rows = [
+            Row(name, [cell(by_resource[name].get(method)) for method in self.titles])
+            for name in sorted(used[:MAX_RESOURCES])
+        ]
+        left_out = len(used) - len(rows)
+        notes = [f"{left_out} less busy ones are in metrics.json."] if left_out else []
+        return ResultTable(list(self.titles.values()), rows, "Utilization [%]", notes)
+
+
+def _use(metric: Metric) -> float:
+    return metric.value or 0.0
+
+
+def _kind(metric: Metric) -> tuple[str, bool]:
+    """Of a resource: whether it is an accelerator on cars, on edges, or a link."""
+    is_link = "->" in metric.component
+    is_accelerator = metric.component.endswith(".accelerator")
+    return metric.placement if is_link or is_accelerator else "", is_link
 
 
 def table(run: Run | SeedRuns, format: str) -> str:
-    """The same table in ``markdown``; in ``csv`` every metric with all digits. It says which files
-    of the run were changed, if any was. For ``latex`` see ``analysis.latex``.
+    """The main table in ``markdown`` or ``latex``; in ``csv`` every metric with all digits. It says
+    which files of the run were changed, if any was.
     """
     if format == "csv":
         names = [*METRIC_FIELDS]
@@ -289,19 +220,28 @@ def table(run: Run | SeedRuns, format: str) -> str:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]
         return text_table.exact(names, rows)
-    headings, rows_of_text = cells(run)
-    align = "l" + "r" * (len(headings) - 1)
-    text = text_table.rounded(format, headings, rows_of_text, align)
-    about = about_seeds(run) if isinstance(run, SeedRuns) else ""
-    return text + text_table.remark(format, " ".join(filter(None, [about, run.warning])))
+    if format == "latex":
+        return _latex(run)
+    notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
+    return replace(main_table(run), notes=[*notes, run.warning]).markdown()
 
 
-def cells(run: Run | SeedRuns) -> tuple[list[str], list[list[str]]]:
-    """The same table as headings and rows of text, with intervals: inside the run, or over its
-    seeds.
+def _latex(run: Run | SeedRuns) -> str:
+    """The main table, of several seeds followed by the paired differences of its methods from the
+    first one.
     """
-    table = _screen(_Numbers(run))
-    return ["", *table.headings], _text_rows(table)
+    table, several = main_table(run), isinstance(run, SeedRuns)
+    seeds = seeds_text([of_seed.seed for of_seed in run.runs])
+    about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
+    text = replace(
+        table,
+        title=f"{run.title}: response times, correctness and cost ({seeds})",
+        notes=[about, *table.notes, run.warning],
+        marks={} if several else MARKS,
+    ).latex(run.title)
+    if several and len(run.methods) > 1:
+        text += "\n" + compare_tables.differences_latex(compared([run]), run.title)
+    return text
 
 
 def about_seeds(runs: SeedRuns) -> str:
@@ -320,166 +260,47 @@ def markdown(run: Run | SeedRuns) -> str:
         about_intervals = ABOUT_INTERVALS
     abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
     parts += [textwrap.fill(about, 120) for about in abouts]
-    for table in _tables(_Numbers(run)):
-        align = "l" + "r" * len(table.headings)
-        parts += [
-            f"## {table.title}",
-            text_table.rounded(
-                "markdown", ["", *table.headings], _text_rows(table), align
-            ).rstrip(),
-        ]
-        if table.note:
-            parts.append(textwrap.fill(table.note, 120))
+    parts += [table.markdown().rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
 
-def main_table(run: Run | SeedRuns) -> MetricTable:
+def main_table(run: Run | SeedRuns) -> ResultTable:
     """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
-    devices.
+    devices, of the rows in which any method has a number.
     """
-    return _screen(_Numbers(run))
-
-
-def _screen(numbers: _Numbers) -> MetricTable:
-    """The one table, of the rows in which any method has a number."""
-    methods = numbers.columns
-    columns = [*methods, *numbers.zero_delay()]
-    rows = numbers.rows(SCREEN, columns)
-    for metric in SCREEN_REUSE:
-        for placement, where in PLACEMENTS.items():
-            info = METRICS[metric]
-            placed = [column._replace(placement=placement) for column in columns]
-            label = info._replace(title=f"{info.title} {where}").label
-            rows.append(MetricRow(label, [numbers.of(metric, column) for column in placed]))
-    rows += numbers.rows(SCREEN_PRICES, columns)
-    for title, of_kind in BUSIEST.items():
-        info = METRICS["utilization"]
-        label = info._replace(title=title).label
-        rows.append(MetricRow(label, [numbers.busiest(of_kind, column) for column in columns]))
-    rows = [row for row in rows if any(row.metrics)]
-    judged = len(columns) > len(methods)
-    proxies = any(METRICS[metric].label == row.label for metric in PROXIES for row in rows)
+    numbers = _Numbers(run)
+    columns = [*numbers.columns, *numbers.zero_delay()]
+    rows = list(numbers.rows((*MAIN, *numbers.own), columns, whole=True))
+    busiest = list(numbers.busiest(columns))
     notes = [ABOUT_TIMES, ABOUT_ANSWERS]
-    if any(row.label.startswith("busiest") for row in rows):
+    if busiest:
         notes.append(ABOUT_BUSIEST)
     if rows:
-        notes.append(ABOUT_TRUTH if judged else NO_TRUTH)
-    if proxies:
+        notes.append(ABOUT_TRUTH if len(columns) > len(numbers.columns) else NO_TRUTH)
+    if numbers.is_measured(correctness.ANSWERS):
         notes.append(ABOUT_PROXIES)
-    return MetricTable("", [column.heading for column in columns], rows, "\n".join(notes))
+    return ResultTable([column.title for column in columns], [*rows, *busiest], notes=notes)
 
 
-def _laps(numbers: _Numbers) -> Iterator[MetricRow]:
-    """A row for each lap and each metric of laps."""
-    laps = dict.fromkeys(metric.component for metric in numbers.metrics if metric.metric == LAPS[0])
-    for name in LAPS:
-        for lap in laps:
-            columns = [column._replace(component=lap) for column in numbers.columns]
-            info = METRICS[name]
-            label = info._replace(title=f"{info.title}, {lap}").label
-            yield MetricRow(label, [numbers.of(name, column) for column in columns])
-
-
-def _faults(numbers: _Numbers) -> Iterator[MetricRow]:
-    """A row for each metric before, during and after the first fault, and one for the recovery."""
-    for name in FAULTS:
-        info = METRICS[name]
-        for phase in PHASES:
-            columns = [column._replace(component=phase) for column in numbers.columns]
-            metrics = [numbers.of(name, column) for column in columns]
-            if any(metrics):
-                title = info.title.replace("around a fault", f"{phase} the fault")
-                yield MetricRow(info._replace(title=title).label, metrics)
-    recovery = [numbers.of(RECOVERY, column) for column in numbers.columns]
-    if any(recovery):
-        yield MetricRow(METRICS[RECOVERY].label, recovery)
-
-
-def _tables(numbers: _Numbers) -> Iterator[MetricTable]:
+def _tables(numbers: _Numbers) -> Iterator[ResultTable]:
     """All tables, of methods in the order in which they ran."""
-    methods, headings = numbers.columns, list(numbers.titles.values())
-    if methods:
-        yield MetricTable("Response times", headings, numbers.rows(RESPONSE_TIMES, methods))
-        yield MetricTable("Published frames", headings, numbers.rows(FRAMES, methods))
-    yield from _correctness(numbers)
-    if laps := list(_laps(numbers)):
-        yield MetricTable("Laps", headings, laps)
-    if around := list(_faults(numbers)):
-        yield MetricTable("Around the first fault", headings, around, ABOUT_FAULTS)
-    for method, title in numbers.titles.items():
-        baselines = [
-            metric.component
-            for metric in numbers.metrics
-            if metric.metric == IMPROVEMENTS[0] and metric.method == method
-        ]
-        columns = [
-            MetricColumn(
-                f"over {numbers.titles.get(baseline, baseline)}", method, component=baseline
-            )
-            for baseline in baselines
-        ]
-        if columns:
-            table = _table(f"Improvement by {title}", columns, IMPROVEMENTS, numbers)
-            yield table._replace(note=ABOUT_IMPROVEMENTS)
-    yield from _genies(numbers)
-    yield from _prices(numbers)
-    yield from _utilization(numbers)
+    for title in SECTIONS:
+        table = numbers.section(title)
+        if table.rows:
+            yield replace(table, notes=list(_notes(title, numbers)))
+    yield numbers.utilization()
 
 
-def _table(
-    title: str, columns: Sequence[MetricColumn], metrics: Sequence[str], numbers: _Numbers
-) -> MetricTable:
-    return MetricTable(
-        title, [column.heading for column in columns], numbers.rows(metrics, columns)
-    )
-
-
-def _correctness(numbers: _Numbers) -> Iterator[MetricTable]:
-    """Against the detector's own answers and, where it is known, against the truth."""
-    proxied = [
-        column for column in numbers.columns if numbers.of("first_proxy_f1", column) is not None
-    ]
-    judged = [
-        column for column in numbers.columns if numbers.of("streaming_f1", column) is not None
-    ]
-    columns = [column for column in numbers.columns if column in proxied or column in judged]
-    notes = []
-    if proxied:
-        notes += [ABOUT_PROXIES, ABOUT_WRONG_HITS]
-    notes.append(ABOUT_TRUTH if judged else NO_TRUTH)
-    metrics = (*(PROXIES if proxied else ()), *(TRUTHS if judged else ()))
-    if columns:
-        columns += numbers.zero_delay()
-        yield _table("Correctness", columns, metrics, numbers)._replace(note=" ".join(notes))
-
-
-def _genies(numbers: _Numbers) -> Iterator[MetricTable]:
-    """The Genies of each method that has any, on cars and on edges."""
-    tables: dict[str, list[MetricColumn]] = {}
-    for method in numbers.titles:
-        for placement, where in PLACEMENTS.items():
-            column = MetricColumn(where, method, placement)
-            if numbers.of("image_reuse", column) is not None:
-                tables.setdefault(method, []).append(column)
-    for method, columns in tables.items():
-        title = "Genies" if len(tables) == 1 else f"Genies under {numbers.titles[method]}"
-        yield _table(title, columns, GENIES, numbers)
-
-
-def _prices(numbers: _Numbers) -> Iterator[MetricTable]:
-    """Bytes, computing time and energy."""
-    columns = numbers.columns
-    rows = numbers.rows(PRICES, columns)
-    for metric in PRICES_PLACED:
-        for placement, where in (("all", ""), *PLACEMENTS.items()):
-            info = METRICS[metric]
-            placed = [column._replace(placement=placement) for column in columns]
-            label = info._replace(title=f"{info.title} {where}".strip()).label
-            rows.append(MetricRow(label, [numbers.of(metric, column) for column in placed]))
-    rows = [row for row in rows if any(row.metrics)]
-    if rows:
-        note = energy_note(numbers.runs, numbers.titles)
-        yield MetricTable("Prices", list(numbers.titles.values()), rows, note)
+def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
+    """What stands below the table of a section."""
+    if section in ABOUT:
+        yield ABOUT[section]
+    elif section == CORRECTNESS:
+        if numbers.is_measured(correctness.ANSWERS):
+            yield from (ABOUT_PROXIES, METRICS["wrong_hit_share"].meaning)
+        yield ABOUT_TRUTH if numbers.is_measured(correctness.HELD) else NO_TRUTH
+    elif section == prices.PRICES:
+        yield energy_note(numbers.runs, numbers.titles)
 
 
 def energy_note(runs: Sequence[Mapping[str, Columns]], titles: Mapping[str, str]) -> str:
@@ -509,25 +330,3 @@ def energy_note(runs: Sequence[Mapping[str, Columns]], titles: Mapping[str, str]
     if len(orders) > 1:
         sentences.append("All other pairs depend on the powers.")
     return " ".join(sentences)
-
-
-def _utilization(numbers: _Numbers) -> Iterator[MetricTable]:
-    """The busiest devices and links while frames were published; a fleet's others are counted."""
-    used = numbers.utilization()
-    if not used:
-        return
-    rows = []
-    for resource in sorted(list(used)[:MAX_RESOURCES]):
-        by_method = used[resource]
-        rows.append(MetricRow(resource, [by_method.get(method) for method in numbers.titles]))
-    left_out = len(used) - len(rows)
-    note = f"{left_out} less busy ones are in metrics.json." if left_out else ""
-    yield MetricTable("Utilization [%]", list(numbers.titles.values()), rows, note)
-
-
-def _text_rows(table: MetricTable) -> list[list[str]]:
-    rows = []
-    for row in table.rows:
-        numbers = [value_text(metric, unit=False, interval=True) for metric in row.metrics]
-        rows.append([row.label, *numbers])
-    return rows

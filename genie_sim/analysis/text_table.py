@@ -70,13 +70,6 @@ def rounded(format: str, headings: Sequence[str], rows: Iterable[Sequence[str]],
     return "\n".join(table) + "\n"
 
 
-def remark(format: str, sentence: str) -> str:
-    """What goes below a table in ``markdown`` or ``latex``; nothing for no sentence."""
-    if not sentence:
-        return ""
-    return f"\n{one_line(sentence)}\n" if format == "markdown" else f"% {one_line(sentence)}\n"
-
-
 def in_markdown(cell: str) -> str:
     """A text that stays in its cell of a Markdown table."""
     return one_line(cell).replace("|", r"\|")

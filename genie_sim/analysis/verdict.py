@@ -5,7 +5,8 @@ much, and how sure that is.
 from collections.abc import Sequence
 
 from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
-from genie_sim.analysis.registry import LOWER, METRICS
+from genie_sim.analysis.metric import LOWER
+from genie_sim.analysis.registry import METRICS
 from genie_sim.text import number_text
 
 # Speed, accuracy and harm; the proxy stands in where the truth is not known.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.paper import table1
 from genie_sim.paper.evidence import (
     BASE,

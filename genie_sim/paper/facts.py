@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis import metrics
+from genie_sim.analysis import frame_metrics, genie_metrics, metrics
 from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Metric
@@ -58,16 +58,16 @@ def facts_of(
         metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
     )
     facts |= _of_answers(frames) | _of_bytes(frames)
-    for genie, reused in metrics.reuse(maps).items():
+    for genie, reused in genie_metrics.reuse(maps).items():
         facts[Fact("object_reuse", component=genie)] = reused
-    for placement in metrics.PLACEMENTS:
+    for placement in genie_metrics.PLACEMENTS:
         facts[placed("boost_per_object", placement)] = _boost_per_object(
             maps.where(placement=placement)
         )
     if definitions.error_bars == "running":
         facts |= highest_running_ratios(lookups)
     facts |= _renamed(facts, _synonyms(definitions))
-    ratios_of = {"windows": metrics.windowed_reuse, "running": metrics.running_reuse}
+    ratios_of = {"windows": genie_metrics.windowed_reuse, "running": genie_metrics.running_reuse}
     requests_of_cars = lookups.where(kind="image", requester="client", placement="car")
     ratios = ratios_of[definitions.error_bars](requests_of_cars)
     facts[placed("image_peak_at", "car")] = _peak_at(ratios, frames)
@@ -92,7 +92,7 @@ def _renamed(facts: Facts, synonyms: dict[str, str]) -> Facts:
     return {
         placed(metric, placement): facts[placed(synonym, placement)]
         for metric, synonym in synonyms.items()
-        for placement in metrics.PLACEMENTS
+        for placement in genie_metrics.PLACEMENTS
         if placed(synonym, placement) in facts
     }
 
@@ -118,7 +118,7 @@ def _of_answers(frames: Columns) -> Facts:
         of_method = frames.where(method=method)
         if not len(of_method):
             continue
-        times_ms, stamp_ns = metrics.response_ms(of_method, "first"), of_method["stamp_ns"]
+        times_ms, stamp_ns = frame_metrics.response_ms(of_method, "first"), of_method["stamp_ns"]
         early_ms = _percentiles(times_ms, EARLY_PERCENTILES)
         for percent, value in zip(EARLY_PERCENTILES, early_ms, strict=True):
             facts[Fact(f"first_answer_p{percent}", method)] = value
@@ -158,8 +158,8 @@ def highest_running_ratios(lookups: Columns) -> Facts:
         ("image_reuse_with_neighbours", images),
         ("object_reuse", objects),
     ):
-        for placement in metrics.PLACEMENTS:
-            ratios = metrics.running_reuse(events.where(placement=placement))["ratio"]
+        for placement in genie_metrics.PLACEMENTS:
+            ratios = genie_metrics.running_reuse(events.where(placement=placement))["ratio"]
             highest = float(ratios.max()) if len(ratios) else math.nan
             facts[placed(f"{metric}_high", placement)] = highest
     return facts
@@ -193,7 +193,7 @@ def _boost_per_object(maps: Columns) -> float:
     """All confidence added by the end of the run, over the objects then stored: another reading of
     Section V-E.
     """
-    return ratio(maps["boost_sum"].sum(), sum(metrics.last_of_genies(maps)))
+    return ratio(maps["boost_sum"].sum(), sum(genie_metrics.last_of_genies(maps)))
 
 
 def _peak_at(ratios: Columns, frames: Columns) -> float:

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim import report
-from genie_sim.analysis.registry import DEADLINE_MS, ZERO_DELAY, component_title
+from genie_sim.analysis.metric import DEADLINE_MS, ZERO_DELAY
+from genie_sim.analysis.registry import component_title
 from genie_sim.analysis.style import method_looks
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from genie_sim.analysis import figures, metrics, style
+from genie_sim.analysis import figures, frame_metrics, genie_metrics, style
 from genie_sim.analysis.drawing import in_style, is_narrow, letter_panels
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.style import PAGE_IN
@@ -113,7 +113,7 @@ def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: f
         ("car2", "car2, no cameras", objects),
         ("car1", "car1, cameras", images),
     ):
-        values = metrics.response_ms(genie.where(car=car), "first")
+        values = frame_metrics.response_ms(genie.where(car=car), "first")
         ordered = np.sort(values[~np.isnan(values)])
         left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **look)
     left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
@@ -125,7 +125,7 @@ def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: f
         (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
         (lookups.rows(of_image).where(genie="car1/genie"), "images, car1 (cameras)", images),
     ):
-        ratios = metrics.running_reuse(events)["ratio"]
+        ratios = genie_metrics.running_reuse(events)["ratio"]
         right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **look)
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")

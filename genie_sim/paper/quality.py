@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim.analysis import correctness
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis.metric import ZERO_DELAY, measured
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.facts import METHODS, Fact, Facts
 from genie_sim.recording.columns import Columns
@@ -40,7 +40,8 @@ def facts_of(held: Columns) -> Facts:
     if not len(held):
         return {}
     held = held.rows((held["what"] == CONSUMER) | (held["method"] == METHODS[0].name))
-    rows = correctness.of_held(held, [method.name for method in METHODS], intervals=False)
+    views = correctness.held_views(held, [method.name for method in METHODS], intervals=False)
+    rows = measured(correctness.HELD, views)
     return {
         Fact(row.metric, row.component or row.method): math.nan if row.value is None else row.value
         for row in rows

@@ -1,59 +1,25 @@
-"""A comparison as a table of text, and as one page for a browser."""
+"""A comparison as figures, and as one page for a browser."""
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim import report
-from genie_sim.analysis import latex, summary, text_table
-from genie_sim.analysis.compare import BLOCKS, ComparedRuns, Difference, as_metrics, compared
-from genie_sim.analysis.registry import METRICS, UNKNOWN
+from genie_sim.analysis import compare_tables, summary, text_table
+from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
 from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.paths import atomic_write
 from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns, concat
-from genie_sim.text import number_text
 from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE = "compare.html"
-HEADINGS = ("metric", "of", "value", "against", "difference", "95 % interval", "paired by", "pairs")
-PAGE_HEADINGS = (
-    "metric",
-    "of",
-    "value",
-    "against",
-    "its value",
-    "difference",
-    "95 % interval",
-    "pairs",
-)
-ONE_RUN = (
-    "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
-    "may differ by more."
-)
-
-
-def text(comparison: ComparedRuns, format: str = "markdown") -> str:
-    """The table of metrics; markdown and LaTeX round, csv does not. Raises UserError for another
-    format.
-    """
-    if text_table.checked(format) == "csv":
-        if comparison.warning:
-            rows = [(*row, comparison.warning) for row in comparison.rows]
-            return text_table.exact([*Difference._fields, "changed"], rows)
-        return text_table.exact(Difference._fields, comparison.rows)
-    if format == "latex":
-        return latex.of_comparison(comparison)
-    titles = _titles(comparison)
-    cells = [_cells(row, titles) for row in comparison.rows]
-    table = text_table.rounded(format, HEADINGS, cells, "llrlrrlr")
-    return table + text_table.remark(format, comparison.warning)
 
 
 def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[str, Figure]":
@@ -107,7 +73,7 @@ def seeds_page(runs: SeedRuns) -> str:
     with provenance.of_this_version(runs.folder):
         comparison = compared([runs])
         drawn = figures(comparison) | of_run(runs)
-        headings, rows = summary.cells(runs)
+        means = summary.main_table(runs)
         data = _page_data(comparison, drawn)
         seeds = seeds_text(runs.seeds)
         about = data["about"] | {
@@ -117,7 +83,11 @@ def seeds_page(runs: SeedRuns) -> str:
         }
         data |= {
             "about": about,
-            "means": {"headings": headings, "rows": rows, "note": summary.about_seeds(runs)},
+            "means": {
+                "headings": means.headings,
+                "rows": means.texts(),
+                "note": summary.about_seeds(runs),
+            },
             "runs": [
                 [f"seed {run.seed}", run.run_id, f"runs/{run.folder.name}/{report.NAME}"]
                 for run in runs.runs
@@ -143,7 +113,7 @@ def seeds_page_of(folder: Path, allow_changed: bool = False) -> str:
 
 
 def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[str, Any]:
-    name = " and ".join(comparison.names)
+    name, table = " and ".join(comparison.names), compare_tables.pairs(comparison)
     pictures = [
         {
             "name": file,
@@ -164,23 +134,15 @@ def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[
         },
         "methods": [],
         "verdicts": verdicts(comparison),
-        "about_rows": note(comparison),
-        "headings": PAGE_HEADINGS,
-        "rows": list(_rows(comparison)),
+        "about_rows": compare_tables.about(comparison),
+        "headings": table.headings,
+        "rows": table.texts(),
         "settings": [[path, *values] for path, values in comparison.settings.items()],
         "figures": pictures,
         "means": None,
         "runs": [],
         "notes": [],
     }
-
-
-def note(comparison: ComparedRuns) -> str:
-    """What the intervals are over."""
-    sentence = comparison.by[0].upper() + comparison.by[1:] + "."
-    if any(row.by == BLOCKS for row in comparison.rows):
-        return f"{sentence} {ONE_RUN}"
-    return sentence
 
 
 def write(comparison: ComparedRuns, folder: Path) -> Path:
@@ -192,57 +154,11 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for name, suffix in text_table.FORMATS.items():
         with atomic_write(folder / f"table{suffix}") as beside:
-            beside.write_text(text(comparison, name), encoding="utf-8")
+            beside.write_text(compare_tables.text(comparison, name), encoding="utf-8")
     for name, figure in figures(comparison).items():
         save(figure, folder / "figures", name)
     report.write_text(folder / PAGE, page(comparison))
     return folder / PAGE
-
-
-def _titles(comparison: ComparedRuns) -> dict[str, str]:
-    """What people read for the label of an arm."""
-    return {arm.label: arm.title for arm in comparison.arms}
-
-
-def page_rows(comparison: ComparedRuns) -> tuple[Sequence[str], list[list[str]]]:
-    """The headings and rows of the table of differences."""
-    return PAGE_HEADINGS, list(_rows(comparison))
-
-
-def _rows(comparison: ComparedRuns) -> Iterator[list[str]]:
-    """Of the page: each arm that is compared, with the value of what it is compared with."""
-    titles = _titles(comparison)
-    cells = {(row.metric, row.arm): _cells(row, titles) for row in comparison.rows}
-    for row in comparison.rows:
-        if row.against:
-            metric, arm, value, against, gap, ends, _, pairs = cells[row.metric, row.arm]
-            reference = cells.get((row.metric, row.against))
-            its_value = reference[2] if reference else UNKNOWN
-            yield [metric, arm, value, against, its_value, gap, ends, pairs]
-
-
-def _cells(row: Difference, titles: dict[str, str]) -> list[str]:
-    info = METRICS[row.metric]
-    points = "percentage points" if info.unit == "%" else info.unit
-
-    def number(value: float | None, unit: str, sign: str = "") -> str:
-        if value is None:
-            return UNKNOWN
-        return f"{number_text(info.factor * value, sign=sign)} {unit}".rstrip()
-
-    ends = UNKNOWN
-    if row.low is not None:
-        ends = f"{number(row.low, '', '+')} to {number(row.high, '', '+')}"
-    return [
-        info.title,
-        titles[row.arm],
-        number(row.value, info.unit),
-        titles.get(row.against, UNKNOWN),
-        number(row.difference, points, "+"),
-        ends,
-        row.by or UNKNOWN,
-        str(row.n or UNKNOWN),
-    ]
 
 
 def _picture(figure: "Figure") -> str:

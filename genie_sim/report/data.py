@@ -9,21 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim import units
-from genie_sim.analysis.correctness import HELD
-from genie_sim.analysis.metrics import (
-    PART,
-    response_ms,
-    running_boost,
-    running_use,
-    windowed_reuse,
-)
-from genie_sim.analysis.registry import (
-    DEADLINE_MS,
-    METRICS,
-    WINDOW_REQUESTS,
-    ZERO_DELAY,
-    component_title,
-)
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
+from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
+from genie_sim.analysis.registry import component_title, definition
+from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
 from genie_sim.analysis.summary import energy_note
 from genie_sim.report.replay import last_instant_ns, replay_data
@@ -44,8 +34,6 @@ MIN_USE = 0.01
 GENIES_PER_PLACEMENT = 8
 RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
-# the beginnings of metrics whose component is no device, link or queue
-NO_RESOURCES = ("improvement", *PART.values(), *HELD)
 
 
 def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -> dict[str, Any]:
@@ -123,8 +111,9 @@ def zero_delay() -> dict[str, str]:
 
 def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, str]]:
     """What pages say of these metrics: title, unit, which is better, and meaning."""
-    names = sorted(set(metrics) & METRICS.keys())
-    return {name: METRICS[name]._asdict() for name in names}
+    shown = ("title", "unit", "better", "meaning")
+    found = {name: definition(name) for name in sorted(set(metrics))}
+    return {name: {key: getattr(found[name], key) for key in shown} for name in found}
 
 
 def _methods(run: "Run") -> Iterator[dict[str, Any]]:
@@ -227,7 +216,7 @@ def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
     """All metrics but those of the less busy of very many resources."""
     use: dict[tuple[str, str], float] = {}
     for metric in measured:
-        if metric.component and not metric.metric.startswith(NO_RESOURCES):
+        if isinstance(definition(metric.metric), ResourceMetric):
             resource = metric.method, metric.component
             value = metric.value if metric.metric == "utilization" else None
             use[resource] = max(use.get(resource, 0.0), value or 0.0)

@@ -37,7 +37,7 @@ LAYERS = (
     Layer("air", "load of the radio cell, up", "%"),
     Layer("hits", "image reuse of the cars' own Genies, last 5 s", "%"),
     Layer("shared", "held objects that another car saw last, last 5 s", "%"),
-    Layer("ghosts", "false objects held (ghosts), last 5 s", "%"),
+    Layer("ghosts", "false objects, last 5 s", "%"),
     Layer("age", "age of held objects, last 5 s", "s"),
 )
 

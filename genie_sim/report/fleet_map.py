@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.analysis.metrics import response_ms, reuse, running_use
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.genie_metrics import reuse
+from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.style import thinned
 from genie_sim.report.fleet_cells import LAYERS, cell_layers, outcomes
 from genie_sim.report.streets import ground

@@ -98,5 +98,5 @@ function cameraView(run, canvas, options) {
 function countsText(objects) {
   const count = (test) => objects.filter(test).length;
   const ghosts = count(isGhost);
-  return `${count((object) => object.judged === "right")} held and there, ${count((object) => object.judged === "missed")} missed, ${ghosts} ghost${ghosts === 1 ? "" : "s"}`;
+  return `${count((object) => object.judged === "right")} held and there, ${count((object) => object.judged === "missed")} missed, ${ghosts} false object${ghosts === 1 ? "" : "s"}`;
 }

@@ -129,7 +129,7 @@ function streetView(run, canvas, tip, options) {
     for (const one of [...believed(run, options.method(), t)].sort((a, b) => isGhost(a) - isGhost(b))) {
       const [x, y] = view.place(one.east, one.north);
       if (!inside(x, y)) continue;
-      const means = isGhost(one) ? `a ghost that ${one.car} holds:\n${GHOSTS[one.judged]}` : one.judged === "missed" ? `visible, but not held by ${one.car}` : `held by ${one.car}, and there`;
+      const means = isGhost(one) ? `a false object that ${one.car} holds:\n${GHOSTS[one.judged]}` : one.judged === "missed" ? `visible, but not held by ${one.car}` : `held by ${one.car}, and there`;
       shown.push({ x, y, text: () => `${one.label}: ${means}\nsince ${(one.since / 1e6).toFixed(2)} s` });
       beliefMark(pen, look, one, x, y);
     }

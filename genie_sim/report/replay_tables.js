@@ -11,7 +11,7 @@ function showNow(run, t) {
     return make("td", {}, countOf(held.objects), ghosts(method.judged[place], t), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
       make("small", {}, `${held.source === "map" ? "object map" : words(held.source)}${held.fresh ? ", fresh" : ""}`));
   })]));
-  const truth = run.methods.some((one) => one.judged.some(Boolean)) ? " Ghosts: held in its field of view at its last frame, but not there." : "";
+  const truth = run.methods.some((one) => one.judged.some(Boolean)) ? " False objects: held in its field of view at its last frame, but not there." : "";
   byId("now-about").textContent = `The newest answer: its objects, its age since the frame was received, its source.${truth}` +
     (cars.length < run.cars.length ? ` The first ${cars.length} of ${run.cars.length} cars.` : "");
 }
@@ -19,14 +19,14 @@ function showNow(run, t) {
 // Where the truth is known: how many of the objects that a consumer holds in its field of view are not there.
 function ghosts(judged, t) {
   const i = judged ? lastUpTo(judged.t, t) : -1;
-  return i < 0 ? null : make("small", { class: judged.held[i] > judged.right[i] ? "o-ghost" : "o-hit" }, `${judged.held[i] - judged.right[i]} of ${judged.held[i]} in view are ghosts`);
+  return i < 0 ? null : make("small", { class: judged.held[i] > judged.right[i] ? "o-ghost" : "o-hit" }, `${judged.held[i] - judged.right[i]} of ${judged.held[i]} in view are false`);
 }
 
 // The ghosts on the street, in words.
 function showGhosts(run, method, t) {
   const ghosts = believed(run, method, t).filter(isGhost), shown = ghosts.slice(0, TABLE_GHOSTS);
   byId("ghosts").hidden = byId("believed").parentElement.hidden = !method.beliefs.begin.length;
-  byId("ghosts-now").textContent = `Ghosts under ${method.title} now: ${ghosts.length}`;
+  byId("ghosts-now").textContent = `False objects under ${method.title} now: ${ghosts.length}`;
   table(byId("ghost-table"), null, ["held by", "what", "where [m]", "why it is one", "since"], shown.map((one) => [one.car, one.label,
     `${one.east.toFixed(1)} east, ${one.north.toFixed(1)} north`, GHOSTS[one.judged], `${(one.since / 1e6).toFixed(2)} s`]));
   byId("ghosts-more").textContent = ghosts.length > shown.length ? `and ${ghosts.length - shown.length} more` : "";
@@ -48,7 +48,7 @@ function showLegend(run, method, mapped) {
       sign("link of a car to its edge", across(stroke("line", 1.5)))] : []),
     sign("message to an edge; small: to a car", draw("circle", { cx: 5, cy: 7, r: 4.5, ...solid("ink") }), draw("circle", { cx: 13, cy: 7, r: 2.5, ...solid("ink") })),
     sign("the chosen frame", draw("circle", { cx: 8, cy: 7, r: 6, ...stroke("ink", 1.5) })),
-    ...(method.beliefs.begin.length ? [sign("held and there", draw("path", { d: "M8 2L13 11H3Z", ...solid("hit") })), sign("ghost: held, but not there", draw("path", { d: "M4 3L12 11M4 11L12 3", ...stroke("ghost") })),
+    ...(method.beliefs.begin.length ? [sign("held and there", draw("path", { d: "M8 2L13 11H3Z", ...solid("hit") })), sign("false: held, but not there", draw("path", { d: "M4 3L12 11M4 11L12 3", ...stroke("ghost") })),
       sign("missed: visible, but not held (dashed in the camera's view)", draw("path", { d: "M8 2L13 11H3Z", ...stroke("hit", 1.5) }))] : []),
     ...(mapped ? [sign("object of high confidence; square: vehicle", box(solid("sure"))), sign("of low confidence; disc: person or cycle", disc(solid("unsure"))),
       sign("below C_T, not shared; diamond: other", draw("path", { d: "M8 2L13 7L8 12L3 7Z", ...stroke("unsure") }))] : []));

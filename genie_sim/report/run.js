@@ -71,8 +71,9 @@ const titleCell = (name) => make("span", { title: infoOf(name).meaning }, metric
 // Bytes, computing time and energy, of everything and of cars and edges apart.
 function showPrices() {
   const names = ["bytes_up_per_frame", "bytes_down_per_frame", "accelerator_time", "cpu_time", "batch_size",
-    "energy_per_frame", "energy_active_per_frame", "energy_per_fresh", "energy_per_right"];
-  const rows = names.flatMap((name) => ["all", "car", "edge"].map((placement) => [name, placement]))
+    "energy_per_frame", "energy_per_right"];
+  const placements = (name) => (name.startsWith("energy") ? ["all"] : ["all", "car", "edge"]);
+  const rows = names.flatMap((name) => placements(name).map((placement) => [name, placement]))
     .filter(([name, placement]) => METHODS.some((method) => metric(name, method.name, placement)))
     .map(([name, placement]) => [
       make("span", { title: infoOf(name).meaning }, metricTitle(name), placement === "all" ? "" : ` ${placementText(placement)}`),

@@ -31,6 +31,7 @@ from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.seeds import stream
 from genie_sim.settings import (
     Bounds,
+    IfGiven,
     Name,
     NotEmpty,
     PlugIn,
@@ -64,6 +65,7 @@ Record = Literal[
     "steps",
 ]
 RECORDS: tuple[Record, ...] = get_args(Record)
+METRIC = PlugIn("metric", {}, ("of", "title", "view"))
 FRAME_SOURCE = PlugIn("frame source", SOURCES, ("open",), key="source", default="recorded")
 USUAL_TRACE = Choice("recorded", {"trace": "kitti_0005"})
 USUAL_METHODS = tuple(from_plain(MethodEntry, name) for name in methods.USUAL)
@@ -154,6 +156,9 @@ class Scenario(MethodSettings):
     record: tuple[Record, ...] = RECORDS
     """The tables written beside `frames`. Look-ups take the most space. For a fleet, only the
     resources of edges are written; `held_objects` needs `held`."""
+
+    metrics: Annotated[tuple[Annotated[str, METRIC], ...], IfGiven()] = ()
+    """Metrics of your own, beside all others: classes, each `package.module:Class`."""
 
     read_from: Origin = field(
         default=Origin(), compare=False, repr=False, metadata={"setting": False}
@@ -327,6 +332,7 @@ def checked(scenario: Scenario) -> Scenario:
     """
     check_unique("methods", [entry.name for entry in scenario.methods], ".name")
     check_unique("record", scenario.record)
+    check_unique("metrics", scenario.metrics)
     if "held_objects" in scenario.record and "held" not in scenario.record:
         raise SettingError("record", "'held_objects' needs 'held' too")
     scenario = replace(scenario, sequence=_sequence(scenario))

@@ -9,6 +9,7 @@ from genie_sim.build import Prepared
 from genie_sim.errors import UserError
 from genie_sim.perception.sources import Frames, Progress
 from genie_sim.recording import provenance
+from genie_sim.report.output import Output
 from genie_sim.scenario.scenario import (
     Scenario,
     load_scenario,
@@ -100,7 +101,7 @@ def plan(
                 scenario = with_methods(scenario, methods, f"--methods {','.join(methods)}")
             name = f"point {number} ({levels})" if levels else ""
             for run in runs_of(world.prepare(scenario), design.seeds, name):
-                run = replace(run, keep=not design.axes, with_report=reports)
+                run = replace(run, keep=not design.axes, output=Output(page=reports))
                 planned.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
                 planned.runs.setdefault(run.run_id, run)
         except UserError as error:

@@ -1,12 +1,13 @@
 """A finished sweep for a paper: what its figures are drawn from, and its table."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import latex, text_table
-from genie_sim.analysis.latex import Number, NumberRow
+from genie_sim.analysis import text_table
 from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.errors import UserError, unknown
 from genie_sim.recording import provenance
 from genie_sim.study import page
@@ -65,58 +66,36 @@ def table_of(
             list(map(str, points.columns)), points.itertuples(index=False, name=None)
         )
     columns = list(map(str, points.columns[1 : 1 + len(about["sweep"]["axes"])]))
-    metrics = [name for name in PRINTED if (points["metric"] == name).any()]
-    headings = [METRICS[name].label for name in metrics]
-    rows = _rows(points, columns, metrics, _titles(about))
+    name = str(about.get("label") or about["sweep"]["name"])
+    table = _table(points, columns, _titles(about), f"{name}: {', '.join(columns)}")
     if format == "markdown":
-        texts = [
-            [row.label, *("-" if number is None else number.value for number in row.numbers)]
-            for row in rows
-        ]
-        return text_table.rounded("markdown", ["", *headings], texts, "l" + "r" * len(headings))
+        return replace(table, title="").markdown(intervals=False)
     seeds = len(about["sweep"]["seeds"])
     several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
     notes = [several if seeds > 1 else "One seed."]
-    if len(rows) > MAX_ROWS:
-        notes.append(f"The first {MAX_ROWS} of {len(rows)} rows; all are in table.csv.")
-    name = str(about.get("label") or about["sweep"]["name"])
-    return latex.table(
-        headings,
-        rows[:MAX_ROWS],
-        caption=f"{name}: {', '.join(columns)}",
-        label=f"tab:{latex.key(name)}",
-        notes=notes,
-    )
+    if len(table.rows) > MAX_ROWS:
+        notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
+    return replace(table, rows=table.rows[:MAX_ROWS], notes=notes).latex(name)
 
 
-def _rows(
-    points: "pd.DataFrame",
-    columns: list[str],
-    metrics: list[str],
-    titles: Mapping[str, str],
-) -> list[NumberRow]:
+def _table(
+    points: "pd.DataFrame", columns: list[str], titles: Mapping[str, str], title: str
+) -> ResultTable:
     """A row for each point and method, with the metrics of the method as a whole."""
+    metrics = [name for name in PRINTED if (points["metric"] == name).any()]
     whole = points[(points["placement"] == "all") & (points["component"] == "")]
     rows = []
     for (_, method), of_row in whole.groupby(["point", "method"], sort=False):
         by_metric = of_row.set_index("metric")
-        first = of_row.iloc[0]
-        place = ", ".join(_level(first[column]) for column in columns)
-        numbers = [
-            _number(name, by_metric.loc[name]) if name in by_metric.index else None
+        place = ", ".join(_level(of_row.iloc[0][column]) for column in columns)
+        cells = [
+            METRICS[name].cell(*(by_metric[end][name] for end in ("value", "low", "high")))
+            if name in by_metric.index
+            else Cell()
             for name in metrics
         ]
-        rows.append(NumberRow(f"{place}: {titles.get(str(method), str(method))}", numbers))
-    return rows
-
-
-def _number(metric: str, row: Any) -> Number | None:
-    factor = METRICS[metric].factor
-    value, low, high = (float(row[name]) * factor for name in ("value", "low", "high"))
-    if value != value:
-        return None
-    ends = None if low != low else (latex.printed(low), latex.printed(high))
-    return Number(latex.printed(value), ends)
+        rows.append(Row(f"{place}: {titles.get(str(method), str(method))}", cells))
+    return ResultTable([METRICS[name].label for name in metrics], rows, title)
 
 
 def _level(level: object) -> str:

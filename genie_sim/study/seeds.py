@@ -3,12 +3,7 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from pathlib import Path
 
-from genie_sim.analysis import summary
-from genie_sim.analysis.seed_runs import SeedRuns, load
-from genie_sim.paths import atomic_write
-from genie_sim.report import NAME, comparison, write_text
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.settings import plain_data
 from genie_sim.study.design import Design, read_design
@@ -29,19 +24,3 @@ def design_of(scenario: Scenario, seeds: int | Sequence[int]) -> Design:
         "seeds": seeds if isinstance(seeds, int) else list(seeds),
     }
     return read_design(data, scenario.name)
-
-
-def write(folder: Path, *, with_report: bool = True, figures: Sequence[str] = ()) -> None:
-    """Writes the summary and the page of a finished study without axes, and its ``figures`` in
-    these formats. Raises ``UserError``.
-    """
-    runs = load(folder)
-    assert isinstance(runs, SeedRuns)
-    with atomic_write(folder / "summary.md") as beside:
-        beside.write_text(summary.markdown(runs), encoding="utf-8")
-    if figures:
-        from genie_sim.analysis import figures as of_runs
-
-        of_runs.write(runs, folder / "figures", figures)
-    if with_report:
-        write_text(folder / NAME, comparison.seeds_page(runs))

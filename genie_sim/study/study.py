@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim import build, files, report
+from genie_sim.analysis.seed_runs import load
 from genie_sim.errors import UserError
 from genie_sim.paths import atomic_write, usable
 from genie_sim.perception.sources import Progress
 from genie_sim.recording import provenance
 from genie_sim.recording.tables import other_format
+from genie_sim.report.output import USUAL, Output
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.settings import plain_data
-from genie_sim.study import seeds, tables
+from genie_sim.study import tables
 from genie_sim.study.design import Design, load_design
 from genie_sim.study.parts import Parts
 from genie_sim.study.plan import Plan, plan
@@ -139,10 +141,8 @@ class Study:
         lost = [run.run_id for run in runs if not run.is_kept(self.folder)]
         self._parts.run(runs, workers, self.plan.shared, progress, lost=lost)
 
-    def finish(self, pictures: bool = True, formats: Sequence[str] = ()) -> StudyStatus:
-        """Makes the tables, and with ``pictures`` figures and page, if every run is done. Without
-        axes there are figures in these ``formats`` only. Raises ``UserError``.
-        """
+    def finish(self, output: Output = USUAL) -> StudyStatus:
+        """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
         kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
         done = len(self._parts.done() & kept)
         status = StudyStatus(
@@ -151,10 +151,10 @@ class Study:
         if status.complete:
             with usable(self.folder):
                 runs = self._write()
-                if pictures and self.design.axes:
+                if not self.design.axes:
+                    output.write(load(self.folder), self.folder)
+                elif output.page:
                     self._draw(runs)
-                elif not self.design.axes:
-                    seeds.write(self.folder, with_report=pictures, figures=formats)
         return status
 
     @property

@@ -27,6 +27,7 @@ from genie_sim.recording import provenance
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Column, Schema, Table
+from genie_sim.report.output import USUAL, Output
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.version import VERSION
 
@@ -91,7 +92,7 @@ class StudyRun(Protocol):
 class PointRun:
     """A point of a design with one seed: its scenario, and the key of its frames in ``Shared``
     (``None``: they are the seed's own). ``keep`` is whether its whole results are kept beside the
-    parts, and ``with_report`` whether with a page.
+    parts, and ``output`` what else is written then.
     """
 
     run_id: str
@@ -100,7 +101,7 @@ class PointRun:
     frames: float
     place: str
     keep: bool = False
-    with_report: bool = True
+    output: Output = USUAL
 
     def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[Metric]]:
         """The metrics of its methods."""
@@ -112,7 +113,7 @@ class PointRun:
         if not self.keep:
             return {self.run_id: measured(prepared)}
         path = self._results(folder.parent)
-        run = runner.write(prepared, path, self.run_id, with_report=self.with_report)
+        run = runner.write(prepared, path, self.run_id, output=self.output)
         return {self.run_id: _metrics_of(prepared, run.tables)}
 
     def is_kept(self, study_folder: Path) -> bool:
@@ -211,7 +212,7 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
 
 def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[Metric]:
     used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(runner.methods_of(prepared), used)
+    return metrics.compute(runner.methods_of(prepared), used, own=prepared.scenario.metrics)
 
 
 @functools.lru_cache(maxsize=1)

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.analysis import attacks
+from genie_sim.analysis.metric import measured
 from genie_sim.analysis.registry import METRICS
 from tests.analysis.outage_tables import table
 
@@ -29,7 +30,9 @@ def metrics(forgeries: list, rows: list, cars=("car1", "car2", "car3", "car4")):
     instants = [("genie", "consumer", car, at * S) for car in cars for at in (0, 12)]
     held = table(instants, "method", "what", "car", "stamp_ns")
     forgery_table = table(forgeries, *FORGED, "begin_ns", "end_ns")
-    computed = attacks.of_attacks(forgery_table, held, table(rows, *HELD), ["genie", "local"])
+    computed = measured(
+        attacks.METRICS, attacks.views(forgery_table, held, table(rows, *HELD), ["genie", "local"])
+    )
     return {(item.metric, item.component): item.value for item in computed}
 
 

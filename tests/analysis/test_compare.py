@@ -14,12 +14,13 @@ import pytest
 
 import genie_sim as gs
 from genie_sim import cli, runner
-from genie_sim.analysis import latex
+from genie_sim.analysis import compare_tables, latex
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.errors import UserError
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Run
 from genie_sim.report import comparison
+from genie_sim.report.output import Output
 from genie_sim.scenario.scenario import load_scenario
 
 WINDOW = "cars[0].route.window=[2 s, 5 s]"
@@ -80,7 +81,7 @@ def test_methods_of_one_run_are_compared_by_blocks_with_the_first(usual: list[Ru
     )
     assert found.difference == pytest.approx(gap)
     assert found.low is not None and found.high is not None and found.low < gap < found.high < 0
-    assert "blocks" in comparison.note(made) and "other seeds" in comparison.note(made)
+    assert "blocks" in compare_tables.about(made) and "other seeds" in compare_tables.about(made)
 
 
 def test_a_block_interval_by_hand(usual: list[Run]):
@@ -196,16 +197,17 @@ def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
     with pytest.raises(UserError, match="given twice"):
         compare([usual[0], usual[0]])
     with pytest.raises(UserError, match="unknown format 'md'"):
-        comparison.text(compare(usual[:1]), "md")
+        compare_tables.text(compare(usual[:1]), "md")
 
 
 def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     made = compare(usual[:1])
-    rows = list(csv.DictReader(io.StringIO(comparison.text(made, "csv"))))
+    rows = list(csv.DictReader(io.StringIO(compare_tables.text(made, "csv"))))
     assert [one["metric"] for one in rows] == [one.metric for one in made.rows]
     assert float(rows[0]["value"]) == pytest.approx(made.rows[0].value, rel=1e-9)
-    assert comparison.text(made).count("\n") == len(rows) + 2
-    values, differences = comparison.text(made, "latex").split("% needs")[1:]
+    pairs = [one for one in rows if one["against"]]
+    assert compare_tables.text(made).count("\n") == len(pairs) + 2
+    values, differences = compare_tables.text(made, "latex").split("% needs")[1:]
     assert r"first answer, mean [ms] & " in values and r"\caption" in differences
     gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)
     assert f"& {latex.printed(gap.difference, '+')}" in differences
@@ -234,7 +236,9 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
 def test_the_command_and_the_library_say_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    made = runner.run_to_folder(load_scenario("1car_hetero", [WINDOW]), tmp_path, with_report=False)
+    made = runner.run_to_folder(
+        load_scenario("1car_hetero", [WINDOW]), tmp_path, output=Output(page=False)
+    )
     assert (
         cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")])
         == 0

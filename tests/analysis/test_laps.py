@@ -7,7 +7,8 @@ import pandas as pd
 
 from genie_sim import runner
 from genie_sim.analysis import summary
-from genie_sim.analysis.correctness import of_laps
+from genie_sim.analysis.correctness import METRICS, lap_views
+from genie_sim.analysis.metric import measured
 from genie_sim.recording.columns import Columns
 from genie_sim.scenario.scenario import load_scenario
 
@@ -44,7 +45,8 @@ def held(car: str, *counts: tuple[float, int, int, int]) -> pd.DataFrame:
 def laps_of(frames: list[pd.DataFrame], judged: list[pd.DataFrame]) -> dict[tuple[str, str], float]:
     tables = (Columns.of(pd.concat(tables, ignore_index=True)) for tables in (judged, frames))
     return {
-        (metric.metric, metric.component): metric.value for metric in of_laps(*tables, ["genie"])
+        (metric.metric, metric.component): metric.value
+        for metric in measured(METRICS, lap_views(*tables, ["genie"]))
     }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.recording.results import MethodInfo, Metric
 
 METHODS = [MethodInfo("remote", "remote (R)", True), MethodInfo("genie", "Genie (DG)", False)]

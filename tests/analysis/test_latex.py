@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import asdict
 
-from genie_sim.analysis import latex
-from genie_sim.analysis.latex import Number, NumberRow
+from genie_sim.analysis import latex, summary
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.recording.results import MethodInfo, Metric, Run
 from tests import made_up_run
 
@@ -36,9 +36,9 @@ def test_numbers_are_printed_as_siunitx_reads_them():
     assert latex.printed(2.0, "+") == "+2"
 
 
-def test_a_latex_column_fits_its_longest_number():
-    rows = [NumberRow("a", [Number("342"), None]), NumberRow("b", [Number("9.12"), Number("+1.5")])]
-    text = latex.table(["x", "y"], rows, caption="c", label="tab:c", notes=[])
+def test_a_column_has_room_for_its_longest_number_on_both_sides_of_the_point():
+    rows = [Row("a", [Cell(342), Cell()]), Row("b", [Cell(9.12), Cell(1.5, sign="+")])]
+    text = ResultTable(["x", "y"], rows, "c").latex("c")
     assert re.findall(r"S\[(.*)\]", text) == [
         "table-format=3.2",
         "table-format=+1.1, retain-explicit-plus",
@@ -48,12 +48,11 @@ def test_a_latex_column_fits_its_longest_number():
 
 
 def test_more_columns_than_fit_one_of_two_span_the_page():
-    row = NumberRow("a", [Number("1")] * 4)
-    text = latex.table(list("wxyz"), [row], caption="c", label="tab:c", notes=["n"])
+    text = ResultTable(list("wxyz"), [Row("a", [Cell(1)] * 4)], "c", ["n"]).latex("c")
     assert r"\begin{table*}" in text and r"\end{table*}" in text and "n}" in text
 
 
-def test_a_latex_table_says_what_its_brackets_mean():
+def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kind():
     run = run_of(
         Metric("frames_published", "local", "all", "", 5, "frames"),
         Metric("frames_published", "mine", "all", "", 5, "frames"),
@@ -61,7 +60,7 @@ def test_a_latex_table_says_what_its_brackets_mean():
         Metric("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
         Metric("image_reuse", "mine", "car", "", 0.25, "1", 0.1, 0.4),
     )
-    text = latex.tables(run)
+    text = summary.table(run, "latex")
     assert "first answer, mean [ms] & 342 & 9.12" in text
     assert r"{\scriptsize [328, 356]}" in text
     assert "[9.12, 9.12]" not in text, "an interval without width is none"
@@ -73,8 +72,8 @@ def test_a_latex_table_says_what_its_brackets_mean():
 
 
 def test_what_fits_no_page_is_divided_into_several_tables():
-    rows = [NumberRow(f"row {number}", [Number("1")] * 8) for number in range(30)]
-    text = latex.table(list("abcdefgh"), rows, caption="c", label="tab:c", notes=["n"])
+    rows = [Row(f"row {number}", [Cell(1)] * 8) for number in range(30)]
+    text = ResultTable(list("abcdefgh"), rows, "c", ["n"]).latex("c")
     assert re.findall(r"\\label\{(.*)\}", text) == ["tab:c", "tab:c-2", "tab:c-3", "tab:c-4"]
     assert re.findall(r"\\caption\{(.*)\}", text)[3] == "c (part 4 of 4)"
     assert text.count("S[") == 2 * 8 and text.count("row 29 &") == 2
@@ -82,5 +81,11 @@ def test_what_fits_no_page_is_divided_into_several_tables():
 
 
 def test_a_unit_that_begins_a_line_of_a_heading_is_no_length():
-    text = latex.table(["share of frames [%]"], [], caption="c", label="tab:c", notes=[])
+    text = ResultTable(["share of frames [%]"], [], "c").latex("c")
     assert r"share of\\{}frames [\%]" in text
+
+
+def test_a_column_of_texts_is_no_column_of_numbers():
+    text = ResultTable(["verdict", "n"], [Row("C1", [Cell("50 % & up"), Cell(3)])], "c").latex("c")
+    assert re.findall(r"^  (l|S.*)$", text, re.MULTILINE) == ["l", "S[table-format=1.0]"]
+    assert r"C1 & 50 \% \& up & 3 \\" in text

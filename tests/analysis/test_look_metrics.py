@@ -7,7 +7,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from genie_sim.analysis.looks import of_looks
+from genie_sim.analysis import looks as look_metrics
+from genie_sim.analysis import metric as of_metric
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric
 
@@ -60,7 +61,8 @@ def held(shared: int, shared_right: int) -> pd.DataFrame:
 def measured(**tables: pd.DataFrame) -> dict[str, Metric]:
     parts: dict[str, Any] = {"looks": looks(), "frames": frames(), **tables}
     columns = {name: Columns.of(table) for name, table in parts.items()}
-    return {metric.metric: metric for metric in of_looks(columns, ["other", "genie"])}
+    views = look_metrics.views(columns, ["other", "genie"], intervals=True)
+    return {number.metric: number for number in of_metric.measured(look_metrics.METRICS, views)}
 
 
 def test_each_frame_that_went_up_has_one_end():

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import metrics
+from genie_sim.analysis import genie_metrics, metrics, resource_metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
 from genie_sim.messages import Header
 from genie_sim.recording.columns import Columns
@@ -317,7 +317,7 @@ def test_error_bars_are_the_extreme_windows_of_50_requests():
 def test_windows_of_objects_hold_whole_messages():
     """20 requests a message: a window needs three messages, 60 requests, to hold 50."""
     table = lookup_table(*events("car1/genie", "sighting", [20, 0, 10, 20], requests=20))
-    windows = metrics.windowed_reuse(Columns.of(table))
+    windows = genie_metrics.windowed_reuse(Columns.of(table))
     assert list(windows["t_ns"]) == [2 * S, 3 * S]
     assert list(windows["ratio"]) == [30 / 60, 30 / 60]
 
@@ -326,7 +326,7 @@ def test_no_window_holds_requests_of_two_genies():
     table = lookup_table(
         *events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51)
     )
-    windows = metrics.windowed_reuse(Columns.of(table))
+    windows = genie_metrics.windowed_reuse(Columns.of(table))
     assert windows["genie"].tolist() == ["car1/genie"] * 3 + ["car2/genie"] * 2
     assert windows["ratio"].tolist() == [1, 1, 1, 0, 0]
 
@@ -337,7 +337,7 @@ def test_the_running_boost_weighs_updates_not_events():
         ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.00, 1),
         ("genie", 2, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
     )
-    curve = metrics.running_boost(Columns.of(table))
+    curve = genie_metrics.running_boost(Columns.of(table))
     assert list(curve["updates"]) == [1, 4]
     assert list(curve["boost"]) == pytest.approx([0.10, 0.04])
 
@@ -488,7 +488,7 @@ def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
     table = Table(RESOURCES)
     for second, busy_s in ((1, 2), (2, 6)):
         table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None))
-    t_ns, worked_ns = metrics.running_use(Columns.of(table.to_frame()))
+    t_ns, worked_ns = resource_metrics.running_use(Columns.of(table.to_frame()))
     assert t_ns.tolist() == [0, 1 * S, 2 * S]
     assert worked_ns.tolist() == [0, 0.5 * S, 1.5 * S]
     assert of_tables(resources=table.to_frame())["utilization", "edge1.cpu"].value == 0.75

@@ -7,6 +7,7 @@ import pytest
 
 from genie_sim import runner
 from genie_sim.analysis import outages, summary
+from genie_sim.analysis.metric import measured
 from genie_sim.analysis.registry import METRICS
 from genie_sim.report.data import SHADED
 from tests.analysis.outage_tables import table
@@ -22,7 +23,9 @@ def metrics(faults: list[tuple], frames: list[tuple], held: list[tuple] | None =
     )
     names = ("method", "what", "stamp_ns", "held", "right", "visible_static", "visible_moving")
     held_table = None if held is None else table(held, *names)
-    found = outages.of_faults(fault_table, frame_table, held_table, ["remote"])
+    found = measured(
+        outages.METRICS, outages.views(fault_table, frame_table, held_table, ["remote"])
+    )
     return {(one.metric, one.component): (one.value, one.n) for one in found}
 
 

@@ -12,7 +12,7 @@ from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.latency_accuracy import latency_accuracy
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import MethodInfo, Metric, Run
 from tests import made_up_run, outline

@@ -6,14 +6,14 @@ from dataclasses import asdict
 
 import pytest
 
-from genie_sim.analysis import latex, metrics, screen, summary
+from genie_sim.analysis import compare_tables, metrics, screen, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.recording.columns import Columns
 from genie_sim.recording.records import new_tables
 from genie_sim.recording.results import Metric, Run
-from genie_sim.report import comparison, notebook
+from genie_sim.report import notebook
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS
 
@@ -78,7 +78,7 @@ def test_one_run(one: Run):
         ("markdown", summary.markdown(one)),
         ("csv", summary.table(one, "csv")),
         ("markdown table", summary.table(one, "markdown")),
-        ("latex", latex.tables(one)),
+        ("latex", summary.table(one, "latex")),
         ("notebook", notebook.run_html(one).replace("<tr>", "\n<tr>")),
     ):
         outline.check_lines(f"table of one run, {name}", text.splitlines())
@@ -88,7 +88,7 @@ def test_several_seeds(seeds: SeedRuns):
     for name, text in (
         ("terminal", screen.text(seeds, 80)),
         ("markdown", summary.markdown(seeds)),
-        ("latex", latex.tables(seeds)),
+        ("latex", summary.table(seeds, "latex")),
     ):
         outline.check_lines(f"table of seeds, {name}", text.splitlines())
 
@@ -96,10 +96,10 @@ def test_several_seeds(seeds: SeedRuns):
 def test_a_comparison(one: Run):
     compared = compare([one, made(1, lift=2.0, speed=1.5)], labels=["before", "after"])
     for name, text in (
-        ("markdown", comparison.text(compared, "markdown")),
-        ("csv", comparison.text(compared, "csv")),
-        ("latex", comparison.text(compared, "latex")),
-        ("sentences", "\n".join([*verdicts(compared), comparison.note(compared)])),
+        ("markdown", compare_tables.text(compared, "markdown")),
+        ("csv", compare_tables.text(compared, "csv")),
+        ("latex", compare_tables.text(compared, "latex")),
+        ("sentences", "\n".join([*verdicts(compared), compare_tables.about(compared)])),
         ("notebook", notebook.comparison_html(compared).replace("<tr>", "\n<tr>")),
     ):
         outline.check_lines(f"table of a comparison, {name}", text.splitlines())

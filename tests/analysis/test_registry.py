@@ -5,11 +5,12 @@ from __future__ import annotations
 import pytest
 
 from genie_sim import runner
-from genie_sim.analysis.registry import HIGHER, LOWER, METRICS, value_text
+from genie_sim.analysis import attacks, correctness, metrics, outages, prices
+from genie_sim.analysis.metric import HIGHER, LOWER, measured
+from genie_sim.analysis.registry import METRICS, cell
+from genie_sim.recording.columns import Columns
 from genie_sim.recording.results import Metric, Run
 from genie_sim.scenario.scenario import load_scenario
-
-IN_FILES = {"%": ("1",), "": ("1", "entries/Genie")}  # units there, by the unit that is shown
 
 
 @pytest.fixture(scope="module")
@@ -23,12 +24,48 @@ def run() -> Run:
     return runner.run_in_memory(load_scenario("1car_hetero", [window, looks, faults]))
 
 
-def test_every_number_of_a_run_is_registered_with_its_unit(run: Run):
-    for metric in run.measured:
-        shown = METRICS[metric.metric].unit
-        assert metric.unit in IN_FILES.get(shown, (shown,)), metric
+def test_a_run_with_everything_has_a_number_of_every_metric(run: Run):
     never = METRICS.keys() - {metric.metric for metric in run.measured}
     assert not never, "registered, but no number of a run with everything recorded"
+
+
+KEYS = {  # what tells of whom and of when a row is
+    "frames": ("method", "car", "stamp_ns", "lap"),
+    "lookups": ("method", "placement", "kind", "requester"),
+    "looks": ("method", "car", "stamp_ns", "way"),
+    "answers": ("method", "car", "stamp_ns"),
+    "held": ("method", "car", "stamp_ns", "what"),
+    "hosts": ("method", "placement"),
+    "resources": ("method", "resource", "t_ns"),
+    "attacks": ("method", "attacker", "receiver"),
+    "faults": ("method", "fault", "begin_ns", "end_ns"),
+}
+ENERGY = prices.Energy().columns_read()
+OF_VIEWS = {  # what else a view reads, by the metrics that it is for
+    (*attacks.METRICS,): {"held": ()},
+    (*outages.METRICS,): {"faults": ()},
+    (*prices.METRICS,): ENERGY,
+    ("first_answer_part", "fresh_answer_part"): {"frames": ("first_answer_ns", "fresh_answer_ns")},
+    ("shared_share", "shared_right_share"): {"looks": ()},
+    ("fault_recall", "fault_ghosts"): correctness.StreamingF1().columns_read(),
+}
+
+
+def test_every_metric_reads_the_columns_that_it_says(run: Run):
+    """With these columns alone it has the same numbers."""
+    for name, metric in METRICS.items():
+        columns: dict[str, set[str]] = {"frames": set(KEYS["frames"])}
+        more = [tables for names, tables in OF_VIEWS.items() if name in names]
+        for tables in (metric.columns_read(), *more):
+            for table, read in tables.items():
+                columns.setdefault(table, set()).update(read, KEYS.get(table, ("method",)))
+        tables = {
+            table: Columns({one: run.tables[table][one] for one in sorted(read)})
+            for table, read in columns.items()
+        }
+        views = metrics.views(tables, set(tables), run.methods, intervals=True)
+        numbers = [metrics.rounded(one) for one in measured({name: metric}, views)]
+        assert numbers == [one for one in run.measured if one.metric == name]
 
 
 def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
@@ -41,10 +78,11 @@ def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
 
 def test_a_value_has_three_digits_its_unit_and_its_interval():
     share = Metric("image_reuse", "genie", "car", "", 0.30612, "1", 0.1, 0.52)
-    assert value_text(share, interval=True) == "30.6 % (10 to 52)"
-    assert value_text(Metric("first_answer_mean", "a", "all", "", 1234.5678, "ms")) == "1,235 ms"
-    assert value_text(Metric("confidence_boost", "a", "car", "", 0.012345, "1")) == "0.0123"
-    assert value_text(None) == "-"
+    assert cell(share).text() == "30.6 (10 to 52)"
+    assert cell(share)._replace(unit="%").text(intervals=False) == "30.6 %"
+    assert cell(Metric("first_answer_mean", "a", "all", "", 1234.5678, "ms")).text() == "1,235"
+    assert cell(Metric("confidence_boost", "a", "car", "", 0.012345, "1")).text() == "0.0123"
+    assert cell(Metric("image_reuse", "a", "car", "", None, "1")).text() == cell(None).text() == "-"
 
 
 def test_an_axis_is_logarithmic_where_positive_values_span_decades():

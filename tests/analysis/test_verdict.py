@@ -50,7 +50,7 @@ def test_a_sentence_says_in_what_by_how_much_and_how_sure():
     ]
     assert verdicts(comparison(*rows)) == [
         "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "
-        "(-2 percentage points, -3 to -1); not clearly different in false objects held (ghosts) "
+        "(-2 percentage points, -3 to -1); not clearly different in false objects "
         "(+0.4 percentage points, -1 to +1.8); 95 % intervals of paired differences, over 5 seeds."
     ]
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.paper.facts import Fact, Facts
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim import files
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.quality import JUDGED, UNITS, facts_of, summarise

@@ -9,7 +9,7 @@ import functools
 import numpy as np
 import pytest
 
-from genie_sim.analysis.metrics import running_reuse
+from genie_sim.analysis.genie_metrics import running_reuse
 from genie_sim.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import ALL

@@ -13,7 +13,7 @@ import math
 import sys
 from pathlib import Path
 
-from genie_sim.analysis.metrics import PLACEMENTS
+from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.paper.reproduce import calibrated_settings
 from genie_sim.paper.runs import EvaluationRun

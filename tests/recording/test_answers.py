@@ -7,19 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from genie_sim import runner
-from genie_sim.analysis import metrics, screen, summary
-from genie_sim.analysis.correctness import of_answers
+from genie_sim.analysis import correctness, metrics, screen, summary
+from genie_sim.analysis.metric import measured
 from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.recording.agreement import Agreement, ComparedAnswer
 from genie_sim.recording.log import Log
 from genie_sim.recording.objects import Objects
 from genie_sim.recording.records import ANSWERS, new_tables
-from genie_sim.recording.results import Metric
 from genie_sim.recording.tables import Table
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from tests.made_up_run import METHODS
@@ -128,22 +126,20 @@ def test_first_answer_and_result_are_each_judged_once():
     ]
 
 
-def table(*rows: tuple[str, str, int, int, int]) -> pd.DataFrame:
-    """A row a second: which, source, served, detected, matched."""
+Row = tuple[str, str, int, int, int]
+
+
+def values(*rows: Row) -> dict[tuple[str, str], tuple[float | None, int]]:
+    """Of a row a second: which, source, served, detected, matched."""
     made = Table(ANSWERS)
     for number, (which, source, *counts) in enumerate(rows):
         made.append(("genie", "car1", "camera_02", number * SECOND, which, source, *counts))
-    return made.columns()
-
-
-def values(found: Sequence[Metric]) -> dict[tuple[str, str], tuple[float | None, int]]:
+    found = measured(correctness.ANSWERS, correctness.answer_views(made.columns(), ["genie"]))
     return {(metric.metric, metric.placement): (metric.value, metric.n) for metric in found}
 
 
 def test_precision_recall_and_f1_are_of_all_objects_together():
-    found = values(
-        list(of_answers(table(("first", "map", 8, 4, 2), ("first", "map", 2, 4, 2)), ["genie"]))
-    )
+    found = values(("first", "map", 8, 4, 2), ("first", "map", 2, 4, 2))
     assert found["first_proxy_precision", "all"] == (0.4, 10)
     assert found["first_proxy_recall", "all"] == (0.5, 8)
     assert found["first_proxy_f1", "all"] == (pytest.approx(8 / 18), 18)
@@ -155,19 +151,12 @@ def test_a_hit_is_wrong_below_an_f1_of_four_fifths():
     hits.
     """
     found = values(
-        list(
-            of_answers(
-                table(
-                    ("result", "own_cache", 5, 5, 4),
-                    ("result", "own_cache", 6, 5, 4),
-                    ("result", "edge_cache", 0, 0, 0),
-                    ("result", "peer_cache", 0, 3, 0),
-                    ("result", "own_detector", 9, 3, 0),
-                    ("first", "own_cache", 9, 3, 0),
-                ),
-                ["genie"],
-            )
-        )
+        ("result", "own_cache", 5, 5, 4),
+        ("result", "own_cache", 6, 5, 4),
+        ("result", "edge_cache", 0, 0, 0),
+        ("result", "peer_cache", 0, 3, 0),
+        ("result", "own_detector", 9, 3, 0),
+        ("first", "own_cache", 9, 3, 0),
     )
     shares = {
         placement: found["wrong_hit_share", placement] for placement in ("all", "car", "edge")

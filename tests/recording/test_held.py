@@ -17,9 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim import files, runner
-from genie_sim.analysis import screen, summary
-from genie_sim.analysis.correctness import of_held
-from genie_sim.analysis.registry import ZERO_DELAY
+from genie_sim.analysis import correctness, screen, summary
+from genie_sim.analysis.metric import ZERO_DELAY, measured
 from genie_sim.errors import UserError
 from genie_sim.messages import Detections, Header, Image
 from genie_sim.perception.sources import Recordings
@@ -307,7 +306,9 @@ def test_metrics_are_sums_over_instants():
     table.append(
         ("genie", "zero_delay", "car1", 0, 1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0.0, 0.0, 0.25)
     )
-    found = list(of_held(table.columns(), ["local", "genie"]))
+    found = list(
+        measured(correctness.HELD, correctness.held_views(table.columns(), ["local", "genie"]))
+    )
     expected = {
         "object_precision": 0.5,
         "object_recall": 0.4,

@@ -369,7 +369,7 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
         "byId('headline').textContent"
     )
     shown = browser.evaluate("byId('by-method').innerText")
-    assert "Recall of visible objects" in shown and "False objects held (ghosts)" in shown
+    assert "Recall of visible objects" in shown and "False objects" in shown
 
 
 def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser, tmp_path):
@@ -538,7 +538,7 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
         browser.evaluate("byId('story').querySelector('tbody tr:last-child').textContent")
         == f"all{whole_ms:.6f} ms"
     )
-    assert "ghosts" in browser.evaluate("byId('now').textContent")
+    assert "are false" in browser.evaluate("byId('now').textContent")
 
 
 def test_where_the_time_goes_is_the_mean_of_the_answers(browser, file, run):
@@ -658,7 +658,7 @@ def test_two_methods_stand_side_by_side_on_one_clock(browser, file, run):
     for suffix, method in (("", "remote"), ("-b", "genie")):
         said = browser.evaluate(f"byId('camera{suffix}').getAttribute('aria-label')")
         car, held, missed, ghosts = re.match(
-            r"What (\w+)'s .*: (\d+) held and there, (\d+) missed, (\d+) ghosts?", said
+            r"What (\w+)'s .*: (\d+) held and there, (\d+) missed, (\d+) false objects?", said
         ).groups()
         rows = run.held_objects.query(f"method == '{method}' and car == '{car}'")
         rows = rows[(rows.begin_ns <= 1.5 * NS) & ~(rows.end_ns <= 1.5 * NS)]

@@ -136,7 +136,7 @@ def test_only_drawn_values_are_averaged_over_and_not_along_a_drawn_axis(drawn, c
 
 def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
     words = (town / "figures" / "forget-1.svg").read_text()
-    assert "false objects held" in words and "size = 3" in words
+    assert "false objects" in words and "size = 3" in words
     assert "ghost_share" in {
         one["name"] for one in embedded(sweep.page(town))["metrics"] if one["main"]
     }

@@ -69,7 +69,7 @@ def known_numbers() -> Iterator[str]:
     for law, values in ASSUMED._asdict().items():
         yield f"assumed detector law {law}: {json.dumps(values)}"
     for name, metric in METRICS.items():
-        yield f"metric {name}: {json.dumps(metric[:-1])}"
+        yield f"metric {name}: {json.dumps([metric.title, metric.unit, metric.better])}"
 
 
 def listed() -> list[str]:

@@ -16,13 +16,14 @@ from unittest import mock
 import yaml
 
 from genie_sim import plugins, runner
+from genie_sim.analysis import compare_tables
 from genie_sim.analysis.compare import compare
 from genie_sim.cli import main
 from genie_sim.errors import UserError
 from genie_sim.recording import results
 from genie_sim.recording.records import SCHEMAS
 from genie_sim.recording.tables import Schema, read
-from genie_sim.report import NAME, comparison, write
+from genie_sim.report import NAME, write
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.study import page as sweep_page
 from genie_sim.study.plan import plan
@@ -277,7 +278,7 @@ def result_folders(folder: Path) -> Case:
         elif what == 1:
             write(folder / NAME, results.load(run, allow_changed=True))
         elif what == 2:
-            comparison.text(compare([results.load(run, allow_changed=True)], ()), "csv")
+            compare_tables.text(compare([results.load(run, allow_changed=True)], ()), "csv")
         else:
             run_command(["export", str(run), "--allow-changed", "--out", str(folder / "run.mcap")])
 

@@ -1,0 +1,137 @@
+"""Tables of a comparison."""
+
+from dataclasses import replace
+
+from genie_sim.analysis import text_table
+from genie_sim.analysis.compare import (
+    BLOCKS,
+    DRAWN,
+    SEEDS,
+    WITHOUT_TRUTH,
+    ComparedRuns,
+    Difference,
+    as_metrics,
+)
+from genie_sim.analysis.metric import MARKS
+from genie_sim.analysis.registry import cell, definition
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
+
+COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
+ONE_RUN = (
+    "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
+    "may differ by more."
+)
+PRICES = ("bytes_up_per_frame", "energy_per_frame")
+
+
+def text(comparison: ComparedRuns, format: str = "markdown") -> str:
+    """The numbers; markdown and LaTeX round, csv does not. Raises UserError for another format."""
+    if text_table.checked(format) == "csv":
+        if comparison.warning:
+            rows = [(*row, comparison.warning) for row in comparison.rows]
+            return text_table.exact([*Difference._fields, "changed"], rows)
+        return text_table.exact(Difference._fields, comparison.rows)
+    if format == "markdown":
+        return replace(pairs(comparison), notes=[comparison.warning]).markdown()
+    name = " and ".join(comparison.names)
+    return f"{values(comparison).latex(name)}\n{differences_latex(comparison, name)}"
+
+
+def about(comparison: ComparedRuns) -> str:
+    """What the intervals are over."""
+    sentence = comparison.by[0].upper() + comparison.by[1:] + "."
+    if any(row.by == BLOCKS for row in comparison.rows):
+        return f"{sentence} {ONE_RUN}"
+    return sentence
+
+
+def pairs(comparison: ComparedRuns) -> ResultTable:
+    """Each metric of each arm that is compared, beside that of the arm it is compared with."""
+    titles = {arm.label: arm.title for arm in comparison.arms}
+    by_place = {(row.metric, row.arm): row for row in comparison.rows}
+    rows = []
+    for row in comparison.rows:
+        if row.against:
+            metric = definition(row.metric)
+            reference = by_place.get((row.metric, row.against))
+            value, its_value = (
+                metric.cell(of.value if of else None)._replace(unit=metric.unit)
+                for of in (row, reference)
+            )
+            points = "percentage points" if metric.unit == "%" else metric.unit
+            cells = [
+                Cell(titles[row.arm]),
+                value,
+                Cell(titles[row.against]),
+                its_value,
+                metric.cell(row.difference, sign="+")._replace(unit=points),
+                metric.cell(None, row.low, row.high, sign="+"),
+                Cell(row.n or None),
+            ]
+            rows.append(Row(metric.title, cells))
+    return ResultTable(COLUMNS, rows, corner="metric")
+
+
+def values(comparison: ComparedRuns) -> ResultTable:
+    """The numbers of each arm."""
+    metrics, methods = as_metrics(comparison)
+    by_place = {(metric.metric, metric.method): metric for metric in metrics}
+    several = any(len(arm.runs) > 1 for arm in comparison.arms)
+    about = (
+        "Means, in brackets their 95 % intervals over seeds."
+        if several
+        else "In brackets: 95 % intervals inside the run, over blocks of one second."
+    )
+    return ResultTable(
+        columns=[method.title for method in methods],
+        rows=[
+            Row(definition(name).label, [cell(by_place.get((name, arm.name))) for arm in methods])
+            for name in dict.fromkeys(metric.metric for metric in metrics)
+        ],
+        title=f"{' and '.join(comparison.names)}, compared",
+        notes=[about, comparison.warning],
+        marks={} if several else MARKS,
+    )
+
+
+def differences_latex(comparison: ComparedRuns, name: str) -> str:
+    """The table of differences in LaTeX, of results of this name."""
+    return differences(comparison, name).latex(f"{name}-differences")
+
+
+def differences(comparison: ComparedRuns, name: str) -> ResultTable:
+    """What each method differs by from the one that it is compared with."""
+    titles = {arm.label: arm.title for arm in comparison.arms}
+    judged = any(row.metric == "streaming_f1" for row in comparison.rows)
+    metrics = (*(DRAWN if judged else WITHOUT_TRUTH), *PRICES)
+    rows = [row for row in comparison.rows if row.metric in metrics and row.difference is not None]
+    by_place = {(row.metric, row.arm): row for row in rows}
+    references = {row.against for row in rows}
+    against = f"the same method, {comparison.names[0]}"
+    if len(references) == 1:
+        against = titles[references.pop()]
+    arms = list(dict.fromkeys(row.arm for row in rows))
+    by = {row.by for row in rows if row.by}
+    over = "seeds" if by == {SEEDS} else " and ".join(sorted(by))
+    n = max((row.n for row in rows), default=0)
+    return ResultTable(
+        columns=[titles[arm] for arm in arms],
+        rows=[
+            Row(
+                definition(metric).label, [_difference(by_place.get((metric, arm))) for arm in arms]
+            )
+            for metric in dict.fromkeys(row.metric for row in rows)
+        ],
+        title=f"{name}: paired differences from {against}",
+        notes=[
+            f"In brackets: 95 % intervals of the paired differences, over {n} {over}. Differences"
+            " of shares are in percentage points.",
+            comparison.warning,
+        ],
+    )
+
+
+def _difference(row: Difference | None) -> Cell:
+    if row is None:
+        return Cell()
+    return definition(row.metric).cell(row.difference, row.low, row.high, sign="+")

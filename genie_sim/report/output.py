@@ -1,0 +1,51 @@
+"""What is written of results for people to look at."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from genie_sim import report
+from genie_sim.analysis import summary
+from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.paths import atomic_write
+from genie_sim.report import comparison
+
+if TYPE_CHECKING:
+    from genie_sim.recording.results import Run
+
+
+@dataclass(frozen=True)
+class Output:
+    """What is written besides tables and ``summary.md``.
+
+    Parameters
+    ----------
+    page : bool
+        Whether there is ``report.html``; of a sweep, its figures come with it.
+    figures : sequence of str
+        The formats of the figures of a run, such as ``svg``; none: no figures.
+    """
+
+    page: bool = True
+    figures: Sequence[str] = ()
+
+    def write(self, results: "Run | SeedRuns", folder: Path) -> None:
+        """Writes the summary, the figures and the page of results into their folder. Raises
+        ``UserError``.
+        """
+        with atomic_write(folder / "summary.md") as beside:
+            beside.write_text(summary.markdown(results), encoding="utf-8")
+        if self.figures:
+            from genie_sim.analysis import figures  # imports matplotlib
+
+            figures.write(results, folder / "figures", self.figures)
+        if self.page:
+            if isinstance(results, SeedRuns):
+                page = comparison.seeds_page(results)
+            else:
+                page = report.page(results)
+            report.write_text(folder / report.NAME, page)
+
+
+USUAL = Output()
