@@ -21,8 +21,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.cells import BLOCKS_A_CELL, CARS_A_CELL, Setting, apart, small_town, write
-from benchmarks.genie_runs import REPOSITORY
-from benchmarks.speed import machine
+from benchmarks.speed import REPOSITORY, machine
 from benchmarks.speed_page import table
 from genie_sim.build import Prepared
 from genie_sim.errors import UserError
