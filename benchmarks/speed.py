@@ -1,356 +1,436 @@
-"""How fast Genie runs are beside the idiomatic SimPy model of the same cameras, a bare loop and
-other simulators.
+"""How long a user waits for genie-sim, and what its simulation costs beside plain SimPy and other
+simulators.
 
-    python benchmarks/speed.py [--quick] [--peers /path/to/python] [--markdown]
+    python benchmarks/speed.py [--quick] [--peers PYTHON] [--also PART ...] [--markdown]
 
-Engines take turns (Genie, SimPy, heapq, others, Genie, ...), and medians and ratios are compared,
-because all are as fast as the machine happens to be. ``--quick`` takes half a minute, all of it a
-few. ``--peers`` names a Python that has leafsim, ciw or salabim; what it does not have is skipped.
-``--markdown`` writes docs/speed.md anew, with its figures.
+``--quick`` takes less than a minute, all of it a few. ``--peers`` names a Python that has leafsim,
+ciw and salabim; what it lacks is left out. ``--also`` measures what takes long: ``reproduce``,
+``fleet_1000``, ``sweep``. ``--markdown`` writes the tables of docs/speed.md anew.
+
+What is compared takes turns, round by round; tables have the medians of the rounds, and of the
+ratios within them.
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import gc
-import math
 import os
 import platform
-import statistics
+import pstats
+import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
+from statistics import median
+from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from benchmarks.both_engines import Engines
-from benchmarks.fleet_parts import FleetParts
-
-from benchmarks import both_engines, fleet_parts, genie_runs, peers, speed_page
-from benchmarks.genie_runs import Drive, Hot, Work, drive, fleet, run_genie, three_cars, work_of
-from benchmarks.station import ENGINES, Outcome, Station, station_of
+from benchmarks import plain_simpy
+from benchmarks.peers import PEERS, run_peer
+from benchmarks.plain_simpy import Answer, Fleet, Frame
+from benchmarks.speed_page import DOCS, filled, table
+from genie_sim import build, seeds
 from genie_sim.build import Prepared
 from genie_sim.errors import UserError
+from genie_sim.messages import Detections, Header
 from genie_sim.recording import provenance
-from genie_sim.runner import prepare
+from genie_sim.runner import prepare, simulate
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.sim.link_models.wire import Wire
 
-CAMERAS_PER_CAR = 4
-FIRST_LAP, ALL_LAPS, FLEET = "Genie, first lap", "Genie, {} laps", "Genie"
-LEAST = ", `record: []`"  # the same with no more tables than there must be
+REPOSITORY = Path(__file__).resolve().parent.parent
+CARS_AN_EDGE = 10
+DRIVE_S = 2.0  # of a fleet's car, on each lap
+STARTS_S = 12  # of the 15.4 s long drive; where on it a fleet's cars may start
+NOT_MEASURED = "not measured"
+PARTS = ("reproduce", "fleet_1000", "sweep")
+Block = str  # a part of the page
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is measured. ``fleets``: how long [s] so many cars drive; ``curves``: the fleets of
-    the cost curves, the first being what the others are compared with, each driving for ``curve_s``
-    as often as gives ``curve_frames``, and none that would take longer than ``longest_s``;
-    ``memory_laps``: the two lengths of run between which memory grows; ``engines``: the sizes of
-    what both engines run; ``parts``: the cars of the fleet that several processes simulate, and how
-    long [s] they drive.
+    """How much is measured: how often, with which fleets (cars, and how many laps each drives with
+    one camera), and for which fleets the growth of the cost of a frame. The cost of a frame is that
+    of ``least_frames`` at least.
     """
 
     rounds: int
     laps: int
-    fleets: Mapping[int, float]
-    curves: Mapping[str, tuple[int, ...]]
-    curve_s: float
-    curve_frames: int
-    longest_s: float
-    minutes: int
-    memory_laps: tuple[int, int]
-    profile_entries: int
-    engines: Mapping[str, float]
-    parts: tuple[int, float]
+    least_frames: int
+    fleets: Mapping[int, int]
+    growth: Sequence[int]
 
 
 FULL = Sizes(
-    rounds=3,
+    rounds=5,
     laps=10,
-    fleets={100: 2.0, 1000: 1.0},
-    curves={"street": (3, 10, 30, 100, 300, 1000), "town": (3, 30, 300, 3000)},
-    curve_s=1.0,
-    curve_frames=1000,
-    longest_s=75,
-    minutes=60,
-    memory_laps=(60, 480),
-    profile_entries=15,
-    engines=both_engines.FULL,
-    parts=(1000, 6.0),
+    least_frames=5_000,
+    fleets={3: 100, 100: 5, 1000: 5},
+    growth=(3, 10, 30, 100, 300, 1000),
 )
-QUICK = Sizes(
-    rounds=2,
-    laps=2,
-    fleets={100: 1.0},
-    curves={"street": (3, 30, 100), "town": (3, 30)},
-    curve_s=0.5,
-    curve_frames=300,
-    longest_s=5,
-    minutes=4,
-    memory_laps=(5, 20),
-    profile_entries=8,
-    engines=both_engines.QUICK,
-    parts=(300, 1.0),
-)
+QUICK = Sizes(rounds=1, laps=10, least_frames=2_000, fleets={3: 20, 100: 1}, growth=(3, 30))
+
+
+# What a user waits for
 
 
 @dataclass(frozen=True)
-class Race:
-    """What the engines did with the frames of so many cars, round by round; ``events``: a frame,
-    where known.
+class Spent:
+    """What a command took: processor time of it and of the processes that it started, time on the
+    wall, and the most memory that one of these processes had.
     """
 
-    cars: int
-    rounds: Mapping[str, Sequence[Outcome]]
-
-    def rate(self, engine: str) -> float:
-        """Frames a second of processor time, median of the rounds."""
-        return statistics.median(outcome.rate for outcome in self.rounds[engine])
-
-    def ratios(self, above: str, below: str) -> list[float]:
-        """The one engine's rate over the other's, within each round."""
-        pairs = zip(self.rounds[above], self.rounds[below], strict=True)
-        return [one.rate / other.rate for one, other in pairs]
-
-    def ratio(self, above: str, below: str) -> float:
-        """Their median."""
-        return statistics.median(self.ratios(above, below))
-
-    def events_per_frame(self, engine: str) -> float | None:
-        outcome = self.rounds[engine][0]
-        return None if outcome.events is None else outcome.events / outcome.frames
+    cpu_s: float
+    wall_s: float
+    memory_mb: float
 
 
-@dataclass(frozen=True)
-class Point:
-    """A fleet of the cost curve. ``growth``: its cost a frame over that of the smallest fleet,
-    measured right before and after, and the same of SimPy's station; ``None``, with the reason in
-    ``missing``, where it was not measured.
+def genie_sim(*arguments: str) -> Spent:
+    """Runs ``genie-sim`` in a folder of its own. Raises ``UserError`` if it fails."""
+    command = [sys.executable, "-m", "genie_sim", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as said:
+        began_s = time.perf_counter()
+        child = subprocess.Popen(command, cwd=folder, env=environment, stdout=said, stderr=said)
+        _, status, used = os.wait4(child.pid, 0)
+        wall_s = time.perf_counter() - began_s
+        child.returncode = os.waitstatus_to_exitcode(status)
+        if child.returncode:
+            said.seek(0)
+            last = (said.read().strip().splitlines() or ["it says nothing"])[-1]
+            raise UserError(f"genie-sim {' '.join(arguments)}: {last}")
+    unit = 1 if sys.platform == "darwin" else 1024
+    return Spent(used.ru_utime + used.ru_stime, wall_s, used.ru_maxrss * unit / 1e6)
+
+
+def waits(rounds: int, also: Sequence[str]) -> Block:
+    """The commands that a user gives."""
+    scenario = str(REPOSITORY / "scenarios/3car_hetero.yaml")
+    commands = {
+        "`genie-sim --help`": (("--help",), rounds),
+        "`genie-sim run scenarios/3car_hetero.yaml`": (("run", scenario), rounds),
+        "`genie-sim reproduce --quick`": (("reproduce", "--quick"), int("reproduce" in also)),
+        "`genie-sim reproduce`": (("reproduce",), int("reproduce" in also)),
+        "`genie-sim run fleet_1000`": (("run", "fleet_1000"), int("fleet_1000" in also)),
+        f"`genie-sim {' '.join(sweep(1))}`": (sweep(1), int("sweep" in also)),
+        f"`genie-sim {' '.join(sweep(2))}`": (sweep(2), int("sweep" in also)),
+    }
+    spent: dict[str, list[Spent]] = {text: [] for text in commands}
+    failed: dict[str, str] = {}
+    for number in range(rounds):
+        for text, (arguments, times) in commands.items():
+            if number < times and text not in failed:
+                try:
+                    spent[text].append(genie_sim(*arguments))
+                except UserError as error:
+                    failed[text] = str(error).replace("|", "/")
+    rows = []
+    for text, found in spent.items():
+        if found:
+            columns = zip(*((one.wall_s, one.cpu_s, one.memory_mb) for one in found), strict=True)
+            wall_s, cpu_s, memory_mb = map(median, columns)
+            rows.append((text, f"{wall_s:.2f}", f"{cpu_s:.2f}", f"{memory_mb:.0f}"))
+        else:
+            rows.append((text, failed.get(text, NOT_MEASURED), "", ""))
+    header = ("command", "wall time [s]", "processor time [s]", "most memory of a process [MB]")
+    return table(header, rows)
+
+
+def sweep(jobs: int) -> tuple[str, ...]:
+    """Fifteen points with two seeds each, on so many workers."""
+    return "sweep", "confidence", "--seeds", "2", "--jobs", str(jobs)
+
+
+# The cost of a frame
+
+
+def laps(method: str, count: int, **changes: Any) -> Scenario:
+    """``3car_hetero`` with one method, driven so often."""
+    of_cars = (f"cars[{car}].route.laps={count}" for car in range(3))
+    return replace(load_scenario("3car_hetero", [f"methods=[{method}]", *of_cars]), **changes)
+
+
+def fleet(cars: int, method: str, laps: int = 1, cameras: int | None = None) -> Scenario:
+    """So many cars on the one shipped street, each a tenth of a second of the drive ahead of the
+    one before, with an edge server for every ten.
+
+    ``cameras``: only the first so many of each car; then nothing but frames is recorded.
     """
-
-    cars: int
-    frames: int = 0
-    growth: float | None = None
-    anchor_growth: float | None = None
-    events_per_frame: float | None = None
-    prepare_ms_per_car: float | None = None
-    missing: str = ""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Everything that one run of the benchmark found out."""
-
-    command: str
-    machine: Mapping[str, str]
-    engines: Engines
-    parts: FleetParts
-    races: Sequence[Race]
-    skipped: Mapping[str, str]
-    work: Mapping[str, Work]
-    curves: Mapping[str, Sequence[Point]]
-    hour: Drive
-    memory: Mapping[str, float]
-    profile: Sequence[Hot]
-    versions: Mapping[str, str] = field(default_factory=dict)
-
-
-def measure(sizes: Sizes, peers_python: str, command: str, tell: Callable[[str], None]) -> Measured:
-    """Runs the whole benchmark; ``tell`` is told what runs."""
-    tell("both engines")
-    engines = both_engines.measure(sizes.rounds, sizes.engines)
-    tell("a fleet in parts")
-    parts = fleet_parts.measure(*sizes.parts, sizes.rounds)
-    tell("3 cars")
-    skipped: dict[str, str] = {}
-    versions: dict[str, str] = {}
-    work: dict[str, Work] = {}
-    runs: dict[str, Callable[[], Outcome]] = {}
-    events: dict[str, int] = {}
-    for name, laps in {FIRST_LAP: 1, ALL_LAPS.format(sizes.laps): sizes.laps}.items():
-        for recorded, change in {name: {}, name + LEAST: {"record": ()}}.items():
-            driven, times = prepare(replace(three_cars(laps), **change)), sizes.laps // laps
-            work[recorded] = work_of(driven)
-            runs[recorded] = partial(run_genie, driven, times)
-            events[recorded] = times * work[recorded].events
-    frames = work[ALL_LAPS.format(sizes.laps)].frames
-    races = [
-        race(
-            3,
-            runs,
-            events,
-            frames,
-            rounds=sizes.rounds,
-            peers_python=peers_python,
-            skipped=skipped,
-            versions=versions,
-        )
-    ]
-    for cars, drive_s in sizes.fleets.items():
-        tell(f"{cars:,} cars")
-        prepared = prepare(fleet(cars, drive_s))
-        of_fleet = work[f"{FLEET}, {cars:,} cars"] = work_of(prepared)
-        runs = {FLEET: partial(run_genie, prepared)}
-        events = {FLEET: of_fleet.events}
-        races.append(
-            race(
-                cars,
-                runs,
-                events,
-                of_fleet.frames,
-                rounds=sizes.rounds,
-                peers_python=peers_python,
-                skipped=skipped,
-                versions=versions,
-            )
-        )
-    tell("memory and profile")
-    short, long = (genie_runs.footprint(laps) for laps in sizes.memory_laps)
-    hot = genie_runs.profile(sizes.profile_entries)
-    tell(f"{sizes.minutes} simulated minutes")
-    laps = math.ceil(60 * sizes.minutes / genie_runs.LAP_S)
-    hour = drive(prepare(three_cars(laps, cameras=1)))
-    curves = {name: cost_curve(name, sizes, tell) for name in sizes.curves}
-    return Measured(
-        command,
-        machine(),
-        engines,
-        parts,
-        races,
-        skipped,
-        work,
-        curves,
-        hour,
-        genie_runs.bytes_per_frame(short, long),
-        hot,
-        versions,
+    begins_s = [number / 10 % STARTS_S for number in range(cars)]
+    edges = [f"edge{number + 1}" for number in range(-(-cars // CARS_AN_EDGE))]
+    scenario = read_scenario(
+        {
+            "name": "fleet",
+            "methods": [method],
+            "edges": [{"name": edge, "device": "quadro_rtx_4000"} for edge in edges],
+            "cars": [
+                {
+                    "name": f"car{number + 1}",
+                    "device": "jetson_tx2",
+                    "edge": edges[number // CARS_AN_EDGE],
+                    "route": {
+                        "window": [f"{begin_s:.1f} s", f"{begin_s + DRIVE_S:.2f} s"],
+                        "laps": laps,
+                    },
+                }
+                for number, begin_s in enumerate(begins_s)
+            ],
+        }
     )
+    if cameras is None:
+        return scenario
+    return replace(scenario, cameras=scenario.cameras[:cameras], record=())
 
 
-def race(
-    cars: int,
-    genie: Mapping[str, Callable[[], Outcome]],
-    events: Mapping[str, int],
-    frames: int,
-    *,
-    rounds: int,
-    peers_python: str,
-    skipped: dict[str, str],
-    versions: dict[str, str],
-) -> Race:
-    """All engines take turns with as many frames of as many cameras. What cannot run is left out,
-    with the reason in ``skipped``.
+def timed(run: Callable[[], Any]) -> tuple[float, Any]:
+    """The processor time of a call [s], and what it returns. What was there before is not searched
+    for garbage meanwhile.
     """
-    station = station_of(frames, genie_runs.phases_ns(CAMERAS_PER_CAR * cars))
-    found: dict[str, list[Outcome]] = {}
+    gc.collect()
+    gc.freeze()
+    began_s = time.process_time()
+    result = run()
+    cpu_s = time.process_time() - began_s
+    gc.unfreeze()
+    return cpu_s, result
+
+
+def frame_us(prepared: Prepared, least_frames: int = 1) -> float:
+    """Processor time of a frame [us], from the building of the world to the last answer, in as many
+    runs as give so many frames.
+    """
+
+    def run() -> int:
+        frames = 0
+        while frames < least_frames:
+            frames += len(simulate(prepared)["frames"])
+        return frames
+
+    cpu_s, frames = timed(run)
+    return 1e6 * cpu_s / frames
+
+
+def in_turn(
+    rounds: int, cases: Mapping[str, Callable[[], float]]
+) -> dict[str, tuple[float, float]]:
+    """The median of each case, and that of its ratios to the first case of the same round."""
+    found: dict[str, list[float]] = {name: [] for name in cases}
     for _ in range(rounds):
-        for name, run in genie.items():
-            gc.collect()
-            outcome = run()
-            found.setdefault(name, []).append(Outcome(outcome.frames, outcome.cpu_s, events[name]))
-        for name, engine in ENGINES.items():
-            gc.collect()
-            found.setdefault(name, []).append(engine(station))
-        for name in peers.PEERS:
-            if name not in skipped and cars <= peers.MAX_CARS.get(name, cars):
-                _run_peer(
-                    name, station, peers_python, found=found, skipped=skipped, versions=versions
-                )
-    return Race(
-        cars, {name: outcomes for name, outcomes in found.items() if len(outcomes) == rounds}
+        for name, measure in cases.items():
+            found[name].append(measure())
+    first = next(iter(found.values()))
+    return {
+        name: (median(values), median(a / b for a, b in zip(values, first, strict=True)))
+        for name, values in found.items()
+    }
+
+
+def costs(sizes: Sizes) -> Block:
+    """What a frame of ``3car_hetero`` costs, under each method."""
+    many = f"{sizes.laps} laps"
+    cases = {
+        "`local`, `record: []`": laps("local", sizes.laps, record=()),
+        "`remote`, `record: []`": laps("remote", sizes.laps, record=()),
+        "Genie, lap 1, `record: []`": laps("genie", 1, record=()),
+        "Genie, lap 1, all tables": laps("genie", 1),
+        f"Genie, {many}, `record: []`": laps("genie", sizes.laps, record=()),
+        f"Genie, {many}, all tables": laps("genie", sizes.laps),
+    }
+    measures = {
+        name: partial(frame_us, prepare(scenario), sizes.least_frames)
+        for name, scenario in cases.items()
+    }
+    rows = [(name, f"{us:.0f}") for name, (us, _) in in_turn(sizes.rounds, measures).items()]
+    return table(("run", "processor time of a frame [µs]"), rows)
+
+
+# Like for like
+
+
+def plain_fleet(prepared: Prepared) -> Fleet:
+    """What ``plain_simpy`` needs to simulate the ``remote`` of a scenario whose cars, edges and
+    links are each of one kind.
+    """
+    setup = build.setup(prepared, prepared.scenario.methods[0])
+    wire = setup.links[setup.cars[0].name]
+    assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
+    cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
+    edge_of = {car.name: str(car.edge) for car in setup.cars}
+    of_edge: dict[str, int] = defaultdict(int)
+    for frames in cameras:
+        of_edge[edge_of[frames[0].car]] += len(frames)
+    detections_ns = {
+        edge.name: list(
+            islice(
+                setup.devices[edge.device].detector_time.draws(
+                    seeds.stream(setup.seed, edge.name, "accelerator")
+                ),
+                of_edge[edge.name],
+            )
+        )
+        for edge in setup.edges
+    }
+    car_hop = setup.devices[setup.cars[0].device].hop
+    edge_hop = setup.devices[setup.edges[0].device].hop
+    return Fleet(
+        edge_of,
+        cameras,
+        detections_ns,
+        car_hop_ns=(car_hop.fixed_ns, car_hop.per_megabyte_ns),
+        edge_hop_ns=(edge_hop.fixed_ns, edge_hop.per_megabyte_ns),
+        bits_a_s=wire.rate_up_bps,
+        flight_ns=wire.delay_ns,
     )
 
 
-def _run_peer(
-    name: str,
-    station: Station,
-    python: str,
-    *,
-    found: dict[str, list[Outcome]],
-    skipped: dict[str, str],
-    versions: dict[str, str],
-) -> None:
-    answer = peers.run_peer(python, name, station)
-    if "skipped" in answer:
-        skipped[name] = answer["skipped"]
-        return
-    versions[name] = answer["version"]
-    found.setdefault(name, []).append(Outcome(answer["frames"], answer["cpu_s"]))
+def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
+    """What a camera of a car takes, by the settings of its route."""
+    begin_ns, end_ns = car.route.window_ns
+    taken = [
+        frame
+        for frame in setup.frames[car.name][camera.recording]
+        if begin_ns <= frame.stamp_ns < end_ns
+    ]
+    for lap in range(car.route.laps):
+        lap_ns = lap * (end_ns - begin_ns + car.route.pause_ns)
+        start_ns = car.route.start_ns + camera.phase_ns - begin_ns + lap_ns
+        for frame in taken:
+            header = Header(start_ns + frame.stamp_ns, camera.name, car.name)
+            size = frame.size_bytes if camera.size_bytes is None else camera.size_bytes
+            answer = Detections(header, frame.detections)
+            yield Frame(car.name, camera.name, header.stamp_ns, size, answer.size_bytes)
 
 
-@dataclass(frozen=True)
-class Costs:
-    """Processor time [s] of a frame in Genie runs and in SimPy's station, and what was run."""
+def answers_of(prepared: Prepared) -> list[Answer]:
+    """The answers that genie-sim gives."""
+    columns = simulate(prepared)["frames"].columns()
+    names = ("car", "stream", "stamp_ns", "result_answer_ns")
+    rows = zip(*(columns[name].tolist() for name in names), strict=True)
+    return [
+        (str(car), str(stream), int(stamp_ns), int(answer_ns))
+        for car, stream, stamp_ns, answer_ns in rows
+        if answer_ns == answer_ns and answer_ns is not None
+    ]
 
-    genie_s: float
-    anchor_s: float
-    frames: int
-    events_per_frame: float
+
+def like_for_like(sizes: Sizes, peers_python: str) -> Block:
+    """genie-sim's ``remote`` beside plain SimPy and other simulators, with the same fleets."""
+    rows = []
+    for cars, times in sizes.fleets.items():
+        rows += compared(cars, times, sizes.rounds, peers_python)
+    header = (
+        "cars",
+        "simulator",
+        "processor time of a frame [µs]",
+        "over plain SimPy's",
+        "frames answered",
+        "of plain SimPy's answers",
+    )
+    return table(header, rows, left=2)
 
 
-def cost_curve(name: str, sizes: Sizes, tell: Callable[[str], None]) -> list[Point]:
-    """The cost of a frame for ever larger fleets, each compared with the smallest just before and
-    after it.
+def compared(cars: int, times: int, rounds: int, peers_python: str) -> list[tuple[str, ...]]:
+    """The rows of one fleet, whose cars drive so many laps."""
+    prepared = prepare(fleet(cars, "remote", times, cameras=1))
+    plain = plain_fleet(prepared)
+    by_hand, ours = "plain SimPy, by hand", "genie-sim"
+    expected = set(plain_simpy.simulate(plain))
+    answers = {by_hand: expected, ours: set(answers_of(prepared))}
+    skipped: dict[str, str] = {}
+
+    def simpy_us() -> float:
+        return 1e6 * timed(lambda: plain_simpy.simulate(plain))[0] / plain.frames
+
+    def peer_us(name: str) -> float:
+        answer = run_peer(peers_python, name, plain)
+        if "skipped" in answer:
+            skipped[title(name)] = answer["skipped"]
+            return float("nan")
+        answers[title(name)] = {tuple(one) for one in answer["answers"]}
+        return float(1e6 * answer["cpu_s"] / plain.frames)
+
+    found = in_turn(rounds, {by_hand: simpy_us, ours: lambda: frame_us(prepared)})
+    for name in PEERS:
+        found[title(name)] = in_turn(1, {by_hand: simpy_us, name: partial(peer_us, name)})[name]
+    rows = []
+    for name, (us, ratio) in found.items():
+        if name in skipped:
+            rows.append((f"{cars:,}", name, skipped[name], "", "", ""))
+        else:
+            share = f"{len(answers[name]) / plain.frames:.0%}"
+            same = len(answers[name] & expected) / len(expected)
+            same_text = "all" if answers[name] == expected else f"{same:.0%}"
+            rows.append((f"{cars:,}", name, f"{us:.1f}", f"{ratio:.2f}", share, same_text))
+    return rows
+
+
+def title(peer: str) -> str:
+    return {"leafsim": "LEAF", "ciw": "Ciw"}.get(peer, peer)
+
+
+# Growth
+
+
+def growth(sizes: Sizes) -> Block:
+    """What a frame of a Genie run costs in ever larger fleets, each beside the smallest."""
+    rows = []
+    smallest = prepare(fleet(sizes.growth[0], "genie"))
+    for cars in sizes.growth:
+        cases = {
+            "smallest": partial(frame_us, smallest, sizes.least_frames),
+            "this": partial(frame_us, prepare(fleet(cars, "genie")), sizes.least_frames),
+        }
+        us, ratio = in_turn(min(sizes.rounds, 3), cases)["this"]
+        rows.append((f"{cars:,}", f"{us:.0f}", f"{ratio:.2f}"))
+    header = ("cars", "processor time of a frame [µs]", f"over that with {sizes.growth[0]} cars")
+    return table(header, rows, left=0)
+
+
+# Where the time goes
+
+
+def shares() -> Block:
+    """Which parts of the code the first lap of ``3car_hetero`` spends its time in, with all tables.
+    A built-in function counts as a part of those that call it.
     """
-    make = genie_runs.FLEETS[name]
-    least = sizes.curves[name][0]
-    smallest = prepare(make(least, sizes.curve_s))
-    before = costs(smallest, sizes.curve_frames)
-    points: list[Point] = []
-    took: list[tuple[int, float]] = []
-    for cars in sizes.curves[name]:
-        expected_s = _expected_s(took, cars)
-        if expected_s > sizes.longest_s:
-            points.append(
-                Point(cars, missing=f"not measured: it would take about {expected_s:,.0f} s")
-            )
-            continue
-        tell(f"{name}, {cars:,} cars")
-        began_s = time.process_time()
-        prepared = prepare(make(cars, sizes.curve_s))
-        prepare_s = time.process_time() - began_s
-        here = costs(prepared, sizes.curve_frames)
-        took.append((cars, time.process_time() - began_s))
-        del prepared
-        after = costs(smallest, sizes.curve_frames)
-        growth = 2 * here.genie_s / (before.genie_s + after.genie_s)
-        anchor_growth = 2 * here.anchor_s / (before.anchor_s + after.anchor_s)
-        prepare_ms = 1000 * prepare_s / cars
-        points.append(
-            Point(cars, here.frames, growth, anchor_growth, here.events_per_frame, prepare_ms)
-        )
-        before = after
-    return points
+    profiler = cProfile.Profile()
+    profiler.runcall(simulate, prepare(laps("genie", 1)))
+    of_part: dict[str, float] = defaultdict(float)
+    timed: Mapping[Any, Any] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
+    for place, (_, _, own_s, _, callers) in timed.items():
+        if place[0] == "~":
+            for caller, (_, _, its_s, _) in callers.items():
+                of_part[part(caller[0])] += its_s
+        else:
+            of_part[part(place[0])] += own_s
+    whole_s = sum(of_part.values())
+    rows = [(name, f"{own_s / whole_s:.0%}") for name, own_s in of_part.items()]
+    rows = sorted(rows, key=lambda row: -of_part[row[0]])
+    return table(("part", "share of the time"), [row for row in rows if row[1] != "0%"])
 
 
-def costs(prepared: Prepared, least_frames: int) -> Costs:
-    """Median costs of a frame in as many runs as give so many frames."""
-    genie_s, anchor_s, frames, events = [], [], 0, 0
-    while frames < least_frames:
-        gc.collect()
-        drove = drive(prepared)
-        genie_s.append(drove.cost_s)
-        frames += drove.frames
-        events += drove.events
-        station = station_of(drove.frames, genie_runs.phases_ns(drove.cameras))
-        gc.collect()
-        began_s = time.process_time()
-        ENGINES["simpy"](station)
-        anchor_s.append((time.process_time() - began_s) / drove.frames)
-    return Costs(statistics.median(genie_s), statistics.median(anchor_s), frames, events / frames)
+def part(file: str) -> str:
+    """``genie_sim.core`` or ``simpy``: the package, and of the project's own the room."""
+    parts = Path(file).parts
+    if "genie_sim" in parts:
+        place = len(parts) - parts[::-1].index("genie_sim")
+        inner = parts[place : place + 1] if len(parts) > place + 1 else ()
+        return f"`{'.'.join(('genie_sim', *inner))}`"
+    if "site-packages" in parts:
+        return f"`{parts[parts.index('site-packages') + 1]}`"
+    return "Python's library"
 
 
-def _expected_s(took: Sequence[tuple[int, float]], cars: int) -> float:
-    """How long a fleet will take, by the growth between the two before it; at least in proportion
-    to the last.
-    """
-    if len(took) < 2:
-        return 0.0
-    (fewer, fewer_s), (more, more_s) = took[-2:]
-    power = max(math.log(more_s / fewer_s) / math.log(more / fewer), 1.0)
-    return float(more_s * (cars / more) ** power)
+# The page
 
 
 def machine() -> dict[str, str]:
@@ -378,32 +458,52 @@ def _processor() -> str:
     return models[0] if models else platform.processor() or platform.machine()
 
 
+def about(command: str) -> Block:
+    lines = {**machine(), "made by": f"`{command}`"}
+    return "\n".join(f"- {what}: {text}" for what, text in lines.items())
+
+
+def write(blocks: Mapping[str, Block], docs: Path = DOCS) -> None:
+    """Writes the tables into their places in docs/speed.md. Raises ``UserError``."""
+    page = docs / "speed.md"
+    text = page.read_text(encoding="utf-8")
+    for name, block in blocks.items():
+        text = filled(text, name, block, str(page))
+    page.write_text(text, encoding="utf-8")
+
+
+def measure(
+    sizes: Sizes, command: str, peers_python: str, also: Sequence[str]
+) -> Iterator[tuple[str, Block]]:
+    """Every table, by the name of its place in the page."""
+    yield "waits", waits(sizes.rounds, also)
+    yield "frames", costs(sizes)
+    yield "peers", like_for_like(sizes, peers_python)
+    yield "growth", growth(sizes)
+    yield "shares", shares()
+    yield "machine", about(command)
+
+
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--quick", action="store_true", help="smaller runs: half a minute")
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n\n")[0])
+    parser.add_argument("--quick", action="store_true", help="less of all: less than a minute")
     parser.add_argument(
-        "--peers",
-        default=sys.executable,
-        metavar="PYTHON",
-        help="which has leafsim, ciw or salabim",
+        "--peers", default=sys.executable, metavar="PYTHON", help="has leafsim, ciw, salabim"
     )
     parser.add_argument(
-        "--markdown", action="store_true", help="write the tables and figures of docs/speed.md"
+        "--also", nargs="+", default=(), choices=PARTS, metavar="PART", help=", ".join(PARTS)
     )
-    arguments = parser.parse_args()
-    command = "python benchmarks/speed.py" + " --quick" * arguments.quick
-    sizes = QUICK if arguments.quick else FULL
-    measured = measure(
-        sizes,
-        arguments.peers,
-        command,
-        lambda what: print(f"... {what}", file=sys.stderr, flush=True),
-    )
-    for name, block in speed_page.blocks(measured).items():
-        print(f"\n{name}\n\n{block}")
-    if arguments.markdown:
+    parser.add_argument("--markdown", action="store_true", help="write docs/speed.md anew")
+    given = parser.parse_args()
+    command = "python benchmarks/speed.py" + " --quick" * given.quick
+    command += f" --also {' '.join(given.also)}" if given.also else ""
+    blocks = {}
+    for name, block in measure(QUICK if given.quick else FULL, command, given.peers, given.also):
+        blocks[name] = block
+        print(f"\n{name}\n\n{block}", flush=True)
+    if given.markdown:
         try:
-            speed_page.write(measured)
+            write(blocks)
         except UserError as error:
             sys.exit(str(error))
 
