@@ -86,6 +86,7 @@ def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
     assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
 
 
+@pytest.mark.process
 def test_an_installed_package_knows_the_commit_that_it_was_built_from(installed: Path):
     """Also where it was built from an unpacked sdist, which has no ``.git``."""
     git = ["git", "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
@@ -159,6 +160,7 @@ def test_the_changelog_and_the_citation_know_the_version():
     assert f"version: {version()}\n" in (REPOSITORY / "CITATION.cff").read_text(encoding="utf-8")
 
 
+@pytest.mark.process
 def test_an_installed_copy_lists_its_scenarios_and_devices(installed: Path, tmp_path: Path):
     assert "3car_hetero" in genie_sim(installed, tmp_path, "list", "scenarios")
     assert "jetson_tx2" in genie_sim(installed, tmp_path, "list", "devices")

@@ -201,6 +201,7 @@ def of(claim, shown):
     return next(one for one in shown if one["id"] == claim)
 
 
+@pytest.mark.slow
 def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
     assert (of("C11", default())["kind"], of("C11", default())["verdict"]) == (
         "calibrated",

@@ -326,6 +326,7 @@ often = st.sampled_from((True, True, False))
 
 @settings(max_examples=20)
 @given(scenarios(), st.sampled_from((USUAL, BUSY)))
+@pytest.mark.slow
 def test_nothing_is_lost_and_nothing_appears(setting: Scenario, devices):
     check(setting, devices)
 

@@ -200,6 +200,7 @@ TOWN = {
 }
 
 
+@pytest.mark.slow
 def test_in_one_world_edges_tell_cars_of_what_others_see():
     result = runner.run_in_memory(read_scenario(TOWN))
     values = {

@@ -331,6 +331,7 @@ MIXED = search_of(
 )
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_in_any_number_of_processes():
     one = run(MIXED, mixed, "one").bytes
     assert run(MIXED, mixed, "two", jobs=2).bytes == one
