@@ -55,6 +55,7 @@ def test_other_simulators_give_the_same_answers_where_nothing_is_dropped(name: s
     assert sorted(map(tuple, answer["answers"])) == sorted(plain_simpy.simulate(plain))
 
 
+@pytest.mark.process
 def test_a_peer_that_cannot_run_is_left_out_with_the_reason():
     plain = one_car(0, detection_ms=1)
     assert "No such file" in peers.run_peer(NO_PYTHON, "ciw", plain)["skipped"]
@@ -87,6 +88,7 @@ def test_a_command_that_fails_is_said_in_its_row(monkeypatch: pytest.MonkeyPatch
     assert "not measured" in rows[6] and next(asked) == 6
 
 
+@pytest.mark.process
 def test_a_command_is_measured_as_a_whole():
     spent = speed.genie_sim("--version")
     assert spent.cpu_s > 0 and 0 < spent.wall_s < 60 and 5 < spent.memory_mb < 1000
