@@ -200,6 +200,7 @@ texts = st.sampled_from(
         max_leaves=20,
     )
 )
+@pytest.mark.slow
 def test_what_is_written_is_read_back(value: object) -> None:
     assert parse(dump(value), "text") == value
 

@@ -213,6 +213,7 @@ def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
     )
 
 
+@pytest.mark.slow
 def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
     assert (
         of("C26", default())["verdict"] == "not reproduced"

@@ -79,6 +79,7 @@ def test_bends_follow_one_another_and_may_lose_a_message():
     assert whom == ["to edge1", "from car1"]
 
 
+@pytest.mark.slow
 def test_the_position_error_is_a_bias_and_a_process_of_its_time():
     def error(**settings) -> PositionError:
         usual = {"bias_m": 0.0, "noise_m": 2.0, "correlation_ns": S}

@@ -97,6 +97,7 @@ def test_who_compares_no_times_is_not_affected(target: str):
     pd.testing.assert_frame_equal(frames([fault], "remote"), frames([], "remote"))
 
 
+@pytest.mark.slow
 def test_a_map_that_forgets_is_affected_and_tables_are_in_true_time():
     genie = {"method": "genie", "genie": {"object_map": {"freshness": "existence"}}}
     fault = {"fault": "clock", "target": "car1", "offset": "-500 ms", "begin": "1 s"}
