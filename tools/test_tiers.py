@@ -59,10 +59,12 @@ def outcome(folder: Path, *options: str) -> str:
     (folder / "test_it.py").write_text(TESTS, encoding="utf-8")
     marks = "".join(f"\n    {tier}" for tier in (*TIERS, "no_cover"))
     (folder / "pytest.ini").write_text(f"[pytest]\nmarkers ={marks}\n", encoding="utf-8")
+    # no worker of the run that this test is part of
+    around = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
     ran = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", *options],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        env={**around, "PYTHONPATH": str(REPOSITORY)},
         capture_output=True,
         text=True,
         timeout=120,
