@@ -58,6 +58,13 @@ class AtCars(NamedTuple):
     seconds: float
 
 
+# What is read to find the forged objects that consumers hold, and for how long.
+HELD_FORGERIES = (
+    "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
+    "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
+)
+
+
 class AtOthers(NamedTuple):
     """What the cars that do not attack held of what was added, and when each forgery was told last
     [ns].
@@ -155,10 +162,7 @@ class PoisonedObjects(MetricDefinition):
     better = LOWER
     section = ATTACKS
     view = AtCars
-    reads = (
-        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
-        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
-    )
+    reads = HELD_FORGERIES
 
     def holds(self, view: AtCars) -> Sequence[Hold]:
         """Those that count, of all cars."""
@@ -192,10 +196,7 @@ class PoisonSpread(MetricDefinition):
     better = LOWER
     section = ATTACKS
     view = AtOthers
-    reads = (
-        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
-        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
-    )
+    reads = HELD_FORGERIES
 
     def of(self, view: AtOthers) -> Measured:
         reached = sum(exposure_s >= SPREAD_S for exposure_s in view.exposures_s)
@@ -210,10 +211,7 @@ class PoisonExposure(MetricDefinition):
     better = LOWER
     section = ATTACKS
     view = AtOthers
-    reads = (
-        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
-        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
-    )
+    reads = HELD_FORGERIES
 
     def of(self, view: AtOthers) -> Measured:
         return Measured(max(view.exposures_s, default=0.0) if view.n else None, n=view.n)
@@ -227,10 +225,7 @@ class PoisonLife(MetricDefinition):
     better = LOWER
     section = ATTACKS
     view = AtOthers
-    reads = (
-        "attacks: attacker, receiver, change, label, east_m, north_m, begin_ns, end_ns; "
-        "held_objects: car, label, judged, east_m, north_m, begin_ns, end_ns"
-    )
+    reads = HELD_FORGERIES
 
     def of(self, view: AtOthers) -> Measured:
         lasts_ns: dict[int, float] = {}

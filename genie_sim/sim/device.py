@@ -86,9 +86,7 @@ class Processor:
             self.completed += pictures
             self.jobs += 1
         finally:  # also where a crash interrupts it
-            self._free += 1
-            self._busy_ns += clock.now
-            self._begin_next()
+            self._release_server()
         clock.waited(path, label or self._service)
 
     def stall(self) -> None:
@@ -125,9 +123,7 @@ class Processor:
             if turn in self._waiting:
                 self._waiting.remove(turn)
             else:  # the job was just about to begin
-                self._free += 1
-                self._busy_ns += self.clock.now
-                self._begin_next()
+                self._release_server()
             raise
 
     def _begin_next(self) -> None:
@@ -139,6 +135,11 @@ class Processor:
     def _take_server(self) -> None:
         self._free -= 1
         self._busy_ns -= self.clock.now
+
+    def _release_server(self) -> None:
+        self._free += 1
+        self._busy_ns += self.clock.now
+        self._begin_next()
 
 
 class Host:
