@@ -94,22 +94,39 @@ class Spent:
     memory_mb: float
 
 
+# A small process starts the command and tells what it took. Linux counts the memory of whoever
+# starts a process as that of the started one, so this program, which is large, starts none itself.
+MEASURE = """
+import resource, subprocess, sys, time
+began_s = time.perf_counter()
+status = subprocess.run(sys.argv[1:], stdout=sys.stderr).returncode
+wall_s = time.perf_counter() - began_s
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+unit = 1 if sys.platform == "darwin" else 1024
+print(used.ru_utime + used.ru_stime, wall_s, used.ru_maxrss * unit / 1e6)
+sys.exit(status)
+"""
+
+
 def genie_sim(*arguments: str) -> Spent:
     """Runs ``genie-sim`` in a folder of its own. Raises ``UserError`` if it fails."""
-    command = [sys.executable, "-m", "genie_sim", *arguments]
+    command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "genie_sim", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile("w+") as said:
-        began_s = time.perf_counter()
-        child = subprocess.Popen(command, cwd=folder, env=environment, stdout=said, stderr=said)
-        _, status, used = os.wait4(child.pid, 0)
-        wall_s = time.perf_counter() - began_s
-        child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode:
+        measured = subprocess.run(
+            command,
+            cwd=folder,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            text=True,
+            check=False,
+        )
+        if measured.returncode:
             said.seek(0)
             last = (said.read().strip().splitlines() or ["it says nothing"])[-1]
             raise UserError(f"genie-sim {' '.join(arguments)}: {last}")
-    unit = 1 if sys.platform == "darwin" else 1024
-    return Spent(used.ru_utime + used.ru_stime, wall_s, used.ru_maxrss * unit / 1e6)
+    return Spent(*map(float, measured.stdout.split()))
 
 
 def waits(rounds: int, also: Sequence[str]) -> Block:

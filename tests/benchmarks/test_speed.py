@@ -90,8 +90,11 @@ def test_a_command_that_fails_is_said_in_its_row(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.process
 def test_a_command_is_measured_as_a_whole():
+    """And apart from this process, however much memory it has."""
+    ballast = bytearray(b"x") * 300_000_000
     spent = speed.genie_sim("--version")
-    assert spent.cpu_s > 0 and 0 < spent.wall_s < 60 and 5 < spent.memory_mb < 1000
+    assert spent.cpu_s > 0 and 0 < spent.wall_s < 60
+    assert 5 < spent.memory_mb < len(ballast) / 1e6
     with pytest.raises(UserError, match="bogus"):
         speed.genie_sim("bogus")
 
