@@ -7,7 +7,7 @@ from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-IN_SDIST, IN_WHEEL = "commit.txt", "genie_sim/data/commit.txt"
+IN_SDIST, IN_WHEEL = "commit.txt", "genie_sim/shipped/commit.txt"
 GIT = ["git", "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
 
 

@@ -15,14 +15,14 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from genie_sim import runner
 from genie_sim.core.freshness.measure import measured
-from genie_sim.messages import Header, Look
-from genie_sim.perception.detector import DetectorSettings
-from genie_sim.perception.perceive import DriveFrames, perceive
+from genie_sim.core.messages import Header, Look
+from genie_sim.data.detector import DetectorSettings
+from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.town.town import drive_name
 from genie_sim.version import PACKAGE_FOLDER
+from genie_sim.worlds.town.town import drive_name
 
 OUT = PACKAGE_FOLDER / "perception" / "detector_laws.json"
 DRIVE, SEQUENCE, TOWN_SEED, TOWN_CARS = "2011_09_26/0005", "tracking/0000", 11, 10

@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 
 from genie_sim.analysis.text_table import markdown
-from genie_sim.perception.encoding import FORMATS
-from genie_sim.perception.kitti import open_drive, read_image
-from genie_sim.perception.perceive import kitti_folder
+from genie_sim.data.encoding import FORMATS
+from genie_sim.data.kitti import open_drive, read_image
+from genie_sim.data.perceive import kitti_folder
 
 
 def main() -> None:

@@ -3,7 +3,7 @@ sequences.
 
     GENIE_SIM_KITTI=... python benchmarks/pointrcnn_scores.py
 
-Prints the constants of ``genie_sim.perception.tracking.POINTRCNN_SCORES`` (fitted on all
+Prints the constants of ``genie_sim.data.tracking.POINTRCNN_SCORES`` (fitted on all
 sequences), and how well such a fit holds on sequences that it has not seen: fitted on every other
 sequence, judged on the rest.
 """
@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from genie_sim.perception import tracking
-from genie_sim.perception.evaluation import evaluate
-from genie_sim.perception.perceive import kitti_folder
-from genie_sim.perception.truth import read_truth
+from genie_sim.data import tracking
+from genie_sim.data.evaluation import evaluate
+from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.truth import read_truth
 
 GROUPS = {"car": "vehicles", "person": "persons"}
 

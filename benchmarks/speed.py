@@ -38,12 +38,13 @@ from benchmarks import plain_simpy
 from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
 from benchmarks.speed_page import DOCS, filled, table
-from genie_sim import build, seeds
-from genie_sim.build import Prepared
-from genie_sim.errors import UserError
-from genie_sim.messages import Detections, Header
-from genie_sim.recording import provenance
-from genie_sim.runner import prepare, simulate
+from genie_sim.base import seeds
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import Detections, Header
+from genie_sim.record import provenance
+from genie_sim.runs import build
+from genie_sim.runs.build import Prepared
+from genie_sim.runs.runner import prepare, simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.sim.link_models.wire import Wire
 

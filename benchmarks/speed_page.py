@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 

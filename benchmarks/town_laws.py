@@ -1,7 +1,7 @@
 """Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's
 labels.
 
-    GENIE_SIM_KITTI=... python benchmarks/town_laws.py [--out genie_sim/town/laws.json]
+    GENIE_SIM_KITTI=... python benchmarks/town_laws.py [--out genie_sim/worlds/town/laws.json]
     GENIE_SIM_KITTI=... python benchmarks/town_laws.py --compare
 
 The second compares the laws as they are with the real detector and its trace, and writes nothing.
@@ -21,14 +21,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from benchmarks.town_fit import validation
 from benchmarks.town_fit.fit import Look, fit, found_law, looks, place_law
-from genie_sim import files
-from genie_sim.classes import GROUPS
-from genie_sim.perception.perceive import kitti_folder
-from genie_sim.perception.trace import Trace, read_trace
-from genie_sim.perception.truth import read_truth
-from genie_sim.town import Town, TownRules
-from genie_sim.town.laws import FittedLaws, detector_laws
-from genie_sim.units import NS_PER_S
+from genie_sim.base import files
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.classes import GROUPS
+from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.trace import Trace, read_trace
+from genie_sim.data.truth import read_truth
+from genie_sim.worlds.town import Town, TownRules
+from genie_sim.worlds.town.laws import FittedLaws, detector_laws
 
 LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"

@@ -10,7 +10,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from genie_sim.seeds import stream
+from genie_sim.base.seeds import stream
 from genie_sim.sim.link_models import recording
 
 OUT = Path(__file__).resolve().parent.parent / "scenarios/links/urban_n78_generated.parquet"

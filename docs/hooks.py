@@ -16,12 +16,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from settings import settings
 
-from genie_sim import catalogue, files
-from genie_sim.recording import records
+from genie_sim.base import files
+from genie_sim.base.units import duration_text, rate_text
+from genie_sim.cli import catalogue
+from genie_sim.record import records
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.sim.link_models.presets import LINKS
-from genie_sim.units import duration_text, rate_text
 
 
 def commands() -> Iterator[str]:

@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from genie_sim.base.settings import keys_of
 from genie_sim.scenario.methods import MethodSettings
 from genie_sim.scenario.schema import json_schema
-from genie_sim.settings import keys_of
 
 GROUPS = {  # a setting belongs to the longest path that it is below
     "The run": (

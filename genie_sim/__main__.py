@@ -13,7 +13,7 @@ def main() -> int:
     """Runs the command line; Ctrl-C ends it with one line also while its modules are imported."""
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     try:
-        from genie_sim.cli import main as command_line
+        from genie_sim.cli.main import main as command_line
 
         return command_line()
     except KeyboardInterrupt:

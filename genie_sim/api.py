@@ -21,21 +21,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from genie_sim import report, runner
 from genie_sim.analysis import compare as comparing
 from genie_sim.analysis import compare_tables, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.errors import UserError, short_repr
-from genie_sim.paths import expanded
-from genie_sim.perception.sources import Progress
-from genie_sim.recording import results
-from genie_sim.report import comparison, notebook
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import expanded
+from genie_sim.base.settings import plain_data
+from genie_sim.data.sources import Progress
+from genie_sim.record import results
+from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
+from genie_sim.runs import runner
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario, with_methods
-from genie_sim.settings import plain_data
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +100,7 @@ class Run(results.Run):
         run's folder.
         """
         path = _report_path(self, path)
-        report.write(path, self)
+        html_page.write(path, self)
         return path
 
     def _repr_html_(self) -> str:
@@ -153,7 +153,7 @@ class Runs(SeedRuns):
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
         path = _report_path(self, path)
-        report.write_text(path, comparison.seeds_page(self))
+        html_page.write_text(path, comparison.seeds_page(self))
         return path
 
     def _repr_html_(self) -> str:
@@ -181,7 +181,7 @@ def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
         raise UserError(
             "report: a run without a folder needs a path, such as run.report('report.html')"
         )
-    return run.folder / report.NAME
+    return run.folder / html_page.NAME
 
 
 @overload
@@ -295,7 +295,7 @@ def _run_seeds(
     progress: Progress | None,
 ) -> Runs:
     """Runs what is missing of several seeds, in a scratch folder where there is no ``out``."""
-    from genie_sim import parallel
+    from genie_sim.base import parallel
     from genie_sim.study.seeds import design_of
     from genie_sim.study.study import Study
     from genie_sim.study.tasks import LocalWorkers
@@ -450,7 +450,7 @@ def sweep(
     """
     import pandas as pd
 
-    from genie_sim import parallel
+    from genie_sim.base import parallel
     from genie_sim.study.design import read_design
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepPlots, SweepTable
@@ -529,7 +529,7 @@ def search(
     progress : callable, optional
         Called with how many points are done, how many there are, and what is going on.
     """
-    from genie_sim import parallel
+    from genie_sim.base import parallel
     from genie_sim.study.search_design import load
     from genie_sim.study.tasks import LocalWorkers
 

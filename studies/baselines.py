@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import genie_sim as gs
-from genie_sim.messages import OBJECT_BYTES
+from genie_sim.core.messages import OBJECT_BYTES
 from genie_sim.methods.central import Central
 from genie_sim.methods.genie import Genie
 from genie_sim.sim.method import HostConfig, HostContext

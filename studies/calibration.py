@@ -16,12 +16,12 @@ from collections.abc import Callable, Iterable
 from itertools import product
 from pathlib import Path
 
+from genie_sim.base.parallel import workers_here
 from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS
 from genie_sim.paper.definitions import USUAL
 from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.reproduce import ASSUMPTIONS
 from genie_sim.paper.runs import EvaluationRun, simulate
-from genie_sim.parallel import workers_here
 from genie_sim.scenario.yaml_input import read_mapping
 
 OUT = Path("results/calibration")

@@ -21,11 +21,11 @@ import pandas as pd
 from scipy.stats import qmc
 
 from genie_sim.analysis.text_table import markdown
+from genie_sim.base.parallel import workers_here
 from genie_sim.paper.checks import load_claims
 from genie_sim.paper.claims import look
 from genie_sim.paper.definitions import CHOICES, Definitions
 from genie_sim.paper.reproduce import evidence_of, outcomes_of, runs_of
-from genie_sim.parallel import workers_here
 from genie_sim.scenario.yaml_input import read_mapping
 
 OUT = Path("results/contradictions")

@@ -44,18 +44,18 @@ import genie_sim as gs
 from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.analysis.statistics import t_quantile
 from genie_sim.analysis.text_table import markdown
+from genie_sim.base.parallel import workers_here
+from genie_sim.base.settings import plain_data
+from genie_sim.core.messages import Header, Image
 from genie_sim.core.rules import SIMILARITY
-from genie_sim.messages import Header, Image
+from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.trace import Trace, write_trace
+from genie_sim.data.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
+from genie_sim.data.truth_table import make_truth, path_beside, write_truth
 from genie_sim.paper.definitions import USUAL
 from genie_sim.paper.evidence import interval, rounded
 from genie_sim.paper.facts import METHODS, Fact, placed
 from genie_sim.paper.runs import EvaluationRun, simulate
-from genie_sim.parallel import workers_here
-from genie_sim.perception.perceive import kitti_folder
-from genie_sim.perception.trace import Trace, write_trace
-from genie_sim.perception.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
-from genie_sim.perception.truth_table import make_truth, path_beside, write_truth
-from genie_sim.settings import plain_data
 
 OUT = Path("results/drives")
 SCENARIOS = ("3car_homo", "3car_hetero")

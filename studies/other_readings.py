@@ -18,8 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim import files
 from genie_sim.analysis.text_table import markdown
+from genie_sim.base import files
+from genie_sim.base.parallel import workers_here
+from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS, load_claims
 from genie_sim.paper.claims import look
 from genie_sim.paper.definitions import USUAL
@@ -27,8 +29,6 @@ from genie_sim.paper.evidence import BASE, Evidence, interval, rounded
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.reproduce import calibrated_settings, declared_seeds
 from genie_sim.paper.runs import EvaluationRun, simulate
-from genie_sim.parallel import workers_here
-from genie_sim.perception.trace import Trace, read_trace, write_trace
 from genie_sim.scenario.yaml_input import read_mapping
 
 OUT = Path("results/other_readings")

@@ -22,14 +22,14 @@ import numpy as np
 import pandas as pd
 
 import genie_sim as gs
-from genie_sim import runner
 from genie_sim.analysis.statistics import over_seeds
 from genie_sim.core.matching import near, pairs
+from genie_sim.data import v2v4real
+from genie_sim.data.trace import write_trace
+from genie_sim.data.truth_table import path_beside, write_truth
+from genie_sim.data.v2v4real import CarRecording
 from genie_sim.paper.facts import Fact, facts_of, placed
-from genie_sim.perception import v2v4real
-from genie_sim.perception.trace import write_trace
-from genie_sim.perception.truth_table import path_beside, write_truth
-from genie_sim.perception.v2v4real import CarRecording
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import read_scenario
 from genie_sim.scenario.yaml_input import dump
 

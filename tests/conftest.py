@@ -81,7 +81,7 @@ def run_cli(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> CommandLine:
     """
 
     def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-        from genie_sim.cli import main
+        from genie_sim.cli.main import main
 
         said, warned = io.StringIO(), io.StringIO()
         with monkeypatch.context() as within:

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from genie_sim.messages import CameraPose, Detection
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.scenario.scenario import Scenario, read_scenario
-from genie_sim.units import NS_PER_MS, NS_PER_S
 
 WEST_M, SOUTH_M = -1000.0, 5000.0
 SPEED_MPS = 20.0

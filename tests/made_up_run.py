@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.messages import Header
-from genie_sim.recording.open_frame import OpenFrame
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
-from genie_sim.recording.results import MethodInfo
-from genie_sim.recording.tables import Table
+from genie_sim.core.messages import Header
+from genie_sim.record.open_frame import OpenFrame
+from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
+from genie_sim.record.results import MethodInfo
+from genie_sim.record.tables import Table
 
 MS = 1_000_000
 METHODS = (

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import genie_sim as gs
 from genie_sim.analysis import figures
-from genie_sim.cli import main
+from genie_sim.cli.main import main
 from tests.checkout import REPOSITORY
 
 SHORT = {f"cars[{i}].route.window": ["0 s", "1 s"] for i in range(3)}

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim import runner
-from genie_sim.cli import main
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.cli.main import main
 from genie_sim.paper import page as evaluation
-from genie_sim.recording import provenance, results
+from genie_sim.record import provenance, results
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 from tests.checkout import REPOSITORY
 

@@ -19,105 +19,34 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
-# Modules that any other may import; they import one another only.
-BASE = (
-    "errors",
-    "removed",
-    "version",
-    "units",
-    "header",
-    "messages",
-    "classes",
-    "grid",
-    "place_index",
-    "paths",
-    "text",
-    "seeds",
-    "plugins",
-    "settings",
-    "contracts",
-    "files",
-    "monitor",
-    "parallel",
-    "parquet",
-    "terminal",
-)
+# Each room, and which others it may import besides ``base``; ``version`` is anybody's.
 _SIMULATED = ("core", "sim", "methods", "faults")
-_READ = (*_SIMULATED, "perception", "town", "traffic", "scenario")
-_RESULTS = ("recording", "analysis", "report", "method_processes")
-_RUN = (*_READ, *_RESULTS, "fleet", "own_classes", "build", "runner")
-# Each package, or module beside them, and what it may import besides itself and the base.
+_READ = (*_SIMULATED, "data", "worlds", "scenario")
+_RESULTS = ("record", "judge", "analysis", "report")
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
+    "version": (),
+    "base": (),
     "core": (),
     "sim": ("core",),
     "methods": ("core", "sim"),
     "faults": ("core", "sim"),
-    "perception": ("core",),
-    "town": ("core", "perception"),
-    "traffic": ("core", "perception", "town"),
-    # its plug-ins: their names, and their arguments as settings
-    "scenario": (*_SIMULATED, "perception"),
-    "recording": ("core",),
-    "analysis": ("recording",),
-    "report": ("recording", "analysis"),
-    "fleet": ("core", "sim", "perception", "town", "scenario"),
-    "own_classes": _SIMULATED,
-    "build": (*_READ, "own_classes"),
-    "method_processes": ("recording",),
-    "runner": (*_READ, *_RESULTS, "fleet", "own_classes", "build"),
-    "run_pictures": ("perception", "recording", "report"),
-    "device_fit": ("perception", "scenario"),
-    "ros": ("core", "scenario", "recording", "perception"),
-    "paper": ("core", "sim", "scenario", "recording", "analysis", "report", "api"),
-    "study": _RUN,
-    "api": (*_RUN, "study"),
-    "catalogue": _READ,
-    "completion": (*_READ, "catalogue"),
-    "arguments": ("completion",),
-    "cli_perceive": (*_READ, "ros", "arguments"),
-    "cli_files": ("completion", "arguments"),
-    "cli_import": ("perception", "arguments"),
-    "cli_ros": ("scenario", "ros", "arguments"),
-    "outputs": (*_RUN, "study", "paper"),
-    "cli_compare": ("recording", "analysis", "report", "outputs", "completion", "arguments"),
-    "cli_links": ("core", "sim", "arguments"),
-    "cli_search": ("study", "completion", "arguments"),
-    "cli": (
-        *_RUN,
-        "run_pictures",
-        "device_fit",
-        "ros",
-        "paper",
-        "study",
-        "catalogue",
-        "completion",
-        "arguments",
-        "cli_perceive",
-        "cli_files",
-        "cli_import",
-        "cli_ros",
-        "cli_links",
-        "outputs",
-        "cli_compare",
-        "cli_search",
-    ),
+    "data": ("core",),
+    "worlds": ("core", "data"),
+    "scenario": (*_SIMULATED, "data"),
+    "record": ("core",),
+    "judge": ("core", "record"),
+    "analysis": ("core", "record"),
+    "report": ("core", "data", "record", "analysis"),
+    "runs": (*_READ, *_RESULTS),
+    "ros": ("core", "data", "scenario", "record"),
+    "study": (*_READ, *_RESULTS, "runs"),
+    "api": (*_READ, *_RESULTS, "runs", "study"),
+    "paper": ("core", "sim", "scenario", "record", "analysis", "report", "api"),
+    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper", "ros"),
     "__main__": ("cli",),
 }
+IN_THE_ROOT = {"__init__", "__main__", "api", "version"}
 
-OF_CORE = (
-    "errors",
-    "removed",
-    "units",
-    "header",
-    "messages",
-    "classes",
-    "grid",
-    "place_index",
-    "seeds",
-    "plugins",
-    "settings",
-    "contracts",
-)
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "zenoh": "eclipse-zenoh"}
 # Library -> the extra that brings it; imported where it is asked for.
@@ -207,7 +136,8 @@ PACKAGES = sorted({package_of(module) for module in MODULES})
 
 @pytest.mark.process
 def test_every_package_has_its_place():
-    assert sorted((*BASE, *MAY_IMPORT)) == PACKAGES, "say in MAY_IMPORT what a new one may import"
+    assert sorted(MAY_IMPORT) == PACKAGES, "say in MAY_IMPORT what a new one may import"
+    assert {path.stem for path in PACKAGE.glob("*.py")} == IN_THE_ROOT
     list(TopologicalSorter(MAY_IMPORT).static_order())  # raises where arrows run in a circle
     mine = [one.name for one in imports(ROOT) if within(one.name, ("genie_sim",))]
     assert all(within(name, ("genie_sim.api", "genie_sim.version")) for name in mine), mine
@@ -220,7 +150,7 @@ def test_every_package_has_its_place():
 @pytest.mark.parametrize("package", PACKAGES)
 def test_arrows_run_one_way(package: str):
     """Imports for types count, too: who names a class of another package knows of it."""
-    allowed = (*BASE, *MAY_IMPORT.get(package, ()), package)
+    allowed = ("version", "base", *MAY_IMPORT[package], package)
     wrong = []
     for module, path in MODULES.items():
         if package_of(module) != package:
@@ -245,7 +175,7 @@ def test_no_modules_import_one_another_in_a_circle():
 
 
 def test_the_core_is_standard_library_and_numpy():
-    for module in (name for name in MODULES if package_of(name) in ("core", *OF_CORE)):
+    for module in (name for name in MODULES if package_of(name) == "core"):
         for line, name, _ in imports(MODULES[module]):
             assert name.partition(".")[0] in CORE_MAY_IMPORT, (
                 f"{MODULES[module]}:{line}: imports {name}"
@@ -290,8 +220,8 @@ def test_only_the_simulation_knows_simpy():
 @pytest.mark.process
 def test_the_command_line_starts_without_heavy_libraries():
     """``genie-sim --help`` must not wait for pandas."""
-    loaded = _loaded_by("import genie_sim.cli")
-    assert "genie_sim.cli" in loaded
+    loaded = _loaded_by("import genie_sim.cli.main")
+    assert "genie_sim.cli.main" in loaded
     assert not set(LATE) & loaded
 
 
@@ -309,7 +239,7 @@ def test_an_evaluation_starts_without_matplotlib():
 
 @pytest.mark.process
 def test_a_run_on_recorded_streets_needs_no_town():
-    assert "genie_sim.town" not in _loaded_by("import genie_sim.runner")
+    assert "genie_sim.worlds.town" not in _loaded_by("import genie_sim.runs.runner")
 
 
 def _loaded_by(statement: str) -> set[str]:

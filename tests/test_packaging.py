@@ -91,7 +91,7 @@ def test_an_installed_package_knows_the_commit_that_it_was_built_from(installed:
     """Also where it was built from an unpacked sdist, which has no ``.git``."""
     git = ["git", "describe", "--always", "--abbrev=12", "--dirty", "--exclude=*"]
     told = subprocess.run(git, cwd=REPOSITORY, capture_output=True, text=True, check=True)
-    code = "from genie_sim.recording.provenance import environment; print(environment()['commit'])"
+    code = "from genie_sim.record.provenance import environment; print(environment()['commit'])"
     known = subprocess.run(
         [sys.executable, "-c", code],
         cwd=installed,
@@ -114,7 +114,7 @@ def test_a_wheel_of_an_sdist_knows_the_commit(tmp_path: Path):
     subprocess.run([*build, "-t", "wheel"], cwd=root, capture_output=True, check=True)
     (wheel,) = tmp_path.glob("*.whl")
     commit = (root / "commit.txt").read_text(encoding="utf-8")
-    assert zipfile.ZipFile(wheel).read("genie_sim/data/commit.txt").decode() == commit
+    assert zipfile.ZipFile(wheel).read("genie_sim/shipped/commit.txt").decode() == commit
 
 
 def test_the_wheel_says_that_it_is_typed(wheel: Path):
@@ -136,8 +136,8 @@ def test_the_wheel_carries_nothing_else(wheel: Path):
         ".js",
         ".schema.json",
         "laws.json",
-        "/data/scenarios/traffic/sumo_grid.xml.gz",
-        "/data/commit.txt",
+        "/shipped/scenarios/traffic/sumo_grid.xml.gz",
+        "/shipped/commit.txt",
     )
     foreign = [
         name

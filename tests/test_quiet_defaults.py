@@ -9,9 +9,10 @@ from typing import Any
 
 import pytest
 
-from genie_sim import api, outputs
+from genie_sim import api
 from genie_sim.analysis import seed_runs
-from genie_sim.recording import results
+from genie_sim.cli import outputs
+from genie_sim.record import results
 from genie_sim.report.output import USUAL, Output
 from genie_sim.study import printed
 

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from benchmarks.town_fit.copula import fit_shares
-from genie_sim.classes import GROUPS
+from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
-from genie_sim.messages import CameraPose, Detection, Location
-from genie_sim.perception.evaluation import MIN_SIGHTINGS, evaluate
-from genie_sim.perception.trace import Trace, TraceFrame
-from genie_sim.perception.truth import PictureLabels
-from genie_sim.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
-from genie_sim.town.rules import GHOST_BESIDE_M
+from genie_sim.core.messages import CameraPose, Detection, Location
+from genie_sim.data.evaluation import MIN_SIGHTINGS, evaluate
+from genie_sim.data.trace import Trace, TraceFrame
+from genie_sim.data.truth import PictureLabels
+from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
+from genie_sim.worlds.town.rules import GHOST_BESIDE_M
 
 SCORE_EDGES_M = {"vehicles": (0, 12, 18, 24, 30, 40, 60), "persons": (0, 8, 10, 12, 20)}
 PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}

@@ -10,16 +10,16 @@ import numpy as np
 
 from benchmarks.town_fit.copula import Pairs, normal_scores
 from benchmarks.town_fit.fit import SCORE_EDGES_M, Look, errors_m
-from genie_sim.classes import GROUPS
+from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
-from genie_sim.messages import Detection
-from genie_sim.town.detector import SyntheticDetector
-from genie_sim.town.laws import FittedLaws
-from genie_sim.town.noise import mix
-from genie_sim.town.objects import ObjectColumns, town_object
-from genie_sim.town.rules import MAX_VIEW_M
-from genie_sim.town.streets import StreetObjects
-from genie_sim.town.view import ViewPoses, in_view
+from genie_sim.core.messages import Detection
+from genie_sim.worlds.town.detector import SyntheticDetector
+from genie_sim.worlds.town.laws import FittedLaws
+from genie_sim.worlds.town.noise import mix
+from genie_sim.worlds.town.objects import ObjectColumns, town_object
+from genie_sim.worlds.town.rules import MAX_VIEW_M
+from genie_sim.worlds.town.streets import StreetObjects
+from genie_sim.worlds.town.view import ViewPoses, in_view
 
 
 def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:

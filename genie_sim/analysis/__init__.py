@@ -1,4 +1,3 @@
-"""Arithmetic on the tables of a run: metrics, statistics, the summary and the figures.
-
-It reads tables and never the simulator; the report, the evaluation of the paper and sweeps call it.
+"""Arithmetic on the tables of a run: a class a metric, one table of results, figures. It may import
+``base``, ``core`` and ``record``, never the simulator.
 """

@@ -15,11 +15,11 @@ import numpy as np
 from genie_sim.analysis.correctness import CAUSES
 from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where, average, quotient
 from genie_sim.analysis.statistics import Measured
-from genie_sim.classes import class_of
-from genie_sim.grid import Grid
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import CONSUMER
-from genie_sim.units import NS_PER_S
+from genie_sim.base.grid import Grid
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.classes import class_of
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import CONSUMER
 
 NEAR_M = 2.0  # as far as what is held may be from what is there
 AFTER_NS = 10 * NS_PER_S

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.frame_metrics import PART
-from genie_sim.recording.results import MethodInfo, Metric
-from genie_sim.text import number_text
+from genie_sim.base.text import number_text
+from genie_sim.record.results import MethodInfo, Metric
 
 MAX_SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
 

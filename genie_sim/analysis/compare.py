@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim import plugins
 from genie_sim.analysis.registry import definition
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
-from genie_sim.errors import UserError, short_repr, unknown
-from genie_sim.recording import provenance
-from genie_sim.recording.columns import Floats, Text, joined
-from genie_sim.recording.results import MethodInfo, Metric, Run, checked_label
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.record import provenance
+from genie_sim.record.columns import Floats, Text, joined
+from genie_sim.record.results import MethodInfo, Metric, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 MAX_NAME = 32  # characters

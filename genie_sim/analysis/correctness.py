@@ -22,8 +22,8 @@ from genie_sim.analysis.metric import (
     quotient,
 )
 from genie_sim.analysis.statistics import Blocks, Measured
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import CONSUMER
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import CONSUMER
 
 CORRECTNESS, LAPS = "Correctness", "Laps"
 CAUSES = ("moved_away", "never_there", "duplicate")  # of false objects

@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from genie_sim.analysis import style
 from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, LINE_IN, PAGE_IN
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
 
 if TYPE_CHECKING:
     import pandas as pd

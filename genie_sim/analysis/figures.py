@@ -50,11 +50,11 @@ from genie_sim.analysis.style import (
     percent_tick,
     thinned,
 )
-from genie_sim.paths import atomic_write, usable
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo, Run
-from genie_sim.text import natural_key, percent_text
-from genie_sim.units import NS_PER_S
+from genie_sim.base.paths import atomic_write, usable
+from genie_sim.base.text import natural_key, percent_text
+from genie_sim.base.units import NS_PER_S
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo, Run
 
 Tables = Mapping[str, Sequence[Columns]]
 Methods = Sequence[MethodInfo]

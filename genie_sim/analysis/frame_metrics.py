@@ -18,9 +18,9 @@ from genie_sim.analysis.metric import (
     Where,
 )
 from genie_sim.analysis.statistics import Blocks, Measured, around, mean, percentile
-from genie_sim.recording.columns import Columns, Floats
-from genie_sim.recording.results import MethodInfo
-from genie_sim.units import NS_PER_MS, NS_PER_S
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.record.columns import Columns, Floats
+from genie_sim.record.results import MethodInfo
 
 TIMES, FRAMES, IMPROVEMENTS = "Response times", "Published frames", "Improvements"
 STATISTICS = {  # how the title ends, and how the meaning begins

@@ -17,7 +17,7 @@ from genie_sim.analysis.metric import (
     quotient,
 )
 from genie_sim.analysis.statistics import Blocks, Measured, around
-from genie_sim.recording.columns import Columns, Text
+from genie_sim.record.columns import Columns, Text
 
 if TYPE_CHECKING:
     Ints = np.ndarray[Any, Any]

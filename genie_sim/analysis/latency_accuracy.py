@@ -9,16 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import (
-    finish,
-    finish_axes,
-    in_style,
-    logarithmic_x,
-    one_panel,
-)
+from genie_sim.analysis.drawing import finish, finish_axes, in_style, logarithmic_x, one_panel
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title, title_of
-from genie_sim.recording.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, Metric
 
 LATENCY = "first_answer_mean"
 ACCURACIES = ("streaming_f1", "first_proxy_f1")  # the first of them that every run has is drawn

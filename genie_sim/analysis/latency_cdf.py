@@ -24,9 +24,9 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.analysis.statistics import mean_bands
 from genie_sim.analysis.style import LINE_IN, thinned
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo
-from genie_sim.text import percent_text
+from genie_sim.base.text import percent_text
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo
 
 TITLE_CHARACTERS_PER_IN = 15
 ANSWERED, FRESH = "answered", "fresh"

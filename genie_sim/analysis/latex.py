@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis.text_table import LATEX
-from genie_sim.text import one_line
+from genie_sim.base.text import one_line
 
 if TYPE_CHECKING:
     from genie_sim.analysis.result_table import Cell, ResultTable, Row

@@ -17,9 +17,9 @@ from genie_sim.analysis.metric import (
     quotient,
 )
 from genie_sim.analysis.statistics import Blocks, Measured
-from genie_sim.recording.columns import Columns, Floats
-from genie_sim.recording.records import CONSUMER
-from genie_sim.units import NS_PER_MS
+from genie_sim.base.units import NS_PER_MS
+from genie_sim.record.columns import Columns, Floats
+from genie_sim.record.records import CONSUMER
 
 ENDS = ("answered", "stale", "overtaken", "timed_out")  # of a frame that went up
 

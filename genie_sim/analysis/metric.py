@@ -14,10 +14,10 @@ import numpy as np
 from genie_sim.analysis.result_table import Cell
 from genie_sim.analysis.statistics import Blocks, Measured, ratio
 from genie_sim.analysis.style import PLACEMENTS
-from genie_sim.errors import UserError, short_repr
-from genie_sim.plugins import is_own, own_fault
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.plugins import is_own, own_fault
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Metric
 
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera

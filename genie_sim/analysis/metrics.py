@@ -29,9 +29,9 @@ from genie_sim.analysis import (
 )
 from genie_sim.analysis.metric import Views, measured
 from genie_sim.analysis.registry import METRICS, own_metrics
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo, Metric
-from genie_sim.text import significant
+from genie_sim.base.text import significant
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo, Metric
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,9 +13,9 @@ from genie_sim.analysis.correctness import FalseObjects, HeldRatio, ObjectRecall
 from genie_sim.analysis.frame_metrics import Answered, FrameShare, LookAge, WithFreshResult
 from genie_sim.analysis.metric import HIGHER, LOWER, MetricDefinition, Views, Where, average
 from genie_sim.analysis.statistics import Measured
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import CONSUMER
-from genie_sim.units import NS_PER_MS, NS_PER_S
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import CONSUMER
 
 WINDOW_NS = NS_PER_S // 2
 RECOVERED = 0.95  # of the share of fresh results before the fault

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.errors import UserError, unknown
-from genie_sim.recording.results import Run
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.record.results import Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

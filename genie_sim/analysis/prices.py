@@ -16,9 +16,9 @@ import numpy as np
 
 from genie_sim.analysis.metric import LOWER, POWERS, MetricDefinition, Ratio, Views, Where, quotient
 from genie_sim.analysis.statistics import Measured
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import CONSUMER
-from genie_sim.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import CONSUMER
 
 BITS_PER_MEGABIT = 10**6
 IDLE = ("idle", "port")  # what is always taken

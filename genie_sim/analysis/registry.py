@@ -7,7 +7,6 @@ A class of the user's own (``metric.MetricDefinition``) is named ``package.modul
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from genie_sim import plugins
 from genie_sim.analysis import (
     attacks,
     correctness,
@@ -20,10 +19,11 @@ from genie_sim.analysis import (
 )
 from genie_sim.analysis.metric import ZERO_DELAY, MetricDefinition
 from genie_sim.analysis.result_table import Cell
-from genie_sim.errors import UserError, unknown
-from genie_sim.plugins import Choice
-from genie_sim.recording.records import SCHEMAS
-from genie_sim.recording.results import MethodInfo, Metric
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.plugins import Choice
+from genie_sim.record.records import SCHEMAS
+from genie_sim.record.results import MethodInfo, Metric
 
 COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
 LOGARITHMIC_FROM = 20.0  # a list of numbers that spans so much, largest to smallest

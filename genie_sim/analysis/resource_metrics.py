@@ -12,8 +12,8 @@ import numpy as np
 
 from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
 from genie_sim.analysis.statistics import Measured
-from genie_sim.recording.columns import Columns, Floats
-from genie_sim.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S
+from genie_sim.record.columns import Columns, Floats
 
 
 class Samples:

@@ -8,7 +8,7 @@ from html import escape
 from typing import NamedTuple
 
 from genie_sim.analysis import latex, text_table
-from genie_sim.text import number_text, one_line
+from genie_sim.base.text import number_text, one_line
 
 UNKNOWN = "-"  # the text of a value that is not defined
 GAP = 2  # characters between columns on a terminal

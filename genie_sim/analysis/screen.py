@@ -7,9 +7,9 @@ import numpy as np
 
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.summary import about_seeds, main_table
-from genie_sim.recording.results import Run
-from genie_sim.text import number_text, one_line
-from genie_sim.units import NS_PER_S
+from genie_sim.base.text import number_text, one_line
+from genie_sim.base.units import NS_PER_S
+from genie_sim.record.results import Run
 
 
 def header(run: Run | SeedRuns) -> str:

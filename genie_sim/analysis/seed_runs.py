@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.errors import UserError, unknown
-from genie_sim.paths import expanded
-from genie_sim.recording import provenance, results
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.paths import expanded
+from genie_sim.record import provenance, results
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo, Metric, Run
 
 ABOUT = "sweep.json"  # what a study says of itself
 RUNS = "runs"  # the folder of whole results

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.recording.columns import Floats, Text
-from genie_sim.text import significant
-from genie_sim.units import NS_PER_S
+from genie_sim.base.text import significant
+from genie_sim.base.units import NS_PER_S
+from genie_sim.record.columns import Floats, Text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.text import percent_text
+from genie_sim.base.text import percent_text
 
 # width of a column and of a page in IEEE's journals and proceedings; ACM's are narrower (sigconf)
 COLUMN_IN, PAGE_IN = 3.5, 7.16

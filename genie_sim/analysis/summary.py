@@ -17,9 +17,9 @@ from genie_sim.analysis.registry import METRICS, cell, component_title, definiti
 from genie_sim.analysis.result_table import ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import METRIC_FIELDS, Metric, Run
-from genie_sim.text import one_line
+from genie_sim.base.text import one_line
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import METRIC_FIELDS, Metric, Run
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle

@@ -8,9 +8,9 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from genie_sim.errors import UserError, unknown
-from genie_sim.recording.tables import harmless
-from genie_sim.text import one_line, significant
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.text import one_line, significant
+from genie_sim.record.tables import harmless
 
 FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
 LATEX = str.maketrans(

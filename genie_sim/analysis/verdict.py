@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
 from genie_sim.analysis.metric import LOWER
 from genie_sim.analysis.registry import METRICS
-from genie_sim.text import number_text
+from genie_sim.base.text import number_text
 
 # Speed, accuracy and harm; the proxy stands in where the truth is not known.
 HEADLINES = ("first_answer_mean", "streaming_f1", "ghost_share")

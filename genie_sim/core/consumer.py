@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from genie_sim import units
+from genie_sim.base import units
+from genie_sim.base.settings import Share
 from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.maps import Viewer
+from genie_sim.core.messages import Detection, Detections, Header, Image, Look
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import Detection, Detections, Header, Image, Look
-from genie_sim.settings import Share
 
 REMEMBERED_FRAMES = 256
 

@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from genie_sim.core.freshness.never import probability
+from genie_sim.core.messages import Detection, Header, Look
 from genie_sim.core.tracking import NEAR_M, kind_of
 from genie_sim.core.view import View
-from genie_sim.messages import Detection, Header, Look
 
 OWN_LOOKS_NS = 1_000_000_000  # older looks say nothing of what is there now
 CONFLICT_NS = 500_000_000  # two looks within this time should find the same

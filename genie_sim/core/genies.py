@@ -5,14 +5,16 @@ from dataclasses import replace
 from numbers import Real
 from typing import Any, Literal
 
-from genie_sim import plugins
-from genie_sim.contracts import Checked
+from genie_sim.base import plugins
+from genie_sim.base.contracts import Checked
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.defences import Defence, Guard
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Map
 from genie_sim.core.message_cache import MessageCache
+from genie_sim.core.messages import Detections
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.own_parts import (
@@ -21,10 +23,12 @@ from genie_sim.core.own_parts import (
     CheckedEviction,
     CheckedSimilarity,
 )
-from genie_sim.core.paced_genie import PacedGenie
-from genie_sim.core.pacing import Pacer
 from genie_sim.core.per_topic import PerTopicGenie
 from genie_sim.core.readings import pending_index, readings_of
+from genie_sim.core.recommended.paced_genie import PacedGenie
+from genie_sim.core.recommended.pacing import Pacer
+from genie_sim.core.recommended.told import ToldTracks
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import (
     CONFIDENCE_RULE,
     DEFENCE,
@@ -38,10 +42,6 @@ from genie_sim.core.rules import (
 )
 from genie_sim.core.sharing import SharingGenie
 from genie_sim.core.similarity import Similarity
-from genie_sim.core.told import ToldTracks
-from genie_sim.core.track_map import TrackMap
-from genie_sim.errors import UserError, short_repr
-from genie_sim.messages import Detections
 
 
 def make_genie(

@@ -1,7 +1,7 @@
 """``location_key: exact``: objects by their very coordinates, and not within a gate of them."""
 
+from genie_sim.core.messages import Location
 from genie_sim.core.stored_object import StoredObject
-from genie_sim.messages import Location
 
 
 class SameLocation:

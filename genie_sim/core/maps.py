@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     Answer,
     CameraPose,
     Detection,

@@ -5,8 +5,8 @@ Cars, trucks and buses are one class: a detector that confuses them has still fo
 
 from collections.abc import Iterable, Sequence
 
-from genie_sim.classes import class_of
-from genie_sim.messages import Detection
+from genie_sim.core.classes import class_of
+from genie_sim.core.messages import Detection
 
 SAME_M = 2.0  # half of what separates parked cars
 

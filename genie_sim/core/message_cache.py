@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Viewer
+from genie_sim.core.messages import Answer, Header
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex
-from genie_sim.messages import Answer, Header
 
 Answers = dict[str, Answer]  # by the topic they were published on
 

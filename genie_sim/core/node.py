@@ -26,15 +26,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, object_lookups
-from genie_sim.core.message_cache import (
-    MessageCache,
-    PendingIndex,
-    PendingRequest,
-    Requester,
-)
-from genie_sim.core.readings import DEFAULT_READINGS, Readings
-from genie_sim.core.rules import GenieRules
-from genie_sim.messages import (
+from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
+from genie_sim.core.messages import (
     Answer,
     CameraPose,
     Detection,
@@ -48,6 +41,8 @@ from genie_sim.messages import (
     Observation,
     Publish,
 )
+from genie_sim.core.readings import DEFAULT_READINGS, Readings
+from genie_sim.core.rules import GenieRules
 
 
 class Request(Message, Protocol):

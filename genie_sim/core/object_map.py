@@ -5,16 +5,16 @@ sighting.
 from collections.abc import Iterator, Sequence
 from heapq import heappop, heappush, heapreplace
 
+from genie_sim.base.place_index import PlaceIndex
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.locations import SameLocation
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, counts_again
+from genie_sim.core.messages import Answer, CameraPose, Detection, Header, Location, MapChange
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.view import ViewSector
-from genie_sim.messages import Answer, CameraPose, Detection, Header, Location, MapChange
-from genie_sim.place_index import PlaceIndex
 
 
 class ObjectMap(Map):

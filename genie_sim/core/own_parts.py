@@ -5,7 +5,7 @@ what the Genie needs (``contracts``).
 from collections.abc import Hashable
 from typing import Any
 
-from genie_sim.contracts import (
+from genie_sim.base.contracts import (
     BOOLEAN,
     HASHABLE,
     NUMBER,
@@ -16,8 +16,8 @@ from genie_sim.contracts import (
     require,
 )
 from genie_sim.core.eviction import Eviction
+from genie_sim.core.messages import Image
 from genie_sim.core.similarity import KeyIndex, Similarity
-from genie_sim.messages import Image
 
 INDEX = Contract(
     "an object with add, discard and find",

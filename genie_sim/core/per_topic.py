@@ -3,8 +3,8 @@
 from typing import Any
 
 from genie_sim.core.maps import EnhancedAnswer
+from genie_sim.core.messages import Effect, Publish
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import Effect, Publish
 
 
 class PerTopicGenie(GenieNode):

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from genie_sim.core.maps import EnhancedAnswer
 from genie_sim.core.message_cache import PendingIndex, PendingRequest
+from genie_sim.core.messages import Answer, Header
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import KeyIndex
-from genie_sim.messages import Answer, Header
 
 # Of the stored and a later answer to one request: what is stored from now on.
 SecondAnswer = Callable[[Answer, Answer], Answer]

@@ -7,16 +7,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from genie_sim import units
+from genie_sim.base import units
+from genie_sim.base.errors import short_repr
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.defences import DEFENCES
 from genie_sim.core.defences import MUST_HAVE as DEFENCE_METHODS
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import short_repr
-from genie_sim.plugins import Choice
-from genie_sim.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 
 # What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm:
 # literal``.

@@ -12,12 +12,7 @@ from typing import Any
 
 from genie_sim.core.defences import Defence
 from genie_sim.core.maps import Viewer, as_change, object_lookups
-from genie_sim.core.node import Request
-from genie_sim.core.paced_genie import REMEMBERED_NS
-from genie_sim.core.rules import ToldRules
-from genie_sim.core.told import tracks_to_tell
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     SHARED,
     Answer,
     Detection,
@@ -27,6 +22,11 @@ from genie_sim.messages import (
     Observation,
     Publish,
 )
+from genie_sim.core.node import Request
+from genie_sim.core.recommended.paced_genie import REMEMBERED_NS
+from genie_sim.core.recommended.told import tracks_to_tell
+from genie_sim.core.recommended.track_map import TrackMap
+from genie_sim.core.rules import ToldRules
 
 
 class SharingGenie:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable
 from math import floor
 from typing import Any, Protocol
 
-from genie_sim.messages import Image
+from genie_sim.core.messages import Image
 
 TURN_RAD = 2 * math.pi
 

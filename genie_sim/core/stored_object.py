@@ -3,8 +3,8 @@
 from types import MappingProxyType
 from typing import Any
 
+from genie_sim.core.messages import Detection, Header, Location
 from genie_sim.core.tracking import PARKED_NS
-from genie_sim.messages import Detection, Header, Location
 
 # What an object notes of the cars that saw it where no setting asks for it, as for most objects of
 # a fleet's maps.

@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from genie_sim.classes import MOVING_MPS, PERSONS, VEHICLES
-from genie_sim.messages import Detection, Header, Motion
+from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.core.messages import Detection, Header, Motion
 
 COAST_NS = 1_000_000_000  # so long a place is predicted after it was last seen
 PARKED_NS = 1_000_000_000  # slower than MOVING_MPS for this long counts as parked

@@ -2,8 +2,8 @@
 
 import math
 
+from genie_sim.core.messages import CameraPose, Look
 from genie_sim.core.tracking import kind_of
-from genie_sim.messages import CameraPose, Look
 
 NEAREST_M, FARTHEST_M = 3.5, 40.0  # where a detector that looks at an object should find it
 MARGIN_RAD = math.radians(2.0)  # no object is missed at the border of a picture

@@ -3,10 +3,10 @@
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
+from genie_sim.base.errors import short_repr
+from genie_sim.base.settings import SettingError, join, plain_data, plain_default, settings_of
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.rules import GenieRules
-from genie_sim.errors import short_repr
-from genie_sim.settings import SettingError, join, plain_data, plain_default, settings_of
 
 # What decides about stored answers, requests of neighbours and what they are answered.
 OF_MESSAGES = (

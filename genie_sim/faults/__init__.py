@@ -1,8 +1,5 @@
-"""Faults: what goes wrong in a run. One file each, found by name here or as
-``package.module:Class``.
-
-A fault imports ``sim`` and says what begins and what ends (``sim.fault.Fault``); its arguments are
-its settings.
+"""Faults: what goes wrong in a run, one file each (``sim.fault.Fault``), found by name here or as
+``package.module:Class``. It may import ``base``, ``core`` and ``sim``.
 """
 
 FAULTS: dict[str, str] = {

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
+from genie_sim.base.settings import Share
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
 from genie_sim.faults.targets import unknown_targets
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
-from genie_sim.settings import Share
 from genie_sim.sim.bends import Bend, Objects, bent
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
 

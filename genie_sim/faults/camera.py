@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
+from genie_sim.core.messages import CameraPose, Detection, Image
 from genie_sim.faults.targets import check_targets
-from genie_sim.messages import CameraPose, Detection, Image
 from genie_sim.sim.bends import bent
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
 

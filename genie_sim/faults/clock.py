@@ -5,12 +5,12 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated
 
+from genie_sim.base.settings import Bounds
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.messages import Header, Message
 from genie_sim.faults.targets import check_targets
-from genie_sim.messages import Header, Message
-from genie_sim.settings import Bounds
 from genie_sim.sim.bends import Bend, Restamped, restamped
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
-from genie_sim.units import NS_PER_MS, NS_PER_S
 
 LARGEST_NS = 3600 * NS_PER_S
 LARGEST_PPM = 1000.0

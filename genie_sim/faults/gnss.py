@@ -7,11 +7,11 @@ from functools import partial
 
 import numpy as np
 
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.messages import Message
 from genie_sim.faults.targets import check_targets
-from genie_sim.messages import Message
 from genie_sim.sim.bends import Bend, shifted
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
-from genie_sim.units import NS_PER_S
 
 STEPS = 20  # of the noise, in each of its correlation times
 

@@ -3,9 +3,9 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from genie_sim.errors import unknown
+from genie_sim.base.errors import unknown
+from genie_sim.base.units import NS_PER_MS, duration_text
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
-from genie_sim.units import NS_PER_MS, duration_text
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from genie_sim.errors import unknown
+from genie_sim.base.errors import unknown
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
 
 

@@ -3,8 +3,8 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from genie_sim.core.messages import Message
 from genie_sim.faults.targets import unknown_targets
-from genie_sim.messages import Message
 from genie_sim.sim.bends import Bend
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Annotated, Any
 
+from genie_sim.base.settings import Bounds
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.messages import Detection, Header, Image
 from genie_sim.faults.attack import Attack, AttackedScene, Forge
-from genie_sim.messages import Detection, Header, Image
-from genie_sim.settings import Bounds
 from genie_sim.sim.bends import Objects, bent
 from genie_sim.sim.fault import AffectedNetwork
-from genie_sim.units import NS_PER_S
 
 
 @dataclass(kw_only=True)

@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
+from genie_sim.base.settings import Bounds
 from genie_sim.faults.targets import check_targets
-from genie_sim.settings import Bounds
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
 
 

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass, field
 
+from genie_sim.base.settings import Share
+from genie_sim.core.messages import SHARED, Detection, Header, Motion
 from genie_sim.core.view import ViewSector
 from genie_sim.faults.attack import Attack, AttackedScene
-from genie_sim.messages import SHARED, Detection, Header, Motion
-from genie_sim.settings import Share
 from genie_sim.sim.bends import Objects
 from genie_sim.sim.fault import AffectedNetwork
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Sequence
 
-from genie_sim.errors import unknown
+from genie_sim.base.errors import unknown
 from genie_sim.sim.fault import TimedFault
 
 

@@ -1,7 +1,5 @@
-"""Methods: the schemes that a scenario compares. One file each, found by name here or as
-``package.module:Class``.
-
-A method imports ``core`` and ``sim`` and says what runs on each host (``sim.method``).
+"""Methods: what a scenario compares, one file each (``sim.method``), found by name here or as
+``package.module:Class``. It may import ``base``, ``core`` and ``sim``.
 """
 
 METHODS: dict[str, str] = {

@@ -4,18 +4,18 @@ from collections.abc import Hashable, Iterable
 from functools import partial
 from itertools import accumulate
 
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node, stores_nothing
 from genie_sim.core.caches.nearest import FeatureKey, Nearest
 from genie_sim.core.eviction import Eviction
+from genie_sim.core.messages import Answer
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
-from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Answer
 from genie_sim.methods.remote import Remote
 from genie_sim.methods.similarity import SimilarityCaching, at_least
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, HostConfig, HostContext
-from genie_sim.units import NS_PER_MS, NS_PER_S
 
 GAIN = 1 / 8  # of the mean of the cloud's times, as TCP's of round-trip times (RFC 6298)
 AGEING = 1 / 2  # assumed: the share of every count that is left after a period

@@ -5,11 +5,11 @@ other edges ask it.
 from dataclasses import replace
 from functools import partial
 
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.caches.cache import stores_nothing
 from genie_sim.core.genies import make_genie
 from genie_sim.core.maps import Map
 from genie_sim.core.node import GenieNode
-from genie_sim.errors import UserError, unknown
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
     IMAGES,

@@ -9,17 +9,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal, NamedTuple
 
-from genie_sim.messages import Effect, Expired, Header, Image, Message, Publish
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.messages import Effect, Expired, Header, Image, Message, Publish
 from genie_sim.methods.similarity import LocalAndRemote, at_least, share
-from genie_sim.sim.method import (
-    LOCAL,
-    REMOTE,
-    REMOTE_UPLINK,
-    HostConfig,
-    HostContext,
-    Method,
-)
-from genie_sim.units import NS_PER_MS, NS_PER_S
+from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
 
 GAIN = 1 / 8  # of exponential means, as TCP's of round-trip times (RFC 6298)
 Route = Literal["local", "remote"]

@@ -14,7 +14,7 @@ from typing import Any
 
 from genie_sim.core.genies import make_genie, make_paced_genie, make_sharing_genie
 from genie_sim.core.node import GenieNode
-from genie_sim.core.paced_genie import PacedGenie
+from genie_sim.core.recommended.paced_genie import PacedGenie
 from genie_sim.core.rules import MissPolicy
 from genie_sim.core.sharing import SharingGenie
 from genie_sim.sim.method import (

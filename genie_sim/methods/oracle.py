@@ -9,7 +9,15 @@ from functools import partial
 
 from genie_sim.core.caches.cache import SAME_F1
 from genie_sim.core.matching import SAME_M, Placed, f1, placed
-from genie_sim.messages import Detection, Detections, Effect, Image, ImageLookup, Message, Publish
+from genie_sim.core.messages import (
+    Detection,
+    Detections,
+    Effect,
+    Image,
+    ImageLookup,
+    Message,
+    Publish,
+)
 from genie_sim.methods.similarity import LocalAndRemote
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
 

@@ -6,12 +6,12 @@ the way is free, else nobody looks at it. It needs a consumer that predicts betw
 
 from functools import partial
 
-from genie_sim.core.pacing import Pacer
-from genie_sim.messages import Effect, Expired, Image, Message, Publish
+from genie_sim.base.units import NS_PER_MS
+from genie_sim.core.messages import Effect, Expired, Image, Message, Publish
+from genie_sim.core.recommended.pacing import Pacer
 from genie_sim.methods.remote import Remote
 from genie_sim.methods.similarity import LocalAndRemote, at_least
 from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext
-from genie_sim.units import NS_PER_MS
 
 
 class PacedRemote(Remote):

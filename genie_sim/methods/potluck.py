@@ -6,14 +6,14 @@ from collections.abc import Hashable
 
 import numpy as np
 
+from genie_sim.base.units import NS_PER_S
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import TTL
+from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
-from genie_sim.messages import Answer
 from genie_sim.methods.similarity import SimilarityCaching, at_least, share
 from genie_sim.sim.method import HostContext
-from genie_sim.units import NS_PER_S
 
 
 class ImportanceEviction(TTL):

@@ -3,9 +3,9 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 
+from genie_sim.base.seeds import stream
 from genie_sim.paper.checks import CHECKS, load_claims
 from genie_sim.paper.evidence import Claim, Evidence, Finding
-from genie_sim.seeds import stream
 
 RESAMPLES = 200
 MARGINAL = 0.05  # share of resamples with another verdict from which on a verdict is marginal

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.analysis import frame_metrics, genie_metrics, metrics
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo, Metric
-from genie_sim.units import NS_PER_MS, NS_PER_S
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo, Metric
 
 METHODS = (  # of the paper's evaluation
     MethodInfo("local", "local (L)", baseline=True),

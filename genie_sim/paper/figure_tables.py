@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from genie_sim.paper.runs import Outcome
-from genie_sim.recording import tables
-from genie_sim.recording.columns import Columns, concat
-from genie_sim.recording.records import FRAMES, LOOKUPS
-from genie_sim.recording.tables import Column, Schema
+from genie_sim.record import tables
+from genie_sim.record.columns import Columns, concat
+from genie_sim.record.records import FRAMES, LOOKUPS
+from genie_sim.record.tables import Column, Schema
 
 SCENARIO = Column("scenario", "text", "", "the scenario that was simulated")
 SEED = Column("seed", "int32", "", "its seed")

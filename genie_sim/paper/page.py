@@ -6,18 +6,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from genie_sim import report
 from genie_sim.analysis.metric import DEADLINE_MS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title
 from genie_sim.analysis.style import method_looks
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.text import finite
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import AT_LEAST, AT_MOST
 from genie_sim.paper.claims import VERDICTS
 from genie_sim.paper.facts import METHODS, Fact
-from genie_sim.recording import provenance
+from genie_sim.record import provenance
+from genie_sim.report import html_page
 from genie_sim.report.data import metric_info
-from genie_sim.text import finite
 
 # rows of metrics.json by scenario and fact
 Measured = Mapping[tuple[str, Fact], Mapping[str, Any]]
@@ -81,7 +81,7 @@ def page(folder: Path, allow_changed: bool = False) -> str:
     with provenance.of_this_version(folder):
         elsewhere = "The verdicts are also in verdicts.md beside it, and the figures in figures/."
         scripts, data = ("many.js", "evaluation.js"), page_data(folder, allow_changed)
-        return report.assemble(
+        return html_page.assemble(
             "evaluation.html", scripts, TITLE, data, elsewhere=elsewhere, pictures="data:"
         )
 

@@ -18,8 +18,8 @@ from genie_sim.analysis.style import PAGE_IN
 from genie_sim.paper import figure_tables
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.facts import METHODS
-from genie_sim.recording import provenance
-from genie_sim.recording.columns import Columns, Text, concat
+from genie_sim.record import provenance
+from genie_sim.record.columns import Columns, Text, concat
 
 TITLES = {
     name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}"

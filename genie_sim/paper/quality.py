@@ -16,8 +16,8 @@ from genie_sim.analysis import correctness
 from genie_sim.analysis.metric import ZERO_DELAY, measured
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.facts import METHODS, Fact, Facts
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import CONSUMER
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import CONSUMER
 
 JUDGED = (*(method.name for method in METHODS), ZERO_DELAY)
 SHARES = (

@@ -8,10 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from genie_sim.errors import UserError, unknown
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.settings import Key, SettingError, Text, plain_data, read
 from genie_sim.paper.definitions import CHOICES, USUAL, Definitions
 from genie_sim.scenario.yaml_input import read_mapping
-from genie_sim.settings import Key, SettingError, Text, plain_data, read
 
 FOLDER = Path(__file__).with_name("readings")
 DEFAULT = "default"

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim import report
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.paper import figure_tables, page, quality, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
@@ -22,8 +22,8 @@ from genie_sim.paper.evidence import BASE, Evidence, Values, interval, rounded
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import Reading, load_readings
 from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, Outcome, Progress, simulate
-from genie_sim.parallel import in_parallel, workers_here
-from genie_sim.recording import provenance
+from genie_sim.record import provenance
+from genie_sim.report import html_page
 from genie_sim.scenario.yaml_input import read_mapping
 
 QUICK_SEEDS = 4
@@ -138,7 +138,7 @@ def reproduce(
             "digests": provenance.digests(folder, files),
         }
         provenance.write_json(folder / "run.json", about)
-        report.write_text(folder / report.NAME, page.page(folder))
+        html_page.write_text(folder / html_page.NAME, page.page(folder))
     return Reproduction(out, wall_time_s)
 
 

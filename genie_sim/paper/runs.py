@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import genie_sim as gs
 from genie_sim.analysis.metrics import with_fresh
-from genie_sim.errors import UserError, unknown
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.parallel import in_processes
 from genie_sim.paper import quality
 from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.facts import METHODS, Facts, facts_of
 from genie_sim.paper.watch import WorldObserver
-from genie_sim.parallel import in_processes
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.settings import Car
 

@@ -17,7 +17,7 @@ from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding, rounded
 from genie_sim.paper.facts import METHODS
 from genie_sim.paper.readings import DEFAULT
-from genie_sim.recording import provenance
+from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import parse
 
 ENOUGH_SEEDS = 10

@@ -5,9 +5,9 @@ detectors are left as they are.
 import math
 from typing import TYPE_CHECKING
 
+from genie_sim.core.messages import Detections, Message
 from genie_sim.core.node import GenieNode
 from genie_sim.core.thresholds import RANGE_60
-from genie_sim.messages import Detections, Message
 from genie_sim.paper.facts import Fact, Facts, placed
 from genie_sim.sim.method import OBJECTS, REMOTE
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode

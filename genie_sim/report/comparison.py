@@ -5,15 +5,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim import report
 from genie_sim.analysis import compare_tables, summary, text_table
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
 from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.paths import atomic_write
-from genie_sim.recording import provenance
-from genie_sim.recording.columns import Columns, concat
+from genie_sim.base.paths import atomic_write
+from genie_sim.record import provenance
+from genie_sim.record.columns import Columns, concat
+from genie_sim.report import html_page
 from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def page(comparison: ComparedRuns) -> str:
         "origin": "the result folders that were given. "
         "All numbers are in table.csv beside this page."
     }
-    return report.assemble(
+    return html_page.assemble(
         "compare.html",
         ("compare.js",),
         f"{name}, compared",
@@ -89,13 +89,13 @@ def seeds_page(runs: SeedRuns) -> str:
                 "note": summary.about_seeds(runs),
             },
             "runs": [
-                [f"seed {run.seed}", run.run_id, f"runs/{run.folder.name}/{report.NAME}"]
+                [f"seed {run.seed}", run.run_id, f"runs/{run.folder.name}/{html_page.NAME}"]
                 for run in runs.runs
-                if run.folder is not None and (run.folder / report.NAME).is_file()
+                if run.folder is not None and (run.folder / html_page.NAME).is_file()
             ],
             "origin": "the runs in the folder 'runs' beside this page.",
         }
-        return report.assemble(
+        return html_page.assemble(
             "compare.html",
             ("compare.js",),
             f"{runs.title}, {seeds}",
@@ -157,7 +157,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
             beside.write_text(compare_tables.text(comparison, name), encoding="utf-8")
     for name, figure in figures(comparison).items():
         save(figure, folder / "figures", name)
-    report.write_text(folder / PAGE, page(comparison))
+    html_page.write_text(folder / PAGE, page(comparison))
     return folder / PAGE
 
 

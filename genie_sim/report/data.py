@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim import units
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
 from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
@@ -16,14 +15,15 @@ from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
 from genie_sim.analysis.summary import energy_note
+from genie_sim.base import units
+from genie_sim.base.text import finite, natural_key
+from genie_sim.base.units import NS_PER_S
 from genie_sim.report.replay import last_instant_ns, replay_data
 from genie_sim.report.replay_pictures import Pictures
-from genie_sim.text import finite, natural_key
-from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from genie_sim.recording.columns import Columns
-    from genie_sim.recording.results import Metric, Run
+    from genie_sim.record.columns import Columns
+    from genie_sim.record.results import Metric, Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
 

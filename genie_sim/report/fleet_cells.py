@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.units import NS_PER_S, NS_PER_US
+from genie_sim.base.units import NS_PER_S, NS_PER_US
 
 if TYPE_CHECKING:
-    from genie_sim.recording.columns import Columns
-    from genie_sim.recording.results import Run
+    from genie_sim.record.columns import Columns
+    from genie_sim.record.results import Run
     from genie_sim.report.streets import Ground
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]

@@ -16,13 +16,13 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.genie_metrics import reuse
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.style import thinned
+from genie_sim.base.units import NS_PER_S
 from genie_sim.report.fleet_cells import LAYERS, cell_layers, outcomes
 from genie_sim.report.streets import ground
-from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
-    from genie_sim.recording.columns import Columns
-    from genie_sim.recording.results import Run
+    from genie_sim.record.columns import Columns
+    from genie_sim.record.results import Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
     Instants = np.ndarray[Any, np.dtype[np.int64]]

@@ -6,7 +6,7 @@ from genie_sim.analysis import compare_tables, screen, summary
 from genie_sim.analysis.compare import ComparedRuns
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.recording.results import Run
+from genie_sim.record.results import Run
 
 
 def run_html(run: Run | SeedRuns) -> str:

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim import report
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.paths import atomic_write
-from genie_sim.report import comparison
+from genie_sim.base.paths import atomic_write
+from genie_sim.report import comparison, html_page
 
 if TYPE_CHECKING:
-    from genie_sim.recording.results import Run
+    from genie_sim.record.results import Run
 
 
 @dataclass(frozen=True)
@@ -44,8 +43,8 @@ class Output:
             if isinstance(results, SeedRuns):
                 page = comparison.seeds_page(results)
             else:
-                page = report.page(results)
-            report.write_text(folder / report.NAME, page)
+                page = html_page.page(results)
+            html_page.write_text(folder / html_page.NAME, page)
 
 
 USUAL = Output()

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
 from genie_sim.report.packing import US, deltas, scaled
 
 if TYPE_CHECKING:
-    from genie_sim.recording.results import Run
+    from genie_sim.record.results import Run
 
 HOSTS_PER_PLACEMENT = 6  # that are shown
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
 from genie_sim.report.packing import UNKNOWN
 
 MAX_PICTURES = 300  # that a page holds copies of: about 6 MB

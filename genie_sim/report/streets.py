@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.grid import cell_counts
-from genie_sim.units import length_m
+from genie_sim.base.grid import cell_counts
+from genie_sim.base.units import length_m
 
 if TYPE_CHECKING:
-    from genie_sim.recording.columns import Columns
-    from genie_sim.recording.results import Run
+    from genie_sim.record.columns import Columns
+    from genie_sim.record.results import Run
 
 STEP_M = 10.0  # places nearer to each other are one place of a street
 MAX_STEPS = 300  # along the longer side of the map: more could not be told apart on a page

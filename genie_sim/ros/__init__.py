@@ -1,5 +1,3 @@
-"""The same Genie in real ROS 1 and ROS 2: attaching it to a running node, links between Genies,
-bags.
-
-An adapter around ``core``; it needs the extra ``ros``. Only the command line calls it.
+"""The same Genie in real ROS 1 and ROS 2: attached to a running node, links between Genies, bags.
+It may import ``base``, ``core``, ``data``, ``scenario``, ``record``; it needs the extra ``ros``.
 """

@@ -28,8 +28,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from genie_sim.errors import UserError, unknown
-from genie_sim.paths import replace_durably
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.paths import replace_durably
 from genie_sim.ros import ros1_graph, ros2_graph
 from genie_sim.ros.codec import Types, WireType
 from genie_sim.ros.plan import AttachPlan, check

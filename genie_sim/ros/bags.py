@@ -18,27 +18,21 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
-from genie_sim.errors import UserError, as_user_error, unknown
-from genie_sim.messages import Box, Detection
-from genie_sim.perception.encoding import difference_hash
-from genie_sim.perception.geodesy import enu_SE3_enu
-from genie_sim.perception.placement import HALF_DEPTH_M, Placement
-from genie_sim.perception.trace import (
-    Trace,
-    TraceFrame,
-    checked,
-    detection,
-    trace_frame,
-)
-from genie_sim.perception.world_table import in_range, is_origin
+from genie_sim.core.messages import Box, Detection
+from genie_sim.data.encoding import difference_hash
+from genie_sim.data.geodesy import enu_SE3_enu
+from genie_sim.data.placement import HALF_DEPTH_M, Placement
+from genie_sim.data.trace import Trace, TraceFrame, checked, detection, trace_frame
+from genie_sim.data.world_table import in_range, is_origin
 from genie_sim.ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim.ros.tf import Trajectory, TransformTree, rotation
 from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
 from genie_sim.ros.typestore import typestore
 
 if TYPE_CHECKING:
-    from genie_sim.perception.detector import ImageDetector
+    from genie_sim.data.detector import ImageDetector
 
 IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
 POINTS, FIX, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.errors import UserError, unknown
-from genie_sim.messages import Box, Detection, Header, Location
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.messages import Box, Detection, Header, Location
 from genie_sim.ros.typestore import TIME, class_of, message, stamp_ns, time, typestore
-from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -146,7 +146,7 @@ class Codec:
 
     def dhash(self, payload: bytes) -> int:
         """The 64-bit difference hash of an image; equal to the one in a perception trace."""
-        from genie_sim.perception.encoding import difference_hash
+        from genie_sim.data.encoding import difference_hash
 
         if self._name != IMAGE:
             raise UserError(f"dhash: {self.type.name} is no {IMAGE}")

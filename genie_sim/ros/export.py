@@ -27,18 +27,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.classes import SIZES, Size
-from genie_sim.errors import UserError, unknown
-from genie_sim.paths import atomic_write
-from genie_sim.recording import provenance
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.paths import atomic_write
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.classes import SIZES, Size
+from genie_sim.record import provenance
 from genie_sim.ros.codec import ADD, CUBE, MARKERS
 from genie_sim.ros.typestore import TF, message, time, typestore
-from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from genie_sim.recording.results import Run
+    from genie_sim.record.results import Run
 
 FORMATS = {"mcap": 2, "bag": 1}  # the ROS that reads it
 START_S = 1

@@ -22,8 +22,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import NamedTuple, Protocol
 
+from genie_sim.core.messages import Effect, Header, Observation, Publish
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import Effect, Header, Observation, Publish
 from genie_sim.ros.looks import StampClock
 from genie_sim.ros.message import RosMessage
 

@@ -10,14 +10,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.text import one_line
 from genie_sim.ros.codec import Codec, codec_of
 from genie_sim.ros.gateway import plain
 from genie_sim.ros.links import Links
 from genie_sim.ros.message import RosMessage
 from genie_sim.ros.plan import AttachPlan, Recorder, make_gateway
 from genie_sim.ros.poses import Poses
-from genie_sim.text import one_line
 
 log = logging.getLogger(__name__)
 QUEUE_LENGTH = 10  # between a Genie and its own node; the node's own queue decides what is dropped

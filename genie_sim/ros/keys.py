@@ -8,7 +8,7 @@ import ssl
 from pathlib import Path
 from typing import Any
 
-from genie_sim.errors import UserError, as_user_error, short_repr
+from genie_sim.base.errors import UserError, as_user_error, short_repr
 
 AUTHORITY = "ca.pem"
 

@@ -15,7 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.errors import UserError, first_line
+from genie_sim.base.errors import UserError, first_line
 from genie_sim.ros.gateway import REMOTE, Peer
 from genie_sim.ros.keys import key_files, why_unreachable
 from genie_sim.ros.message import RosMessage

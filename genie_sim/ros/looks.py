@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from genie_sim.messages import Effect, Publish
+from genie_sim.core.messages import Effect, Publish
 
 MAX_STEP_BACK_NS = 1_000_000_000  # a clock that falls behind by more was set back
 

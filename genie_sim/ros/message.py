@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from genie_sim.messages import CameraPose, Detection, Header, Look
+from genie_sim.core.messages import CameraPose, Detection, Header, Look
 from genie_sim.ros.codec import Codec, is_place
 
 

@@ -8,19 +8,19 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.settings import SettingError, from_plain
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.genies import make_genie, make_paced_genie
+from genie_sim.core.messages import Forgotten, Observation
 from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.core.without_effect import check_effect
-from genie_sim.errors import UserError, short_repr, unknown
-from genie_sim.messages import Forgotten, Observation
 from genie_sim.ros.codec import Codec, WireType
 from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Genie, Peer, PeerLinks
 from genie_sim.ros.keys import check_keys
 from genie_sim.ros.looks import EdgeRelay
 from genie_sim.ros.message import RosMessage
-from genie_sim.settings import SettingError, from_plain
 
 # For the safety of the robot: equal bytes only, and nothing that the node says is withheld. The
 # user's settings come first.

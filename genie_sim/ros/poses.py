@@ -3,8 +3,8 @@
 import math
 from collections import deque
 
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.message import checked_pose
 from genie_sim.ros.typestore import stamp_ns

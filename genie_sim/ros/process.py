@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 
 # signals with the time that each of them has [s]; roslaunch sends the same
 STOP = ((signal.SIGINT, 10.0), (signal.SIGTERM, 3.0), (signal.SIGKILL, 3.0))

@@ -9,7 +9,7 @@ from typing import Any
 
 import rospy
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros.codec import Codec, WireType, codec_of
 from genie_sim.ros.gateway import LOCAL, REMOTE, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 from urllib.parse import urlparse
 
-from genie_sim.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.ros.codec import Types, WireType, begins_with_header
 from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess, listens_on

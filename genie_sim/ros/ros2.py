@@ -15,7 +15,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros.gateway import LOCAL, plain
 from genie_sim.ros.genie_process import QUEUE_LENGTH, GenieProcess, run
 from genie_sim.ros.message import RosMessage

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from genie_sim.errors import UserError, unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.ros.codec import MARKERS, Types, WireType
 from genie_sim.ros.gateway import LOCAL
 from genie_sim.ros.process import NodeProcess

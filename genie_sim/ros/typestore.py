@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.errors import UserError
-from genie_sim.units import NS_PER_S
+from genie_sim.base.errors import UserError
+from genie_sim.base.units import NS_PER_S
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from genie_sim.plugins import OWN_CLASS_PATTERN, Choice
-from genie_sim.settings import (
+from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice
+from genie_sim.base.settings import (
     REQUIRED,
     Beside,
     Bounds,

@@ -5,8 +5,8 @@
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from genie_sim.plugins import Choice
-from genie_sim.settings import Bounds, SettingError, plain_data
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import Bounds, SettingError, plain_data
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import Route
 

@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
-from genie_sim.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
-from genie_sim.errors import short_repr
+from genie_sim.base.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
+from genie_sim.base.errors import short_repr
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import PlugIn, SettingError, keys_of, plain_data
 from genie_sim.faults import FAULTS, MUST_HAVE
-from genie_sim.plugins import Choice
-from genie_sim.settings import PlugIn, SettingError, keys_of, plain_data
 from genie_sim.sim.fault import FaultTimes, TimedFault
 
 FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=tuple(keys_of(FaultTimes)))

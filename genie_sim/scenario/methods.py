@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from genie_sim.errors import short_repr
+from genie_sim.base.errors import short_repr
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import Beside, Name, PlugIn, SettingError, keys_of
 from genie_sim.methods import METHODS, MUST_HAVE
-from genie_sim.plugins import Choice
-from genie_sim.settings import Beside, Name, PlugIn, SettingError, keys_of
 from genie_sim.sim.settings import MethodSettings
 
 METHOD = PlugIn(

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from genie_sim.errors import UserError, short_repr
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
+from genie_sim.base.settings import Bounds, SettingError
+from genie_sim.base.units import NS_PER_MS
 from genie_sim.scenario.sourced import Sourced
-from genie_sim.settings import Bounds, SettingError
-from genie_sim.units import NS_PER_MS
 
 MAX_W = 100_000
 

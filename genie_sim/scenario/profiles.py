@@ -11,12 +11,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-from genie_sim import files
-from genie_sim.errors import UserError, unknown
+from genie_sim.base import files
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.settings import Bounds, Key, Name, SettingError, Share, read
 from genie_sim.scenario.power import DevicePower, Watts
 from genie_sim.scenario.sourced import Sourced
 from genie_sim.scenario.yaml_input import read_mapping, read_text
-from genie_sim.settings import Bounds, Key, Name, SettingError, Share, read
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,24 +12,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from genie_sim import files, methods, plugins, units
-from genie_sim.core.rules import GenieRules, ToldRules
-from genie_sim.core.without_effect import check_effect
-from genie_sim.errors import UserError, unknown
-from genie_sim.methods import METHODS
-from genie_sim.perception.sources import SOURCES
-from genie_sim.plugins import Choice
-from genie_sim.scenario import setting_paths
-from genie_sim.scenario.convoy import Convoy
-from genie_sim.scenario.faults import FaultEntry, check_faults
-from genie_sim.scenario.fleet import MAX_EDGES, Fleet
-from genie_sim.scenario.methods import METHOD, MethodEntry, method_class
-from genie_sim.scenario.overrides import Override, apply_overrides
-from genie_sim.scenario.power import InterfaceName
-from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.scenario.yaml_input import dump, read_mapping
-from genie_sim.seeds import stream
-from genie_sim.settings import (
+from genie_sim import methods
+from genie_sim.base import files, plugins, units
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.plugins import Choice
+from genie_sim.base.seeds import stream
+from genie_sim.base.settings import (
     Bounds,
     IfGiven,
     Name,
@@ -42,6 +30,19 @@ from genie_sim.settings import (
     names_of,
     plain_data,
 )
+from genie_sim.core.rules import GenieRules, ToldRules
+from genie_sim.core.without_effect import check_effect
+from genie_sim.data.sources import SOURCES
+from genie_sim.methods import METHODS
+from genie_sim.scenario import setting_paths
+from genie_sim.scenario.convoy import Convoy
+from genie_sim.scenario.faults import FaultEntry, check_faults
+from genie_sim.scenario.fleet import MAX_EDGES, Fleet
+from genie_sim.scenario.methods import METHOD, MethodEntry, method_class
+from genie_sim.scenario.overrides import Override, apply_overrides
+from genie_sim.scenario.power import InterfaceName
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.scenario.yaml_input import dump, read_mapping
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import (
     FOUR_CAMERAS,
@@ -554,7 +555,7 @@ def _sequence(scenario: Scenario) -> str | None:
     traces = [car.route.trace or main for car in scenario.cars]
     if len(set(traces)) < 2:
         return None
-    from genie_sim.perception.trace import sequence_of
+    from genie_sim.data.trace import sequence_of
 
     sequences = {}
     for trace in dict.fromkeys(traces):

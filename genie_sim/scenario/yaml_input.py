@@ -20,8 +20,8 @@ from yaml.reader import Reader
 from yaml.resolver import BaseResolver
 from yaml.scanner import Scanner
 
-from genie_sim.errors import UserError, short_repr
-from genie_sim.paths import usable
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import usable
 
 MAX_BYTES = 1_000_000
 MAX_NODES = 100_000

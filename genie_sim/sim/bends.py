@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
 
 # Gives a message as it goes on to, or comes from, a host of this name; ``None``: it is lost.
 Change = Callable[[Message, str], Message | None]

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from genie_sim.header import Header
-from genie_sim.messages import Frame, Image
+from genie_sim.core.header import Header
+from genie_sim.core.messages import Frame, Image
 from genie_sim.sim.bends import Sense
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import IMAGES

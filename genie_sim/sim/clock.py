@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 import simpy
 from simpy.events import NORMAL, URGENT
 
-from genie_sim.errors import UserError, short_repr
-from genie_sim.messages import Header
-from genie_sim.monitor import Span, SpanLabel
-from genie_sim.plugins import own_place
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.plugins import own_place
+from genie_sim.core.messages import Header
+from genie_sim.core.monitor import Span, SpanLabel
 
 Steps = Generator[simpy.Event, Any, None]  # what a process does
 

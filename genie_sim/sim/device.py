@@ -5,7 +5,7 @@ import math
 import numpy as np
 import simpy
 
-from genie_sim.monitor import SpanLabel
+from genie_sim.core.monitor import SpanLabel
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.service import Device
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
-from genie_sim.messages import Detection, Encoding, Frame, Image, Message
+from genie_sim.core.messages import Detection, Encoding, Frame, Image, Message
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.ros_graph import Graph, Node
 from genie_sim.sim.service import MEGABYTE

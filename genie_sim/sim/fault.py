@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_che
 
 import numpy as np
 
-from genie_sim.settings import Bounds
+from genie_sim.base.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
 from genie_sim.sim.forgeries import Forgeries
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import simpy
 
-from genie_sim.errors import UserError, short_repr
-from genie_sim.monitor import FaultSpan
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.core.monitor import FaultSpan
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.fault import AffectedNetwork, DrawnFault, FaultProcess, TimedFault
 

@@ -5,9 +5,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
-from genie_sim.messages import Detection
-from genie_sim.monitor import Forgery
-from genie_sim.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.messages import Detection
+from genie_sim.core.monitor import Forgery
 
 SAME_M = 1.0  # a forged object that moves no farther is the same forgery
 SAME_NS = NS_PER_S  # after a longer silence it is another one

@@ -4,8 +4,8 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from genie_sim.messages import Message
-from genie_sim.monitor import Part, Span, SpanLabel
+from genie_sim.core.messages import Message
+from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
 from genie_sim.sim.clock import Clock, Newest, Steps
 from genie_sim.sim.encoding import ImageCodec

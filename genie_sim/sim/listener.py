@@ -2,8 +2,8 @@
 from.
 """
 
-from genie_sim.messages import Detections, Message
-from genie_sim.monitor import Monitor
+from genie_sim.core.messages import Detections, Message
+from genie_sim.core.monitor import Monitor
 from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber

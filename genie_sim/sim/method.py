@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from genie_sim.core.freshness.laws import DetectorLaws
+from genie_sim.core.messages import Effect, Message, Observation
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import Effect, Message, Observation
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"

@@ -9,9 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from genie_sim import seeds
-from genie_sim.errors import UserError, unknown
-from genie_sim.monitor import Monitor, Part, Resource
+from genie_sim.base import seeds
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.core.monitor import Monitor, Part, Resource
 from genie_sim.sim.bends import Bend, Border, Sense
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor

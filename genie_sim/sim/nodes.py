@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 import simpy
 
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     Detections,
     Effect,
     Expired,
@@ -17,7 +17,7 @@ from genie_sim.messages import (
     Observation,
     Publish,
 )
-from genie_sim.monitor import Span, SpanLabel
+from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
 from genie_sim.sim.ros_graph import Graph, Node

@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
-from genie_sim.messages import Frame
+from genie_sim.core.messages import Frame
 from genie_sim.sim.settings import Route
 
 Point = tuple[float, float]

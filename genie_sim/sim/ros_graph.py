@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 
 import simpy
 
-from genie_sim.messages import Message
-from genie_sim.monitor import Part, Span, SpanLabel
+from genie_sim.core.messages import Message
+from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.clock import Newest, Steps
 from genie_sim.sim.device import Host
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import simpy
 
-from genie_sim.messages import Message
-from genie_sim.monitor import Span, SpanLabel
+from genie_sim.core.messages import Message
+from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.sim.clock import Newest, Steps
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph

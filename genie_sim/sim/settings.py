@@ -6,12 +6,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from genie_sim import units
+from genie_sim.base import units
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import Bounds, Count, Name, NotEmpty, OneOf, SettingError, Short
 from genie_sim.core.consumer import ConsumerRules
+from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import Encoding
-from genie_sim.plugins import Choice
-from genie_sim.settings import Bounds, Count, Name, NotEmpty, OneOf, SettingError, Short
 from genie_sim.sim.link_models.presets import LINK, LINKS, USUAL_LINK
 
 

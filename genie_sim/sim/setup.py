@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.messages import Frame
+from genie_sim.core.messages import Frame
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.interface import Interface

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from genie_sim.messages import Message
+from genie_sim.core.messages import Message
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium

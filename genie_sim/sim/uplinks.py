@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from functools import partial
 
-from genie_sim.messages import Message
+from genie_sim.core.messages import Message
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium

@@ -2,7 +2,7 @@
 run ends before it begins.
 """
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, Uplink
 from genie_sim.sim.ros_graph import Graph
 

@@ -6,8 +6,9 @@ from functools import partial
 
 import simpy
 
-from genie_sim.errors import UserError, as_user_error
-from genie_sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
+from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
@@ -21,7 +22,6 @@ from genie_sim.sim.settings import Car, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink
-from genie_sim.units import NS_PER_S
 
 SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight

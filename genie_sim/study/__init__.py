@@ -1,1 +1,3 @@
-"""Many runs: a table of set-ups with seeds; run, resumed, sharded, and judged into tidy tables."""
+"""Many runs: seeds, sweeps and searches, resumed, on several processes, judged into tidy tables. It
+may import every room below it: all but ``paper``, ``ros``, ``cli`` and ``api``.
+"""

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from genie_sim import files, settings, units
-from genie_sim.errors import short_repr
+from genie_sim.base import files, settings, units
+from genie_sim.base.errors import short_repr
+from genie_sim.base.seeds import stream
+from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
 from genie_sim.scenario.yaml_input import read_mapping
-from genie_sim.seeds import stream
-from genie_sim.settings import Bounds, Key, Name, NotEmpty, SettingError
 
 # the one path of an axis that is no setting of a scenario but names another one
 SCENARIO = "scenario"

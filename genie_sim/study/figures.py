@@ -22,8 +22,8 @@ from genie_sim.analysis.drawing import finish, in_style, is_narrow
 from genie_sim.analysis.registry import METRICS, is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.base.text import number_text, percent_text
 from genie_sim.study.design import PANELS, Axis, Design, Level
-from genie_sim.text import number_text, percent_text
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim import report
 from genie_sim.analysis.registry import is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import method_looks
-from genie_sim.errors import UserError, first_line
-from genie_sim.recording import provenance
+from genie_sim.base.errors import UserError, first_line
+from genie_sim.base.text import finite
+from genie_sim.record import provenance
+from genie_sim.report import html_page
 from genie_sim.report.data import metric_info, zero_delay
 from genie_sim.study.design import PANELS
-from genie_sim.text import finite
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,7 +42,7 @@ def page(folder: Path, allow_changed: bool = False) -> str:
             f"{data['about']['name']}, a sweep",
             "The numbers are also in table.csv beside it.",
         )
-        return report.assemble(
+        return html_page.assemble(
             "sweep.html", ("many.js", "sweep.js"), title, data, elsewhere=elsewhere
         )
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.errors import UserError
-from genie_sim.paths import PARTIAL, atomic_write
-from genie_sim.recording import tables
-from genie_sim.recording.columns import Columns
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import PARTIAL, atomic_write
+from genie_sim.record import tables
+from genie_sim.record.columns import Columns
 from genie_sim.study.tasks import PART, DaskWorkers, Failure, LocalWorkers, Shared, StudyRun, Task
 
 if TYPE_CHECKING:

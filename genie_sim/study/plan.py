@@ -4,19 +4,14 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
-from genie_sim import runner
-from genie_sim.build import Prepared
-from genie_sim.errors import UserError
-from genie_sim.perception.sources import Frames, Progress
-from genie_sim.recording import provenance
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
+from genie_sim.data.sources import Frames, Progress
+from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.scenario.scenario import (
-    Scenario,
-    load_scenario,
-    read_scenario,
-    with_methods,
-)
-from genie_sim.settings import plain_data
+from genie_sim.runs import runner
+from genie_sim.runs.build import Prepared
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario, with_methods
 from genie_sim.study.design import Design, Level, Point
 from genie_sim.study.tasks import PointRun, Shared
 

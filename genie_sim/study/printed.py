@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.analysis import text_table
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.errors import UserError, unknown
-from genie_sim.recording import provenance
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.record import provenance
 from genie_sim.study import page
 from genie_sim.study.design import Design, read_design
 

@@ -9,11 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from genie_sim import files, settings
 from genie_sim.analysis.registry import METRICS
-from genie_sim.errors import UserError, short_repr, unknown
+from genie_sim.base import files, settings
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
 from genie_sim.scenario.yaml_input import parse, read_mapping
-from genie_sim.settings import Bounds, Key, Name, NotEmpty, SettingError
 from genie_sim.study.design import (
     MAX_RUNS,
     Axis,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from genie_sim.analysis.drawing import in_style
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.statistics import across_seeds
+from genie_sim.base.text import number_text
 from genie_sim.study import tables
 from genie_sim.study.search_design import Point, SearchDesign, Target, Values, metric_of
-from genie_sim.text import number_text
 
 if TYPE_CHECKING:
     import optuna

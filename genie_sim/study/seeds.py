@@ -4,8 +4,8 @@ import hashlib
 import json
 from collections.abc import Sequence
 
+from genie_sim.base.settings import plain_data
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.settings import plain_data
 from genie_sim.study.design import Design, read_design
 from genie_sim.version import VERSION
 

@@ -9,16 +9,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim import build, files, report
 from genie_sim.analysis.seed_runs import load
-from genie_sim.errors import UserError
-from genie_sim.paths import atomic_write, usable
-from genie_sim.perception.sources import Progress
-from genie_sim.recording import provenance
-from genie_sim.recording.tables import other_format
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import atomic_write, usable
+from genie_sim.base.settings import plain_data
+from genie_sim.data.sources import Progress
+from genie_sim.record import provenance
+from genie_sim.record.tables import other_format
+from genie_sim.report import html_page
 from genie_sim.report.output import USUAL, Output
+from genie_sim.runs import build
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.settings import plain_data
 from genie_sim.study import tables
 from genie_sim.study.design import Design, load_design
 from genie_sim.study.parts import Parts
@@ -185,7 +187,7 @@ class Study:
         footer = printed.footer_of(self.design, self.label)
         for name, figure in figures.of_sweep(self.design, runs, titles, footer):
             of_runs.save(figure, self.folder / "figures", name)
-        report.write_text(self.folder / report.NAME, page.page(self.folder))
+        html_page.write_text(self.folder / html_page.NAME, page.page(self.folder))
 
     def _settings(self) -> dict[str, object]:
         plain: dict[str, object] = plain_data(self.design)

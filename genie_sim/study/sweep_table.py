@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import pandas as pd
 
 from genie_sim.analysis.style import PAGE_IN
-from genie_sim.errors import UserError, unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.study import printed
 from genie_sim.study.design import Design
 

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.errors import UserError, unknown
-from genie_sim.parquet import METADATA_KEY
-from genie_sim.paths import atomic_write
-from genie_sim.recording import tables
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.parquet import METADATA_KEY
+from genie_sim.base.paths import atomic_write
+from genie_sim.record import tables
 from genie_sim.study.plan import Entry
 
 if TYPE_CHECKING:

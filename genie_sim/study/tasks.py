@@ -15,19 +15,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim import runner
 from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
-from genie_sim.build import Prepared
-from genie_sim.errors import UserError
-from genie_sim.parallel import in_processes
-from genie_sim.paths import atomic_write
-from genie_sim.perception.sources import Frames
-from genie_sim.recording import provenance
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
-from genie_sim.recording.tables import Column, Schema, Table
+from genie_sim.base.errors import UserError
+from genie_sim.base.parallel import in_processes
+from genie_sim.base.paths import atomic_write
+from genie_sim.data.sources import Frames
+from genie_sim.record import provenance
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Metric
+from genie_sim.record.tables import Column, Schema, Table
 from genie_sim.report.output import USUAL, Output
+from genie_sim.runs import runner
+from genie_sim.runs.build import Prepared
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.version import VERSION
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
 
 
 def table(rows: list[tuple], *names: str) -> Columns:

@@ -13,14 +13,15 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
-from genie_sim import cli, runner
 from genie_sim.analysis import compare_tables, latex
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
-from genie_sim.errors import UserError
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Run
+from genie_sim.base.errors import UserError
+from genie_sim.cli.main import main as cli
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Run
 from genie_sim.report import comparison
 from genie_sim.report.output import Output
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 WINDOW = "cars[0].route.window=[2 s, 5 s]"

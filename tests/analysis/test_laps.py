@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from genie_sim import runner
 from genie_sim.analysis import summary
 from genie_sim.analysis.correctness import METRICS, lap_views
 from genie_sim.analysis.metric import measured
-from genie_sim.recording.columns import Columns
+from genie_sim.record.columns import Columns
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 S = 1_000_000_000

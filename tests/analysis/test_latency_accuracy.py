@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
-from genie_sim.recording.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, Metric
 
 METHODS = [MethodInfo("remote", "remote (R)", True), MethodInfo("genie", "Genie (DG)", False)]
 

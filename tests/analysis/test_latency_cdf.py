@@ -7,8 +7,8 @@ import pytest
 
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.statistics import mean_bands
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo
 
 METHOD = [MethodInfo("genie", "Genie (DG)", baseline=False)]
 MS = 1_000_000

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from genie_sim.analysis import latex, summary
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
 
 METHODS = [

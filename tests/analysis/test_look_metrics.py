@@ -9,8 +9,8 @@ import pytest
 
 from genie_sim.analysis import looks as look_metrics
 from genie_sim.analysis import metric as of_metric
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Metric
 
 MS = 1_000_000
 # frame by stamp [ms]: what became of it, and when [ms]; None: nothing yet

@@ -12,12 +12,12 @@ import pytest
 
 from genie_sim.analysis import genie_metrics, metrics, resource_metrics
 from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
-from genie_sim.messages import Header
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.open_frame import OpenFrame
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
-from genie_sim.recording.results import MethodInfo, Metric
-from genie_sim.recording.tables import Table
+from genie_sim.core.messages import Header
+from genie_sim.record.columns import Columns
+from genie_sim.record.open_frame import OpenFrame
+from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
+from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.tables import Table
 from tests import made_up_run
 from tests.made_up_run import METHODS
 

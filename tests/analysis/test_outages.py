@@ -5,11 +5,11 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from genie_sim import runner
 from genie_sim.analysis import outages, summary
 from genie_sim.analysis.metric import measured
 from genie_sim.analysis.registry import METRICS
 from genie_sim.report.data import SHADED
+from genie_sim.runs import runner
 from tests.analysis.outage_tables import table
 from tests.conformance import small
 

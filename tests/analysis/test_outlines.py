@@ -13,8 +13,8 @@ from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Diff
 from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.latency_accuracy import latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS
 

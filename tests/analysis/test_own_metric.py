@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim import runner
 from genie_sim.analysis import registry, summary
 from genie_sim.analysis.compare import compare
-from genie_sim.errors import UserError
-from genie_sim.plugins import own_code
-from genie_sim.recording.results import Run
+from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import own_code
+from genie_sim.base.settings import plain_data
+from genie_sim.record.results import Run
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.settings import plain_data
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """

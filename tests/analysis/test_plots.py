@@ -8,9 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from genie_sim.analysis.plots import Plots
-from genie_sim.errors import UserError
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Run
+from genie_sim.base.errors import UserError
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Run
 from tests import made_up_run
 from tests.made_up_run import METHODS
 

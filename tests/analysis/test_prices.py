@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim import build
 from genie_sim.analysis import compare, metrics, prices, summary
-from genie_sim.perception.sources import Recordings
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import HOSTS, POWER, HostRow, PowerRow
-from genie_sim.recording.results import Run
-from genie_sim.recording.tables import Table
-from genie_sim.runner import finished, on_frames, run_in_memory, simulate
+from genie_sim.base.settings import SettingError
+from genie_sim.data.sources import Recordings
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import HOSTS, POWER, HostRow, PowerRow
+from genie_sim.record.results import Run
+from genie_sim.record.tables import Table
+from genie_sim.runs import build
+from genie_sim.runs.runner import finished, on_frames, run_in_memory, simulate
 from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import load_scenario
-from genie_sim.settings import SettingError
 from genie_sim.sim.interface import InterfaceUse
 from tests.sim.street import fixed_device, scenario, street
 

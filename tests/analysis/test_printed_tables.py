@@ -10,9 +10,9 @@ from genie_sim.analysis import compare_tables, metrics, screen, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import new_tables
-from genie_sim.recording.results import Metric, Run
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import new_tables
+from genie_sim.record.results import Metric, Run
 from genie_sim.report import notebook
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS

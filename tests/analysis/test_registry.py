@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim import runner
 from genie_sim.analysis import attacks, correctness, metrics, outages, prices
 from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric, Run
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Metric, Run
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.analysis import screen
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
 
 TEN = [MethodInfo(f"m{i}", f"Method number {i}", baseline=False) for i in range(10)]

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.analysis import metrics, screen, summary, text_table
 from genie_sim.analysis.registry import METRICS
-from genie_sim.recording.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
 
 

@@ -7,7 +7,7 @@ import pytest
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.verdict import is_better, verdicts
-from genie_sim.recording.results import MethodInfo
+from genie_sim.record.results import MethodInfo
 
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:

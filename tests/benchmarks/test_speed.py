@@ -9,8 +9,8 @@ import pytest
 from benchmarks import peers, plain_simpy, speed, speed_page
 from benchmarks.plain_simpy import Fleet, Frame
 from benchmarks.speed import QUICK, Spent, answers_of, fleet, plain_fleet
-from genie_sim.errors import UserError
-from genie_sim.runner import prepare
+from genie_sim.base.errors import UserError
+from genie_sim.runs.runner import prepare
 
 MS = 1_000_000
 NO_PYTHON = "/no/such/python"
@@ -101,7 +101,7 @@ def test_a_command_is_measured_as_a_whole():
 
 def test_parts_are_named_as_the_page_explains_them():
     assert speed.part("/home/genie_sim/x/genie_sim/core/node.py") == "`genie_sim.core`"
-    assert speed.part("/home/genie_sim/place_index.py") == "`genie_sim`"
+    assert speed.part("/home/genie_sim/api.py") == "`genie_sim`"
     assert speed.part("/v/lib/python3.11/site-packages/simpy/core.py") == "`simpy`"
     assert speed.part("/usr/lib/python3.11/heapq.py") == "Python's library"
 

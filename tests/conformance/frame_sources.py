@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from typing import Any, ClassVar
 
-from genie_sim import runner
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
 

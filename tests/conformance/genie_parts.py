@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.settings import from_plain, plain_data
 from tests.conformance import small
 
 

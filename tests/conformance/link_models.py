@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim import build
+from genie_sim.base.settings import from_plain, plain_data
+from genie_sim.runs import build
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.settings import from_plain, plain_data
 from genie_sim.sim.link_models import LinkModel
 from tests.conformance import small
 

@@ -12,9 +12,9 @@ from typing import Any, ClassVar
 import pyarrow as pa
 import pytest
 
-from genie_sim import build
+from genie_sim.base.settings import from_plain
+from genie_sim.runs import build
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.settings import from_plain
 from tests.conformance import small
 
 SETTINGS: dict[str, dict[str, Any]] = {

@@ -14,11 +14,11 @@ import simpy
 from genie_sim.core.defences import Defence
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.never import Never
+from genie_sim.core.messages import CameraPose, Detection, Publish
+from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.faults.attack import Attack
 from genie_sim.faults.outage import Outage
-from genie_sim.messages import CameraPose, Detection, Publish
-from genie_sim.messages import ImageLookup as Lookup
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
 
 

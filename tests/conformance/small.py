@@ -14,13 +14,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from genie_sim import build, runner
-from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables, new_tables
-from genie_sim.recording.tables import Table
+from genie_sim.base.settings import from_plain
+from genie_sim.record.log import Log
+from genie_sim.record.records import Tables, new_tables
+from genie_sim.record.tables import Table
+from genie_sim.runs import build, runner
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.scenario import Scenario, read_scenario
-from genie_sim.settings import from_plain
 from genie_sim.sim.world import World
 
 CAMERAS = [

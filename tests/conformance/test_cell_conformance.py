@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from tests.conformance import small
 from tests.conformance.link_models import MediumConformance
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import from_plain
+from genie_sim.core.messages import Expired, Header
 from genie_sim.faults import FAULTS
-from genie_sim.messages import Expired, Header
+from genie_sim.runs import runner
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.settings import from_plain
 from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
 from tests.conformance import small

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from genie_sim import build, runner
-from genie_sim.errors import UserError
-from genie_sim.perception.sources import SOURCES
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
+from genie_sim.data.sources import SOURCES
+from genie_sim.runs import build, runner
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.settings import plain_data
 from tests.conformance import small
 from tests.conformance.frame_sources import FrameSourceConformance
 from tests.conformance.own import Street

@@ -7,8 +7,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from genie_sim import runner
 from genie_sim.core.freshness import FRESHNESS
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 SETTINGS: dict[str, dict[str, Any]] = {"ttl": {"ttl": "400 ms"}}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim import build, runner
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.runs import build, runner
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire

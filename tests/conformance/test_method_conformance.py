@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from genie_sim import build, runner
-from genie_sim.errors import UserError
-from genie_sim.messages import Publish
+from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import plain_data
+from genie_sim.core.messages import Publish
 from genie_sim.methods import METHODS
-from genie_sim.plugins import Choice
-from genie_sim.recording.log import Log
-from genie_sim.recording.records import new_tables
+from genie_sim.record.log import Log
+from genie_sim.record.records import new_tables
+from genie_sim.runs import build, runner
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.settings import plain_data
 from genie_sim.sim.world import World
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.runs import runner
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE_UPLINK, HostConfig, Uplink
 from genie_sim.sim.nodes import TIMER_LATE_NS
 from tests.conformance import own, small

@@ -6,13 +6,10 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.runs import runner
 from tests.conformance import own, small
-from tests.conformance.wrong_types import (
-    CASES,
-    OWN,
-)
+from tests.conformance.wrong_types import CASES, OWN
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from genie_sim.messages import Publish
+from genie_sim.core.messages import Publish
 from genie_sim.sim.method import HostConfig
 from tests.conformance import own, small
 

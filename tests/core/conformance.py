@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 from genie_sim.core.confidence import ConfidenceRule
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.message_cache import MessageCache
+from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Similarity
-from genie_sim.messages import CameraPose, Detections, Header, Image
 from tests.core.worlds import S
 
 poses = st.builds(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from genie_sim.core.freshness.existence import MeasuredExistence
+from genie_sim.core.messages import CameraPose, Detection, Header, Look
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import CameraPose, Detection, Header, Look
 from tests.core.worlds import S, seen
 
 MS = S // 1000

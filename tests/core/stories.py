@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from hypothesis import strategies as st
 
+from genie_sim.core.messages import Detection, Detections, Effect, Header, Image
 from genie_sim.core.node import GenieNode
-from genie_sim.messages import Detection, Detections, Effect, Header, Image
 from tests.core.worlds import BRIDGE, CROSSING, IMAGES, OBJECTS, S, answer, frame, seen
 
 NEIGHBOURS = ("edge2/genie", "edge3/genie")

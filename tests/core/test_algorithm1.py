@@ -8,9 +8,7 @@ import pytest
 
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.ttl import Ttl
-from genie_sim.core.rules import Capacity
-from genie_sim.core.similarity import Exact
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     Detections,
     Expired,
     Forgotten,
@@ -19,6 +17,8 @@ from genie_sim.messages import (
     ObjectLookups,
     Publish,
 )
+from genie_sim.core.rules import Capacity
+from genie_sim.core.similarity import Exact
 from tests.core.worlds import (
     BRIDGE,
     CROSSING,

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.maps import Viewer
+from genie_sim.core.messages import CameraPose, Header
 from genie_sim.core.rules import Percentile
 from genie_sim.core.view import ViewSector
-from genie_sim.messages import CameraPose, Header
 from tests.core.worlds import S, answer, object_map, seen
 
 coordinates = st.integers(-500, 500).map(lambda centimetres: centimetres / 100)

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
+from genie_sim.base.settings import from_plain
 from genie_sim.core.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.core.maps import Viewer
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Motion
-from genie_sim.recording import held as recording_held
-from genie_sim.recording.objects import Objects
-from genie_sim.settings import from_plain
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Motion
+from genie_sim.judge import held as recording_held
+from genie_sim.judge.objects import Objects
 from tests.core.looks import FOV, MS, after, car, look, tracks
 from tests.core.worlds import S, seen
 

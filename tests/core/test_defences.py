@@ -18,11 +18,11 @@ from genie_sim.core.defences import (
     Reputation,
 )
 from genie_sim.core.freshness.existence import MeasuredExistence
+from genie_sim.core.messages import SHARED, Detections, Effect, Motion, Publish
+from genie_sim.core.recommended.told import ToldTracks, tracks_to_tell
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules, ToldRules
 from genie_sim.core.sharing import SharingGenie
-from genie_sim.core.told import ToldTracks, tracks_to_tell
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import SHARED, Detections, Effect, Motion, Publish
 from tests.core.looks import after, car, look, tracks
 from tests.core.told import HERE, told, track
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame

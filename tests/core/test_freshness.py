@@ -10,15 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from genie_sim.base.settings import SettingError, from_plain
 from genie_sim.core.freshness.existence import Existence, MeasuredExistence
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.track import Tracks
 from genie_sim.core.freshness.ttl import ClassTtl, Corroborate
 from genie_sim.core.maps import Viewer
-from genie_sim.core.rules import GenieRules, ObjectMapRules
-from genie_sim.core.track_map import TrackMap
-from genie_sim.core.view import View
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     LOOK_BYTES,
     LOOK_DETECTION_BYTES,
     CameraPose,
@@ -26,7 +24,9 @@ from genie_sim.messages import (
     Detections,
     Header,
 )
-from genie_sim.settings import SettingError, from_plain
+from genie_sim.core.recommended.track_map import TrackMap
+from genie_sim.core.rules import GenieRules, ObjectMapRules
+from genie_sim.core.view import View
 from tests.core.looks import FOV, MS, after, car, look, there, tracks
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, genie, object_map, seen
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
+from genie_sim.core.messages import Expired, ImageLookup, Publish
 from genie_sim.core.rules import Capacity, Percentile
 from genie_sim.core.similarity import DHash, Exact, PoseGrid
-from genie_sim.messages import Expired, ImageLookup, Publish
 from tests.core.stories import stories, tell
 from tests.core.worlds import IMAGES, OBJECTS, S, answers, facts, genie, object_map, publications
 

@@ -8,7 +8,7 @@ import random
 import pytest
 
 from genie_sim.core.matching import SAME_M, f1, near, pairs, placed
-from genie_sim.messages import Detection
+from genie_sim.core.messages import Detection
 
 
 def scene(seed: int, count: int) -> list[tuple[str, float, float]]:

@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.freshness.measure import PRIOR_FALSE_SHARE, PRIOR_LOOKS, SCORES, measured
-from genie_sim.messages import Look
+from genie_sim.core.messages import Look
 from tests.core.looks import look
 from tests.core.worlds import seen
 

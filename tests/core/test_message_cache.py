@@ -7,9 +7,9 @@ import pytest
 
 from genie_sim.core.eviction import LFU, LRU, TTL, Eviction
 from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
+from genie_sim.core.messages import Detections, Header
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import DHash, Exact
-from genie_sim.messages import Detections, Header
 from tests.core.worlds import OBJECTS, Lanes, answer, frame, labels, seen
 
 HEADER = Header(0, "02", "car1")

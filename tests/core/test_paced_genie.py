@@ -9,12 +9,7 @@ import pytest
 
 from genie_sim.core.defences import FreeSpace, Guard
 from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.paced_genie import SHARED, PacedGenie
-from genie_sim.core.pacing import Pacer
-from genie_sim.core.rules import ObjectMapRules, ToldRules
-from genie_sim.core.told import ToldTracks
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     Detections,
     Effect,
     Forgotten,
@@ -27,6 +22,11 @@ from genie_sim.messages import (
     ObjectLookups,
     Publish,
 )
+from genie_sim.core.recommended.paced_genie import SHARED, PacedGenie
+from genie_sim.core.recommended.pacing import Pacer
+from genie_sim.core.recommended.told import ToldTracks
+from genie_sim.core.recommended.track_map import TrackMap
+from genie_sim.core.rules import ObjectMapRules, ToldRules
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
 
 MS = S // 1000

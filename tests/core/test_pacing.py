@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.core.pacing import LookArrival, Loss, NewestLooks, Pacer, RoundTrip
-from genie_sim.messages import Header
+from genie_sim.core.messages import Header
+from genie_sim.core.recommended.pacing import LookArrival, Loss, NewestLooks, Pacer, RoundTrip
 
 MS = 1_000_000
 PHASES_MS = {"02": 0, "03": 25, "00": 50, "01": 75}

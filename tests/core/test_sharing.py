@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.paced_genie import SHARED
+from genie_sim.core.messages import Detections, Effect, Forgotten, Look, Publish
+from genie_sim.core.recommended.paced_genie import SHARED
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules, ToldRules
 from genie_sim.core.sharing import SharingGenie
-from genie_sim.core.track_map import TrackMap
-from genie_sim.messages import Detections, Effect, Forgotten, Look, Publish
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
 
 REMOTE = OBJECTS + "-remote"

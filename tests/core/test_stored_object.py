@@ -2,8 +2,8 @@
 
 import pytest
 
+from genie_sim.core.messages import Detection
 from genie_sim.core.stored_object import StoredObject
-from genie_sim.messages import Detection
 
 S = 1_000_000_000
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from genie_sim.core.messages import Detection
+from genie_sim.core.recommended.told import ToldTracks, tracks_to_tell
 from genie_sim.core.rules import ToldRules
-from genie_sim.core.told import ToldTracks, tracks_to_tell
 from genie_sim.core.tracking import Track
-from genie_sim.messages import Detection
 from tests.core.told import HERE, told, track
 from tests.core.worlds import S, seen
 

@@ -10,10 +10,10 @@ import pytest
 from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.maps import Viewer
+from genie_sim.core.messages import Header, Look
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import VEHICLE
-from genie_sim.messages import Header, Look
 from tests.core.worlds import S, frame, seen
 
 MS = S // 1000

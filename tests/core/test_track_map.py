@@ -10,10 +10,10 @@ import pytest
 from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.freshness.track import Tracks
 from genie_sim.core.maps import Viewer
+from genie_sim.core.messages import CameraPose, Detections, Header
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import NEAR_M, VEHICLE, sigma_of
-from genie_sim.messages import CameraPose, Detections, Header
 from tests.core.looks import FOV, MS, after, car, look, tracks
 from tests.core.worlds import S
 

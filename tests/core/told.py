@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from genie_sim.core.messages import CameraPose, Detection, Header, Motion
 from genie_sim.core.tracking import Track, kind_of
-from genie_sim.messages import CameraPose, Detection, Header, Motion
 from tests.core.worlds import S, seen
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from genie_sim.messages import (
+from genie_sim.core.messages import (
     Detection,
     Detections,
     Effect,

@@ -12,13 +12,21 @@ from typing import Any
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache
+from genie_sim.core.messages import (
+    CameraPose,
+    Detection,
+    Detections,
+    Effect,
+    Header,
+    Image,
+    Publish,
+)
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.per_topic import PerTopicGenie
 from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.rules import Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
-from genie_sim.messages import CameraPose, Detection, Detections, Effect, Header, Image, Publish
 
 S = 1_000_000_000
 IMAGES, OBJECTS = "/image_raw", "/objects"

@@ -108,7 +108,7 @@ def test_every_name_of_the_registries_is_explained():
     """What ``genie-sim list`` knows of similarities, evictions, rules and links stands in the
     documentation.
     """
-    from genie_sim import catalogue
+    from genie_sim.cli import catalogue
 
     text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
     for kind in ("similarities", "evictions", "rules", "links"):

@@ -8,10 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from genie_sim import files, runner
-from genie_sim.errors import UserError
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.methods import METHODS
-from genie_sim.perception.trace import Trace, read_trace, write_trace
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.method import DETECTOR
 from tests.conformance import small

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.messages import Header
+from genie_sim.core.messages import Header
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 from tests.conformance import small
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.core.pacing import Pacer
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detections, Expired, Header, Image, Publish
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detections, Expired, Header, Image, Publish
+from genie_sim.core.recommended.pacing import Pacer
 from genie_sim.methods.paced_remote import PacedSender
-from genie_sim.recording.columns import Columns
-from genie_sim.runner import run_in_memory
+from genie_sim.record.columns import Columns
+from genie_sim.runs.runner import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 

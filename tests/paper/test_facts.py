@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from genie_sim.messages import Header
+from genie_sim.core.messages import Header
 from genie_sim.paper.definitions import Definitions
 from genie_sim.paper.facts import Fact, facts_of, placed
-from genie_sim.recording.open_frame import OpenFrame
-from genie_sim.recording.records import FRAMES, LOOKUPS, RESOURCES
-from genie_sim.recording.tables import Table
+from genie_sim.record.open_frame import OpenFrame
+from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
+from genie_sim.record.tables import Table
 from tests.paper.notation import fact
 
 MS, S = 1_000_000, 1_000_000_000

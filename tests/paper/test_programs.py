@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.messages import CameraPose
+from genie_sim.core.messages import CameraPose
+from genie_sim.data.trace import Trace, TraceFrame, read_trace
 from genie_sim.paper.evidence import rounded
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.reproduce import calibrated_settings
 from genie_sim.paper.runs import EvaluationRun
-from genie_sim.perception.trace import Trace, TraceFrame, read_trace
 from studies import calibration, contradictions, drives, other_readings
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -9,16 +9,16 @@ import math
 import numpy as np
 import pytest
 
-from genie_sim import files
 from genie_sim.analysis.metric import ZERO_DELAY
+from genie_sim.base import files
+from genie_sim.data.trace import read_trace
+from genie_sim.data.truth import read_truth
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.quality import JUDGED, UNITS, facts_of, summarise
 from genie_sim.paper.runs import EvaluationRun
-from genie_sim.perception.trace import read_trace
-from genie_sim.perception.truth import read_truth
-from genie_sim.recording.records import HELD
-from genie_sim.recording.tables import Table
+from genie_sim.record.records import HELD
+from genie_sim.record.tables import Table
 
 SECOND = 1_000_000_000
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis.genie_metrics import running_reuse
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import ALL
 from genie_sim.paper.definitions import CHOICES, USUAL, Definitions
@@ -18,7 +18,7 @@ from genie_sim.paper.facts import highest_running_ratios, placed
 from genie_sim.paper.readings import FOLDER, NAMES, load_reading, load_readings
 from genie_sim.paper.reproduce import judge_readings
 from genie_sim.paper.runs import Outcome
-from genie_sim.recording.columns import Columns, Text
+from genie_sim.record.columns import Columns, Text
 from tests.paper.notation import facts as facts_by_notation
 from tests.paper.test_reproduce import counts_table
 

@@ -15,13 +15,8 @@ from genie_sim.analysis import text_table
 from genie_sim.paper import table1, verdict_table
 from genie_sim.paper.checks import CASE, load_claims
 from genie_sim.paper.readings import NAMES, load_readings
-from genie_sim.paper.reproduce import (
-    ASSUMPTIONS,
-    calibrated_settings,
-    declared_seeds,
-    reproduce,
-)
-from genie_sim.recording import provenance
+from genie_sim.paper.reproduce import ASSUMPTIONS, calibrated_settings, declared_seeds, reproduce
+from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 
 import genie_sim as gs
+from genie_sim.base.errors import UserError
 from genie_sim.core.rules import GenieRules
-from genie_sim.errors import UserError
 from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import load_reading

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from genie_sim.core.messages import Detection, Detections, Header
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import GenieRules
-from genie_sim.messages import Detection, Detections, Header
 from genie_sim.paper.watch import WorldObserver
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode
 

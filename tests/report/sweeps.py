@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from genie_sim.cli import main
+from genie_sim.cli.main import main
 
 CROSSED = """
 description: DESCRIPTION

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim import report
-from genie_sim.cli import main
+from genie_sim.cli.main import main
 from genie_sim.paper import page as evaluation
 from genie_sim.paper import verdict_table
 from genie_sim.paper.readings import load_reading
-from genie_sim.recording import provenance
+from genie_sim.record import provenance
+from genie_sim.report import html_page
 from tests.browser import Browser
 from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
@@ -381,4 +381,4 @@ def test_markup_in_results_is_shown_as_text_and_figures_run_no_scripts(browser, 
 
 def test_a_page_that_cannot_be_written_is_named():
     with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
-        report.write_text(Path("no/such/r.html"), evaluation.page(PAPER))
+        html_page.write_text(Path("no/such/r.html"), evaluation.page(PAPER))

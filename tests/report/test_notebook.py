@@ -6,8 +6,8 @@ from dataclasses import asdict, replace
 
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Metric, Run
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Metric, Run
 from genie_sim.report import notebook
 from tests import made_up_run
 from tests.made_up_run import METHODS

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.records import RESOURCES
-from genie_sim.recording.tables import Table
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import RESOURCES
+from genie_sim.record.tables import Table
 from genie_sim.report import replay_pictures
 from genie_sim.report.packing import deltas, integers, scaled
 from genie_sim.report.replay_hosts import HOSTS_PER_PLACEMENT, hosts_over_time, shown_hosts

@@ -16,12 +16,11 @@ import pandas as pd
 import pytest
 
 import genie_sim as gs
-from genie_sim import report
 from genie_sim.analysis.registry import METRICS
-from genie_sim.classes import SIZES
-from genie_sim.cli import main
-from genie_sim.recording.columns import Text
-from genie_sim.report import data, replay
+from genie_sim.cli.main import main
+from genie_sim.core.classes import SIZES
+from genie_sim.record.columns import Text
+from genie_sim.report import data, html_page, replay
 from tests.browser import Browser
 from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
@@ -42,7 +41,7 @@ def run() -> gs.Run:
 
 @pytest.fixture(scope="module")
 def page(run: gs.Run) -> str:
-    return report.page(run)
+    return html_page.page(run)
 
 
 # What the page holds
@@ -57,7 +56,7 @@ def test_the_page_names_no_other_address(page):
 
 
 def test_the_same_run_gives_the_same_page_without_any_clock(run, page):
-    assert report.page(run) == page
+    assert html_page.page(run) == page
     assert "wall_time" not in page
 
 
@@ -159,8 +158,8 @@ def test_there_is_one_end_of_the_simulated_time(run, page):
 
 def test_the_page_lists_the_methods_that_ran_in_their_order():
     run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
-    assert [one["name"] for one in embedded(report.page(run))["methods"]] == ["genie", "local"]
-    for script in Path(report.__file__).parent.glob("*.js"):
+    assert [one["name"] for one in embedded(html_page.page(run))["methods"]] == ["genie", "local"]
+    for script in Path(html_page.__file__).parent.glob("*.js"):
         assert not re.search(
             r"""["'`](local|remote|genie)["'`]|\.(local|remote)\b""", script.read_text()
         ), script.name
@@ -178,9 +177,9 @@ def test_a_long_run_is_cut_honestly(run, monkeypatch):
     """A stretch is shown whole, the page says which, and everything else still covers the whole
     run.
     """
-    whole = embedded(report.page(run))
+    whole = embedded(html_page.page(run))
     monkeypatch.setattr(replay, "MAX_ROWS", 1500)
-    cut = embedded(report.page(run))
+    cut = embedded(html_page.page(run))
     kept = cut["replay"]
     count = sum(len(stream["stamp_us"]) for stream in kept["streams"])
     assert 0 < count < len(run.poses)
@@ -195,7 +194,7 @@ def test_a_long_run_is_cut_honestly(run, monkeypatch):
 
 def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch):
     monkeypatch.setattr(replay, "MAX_ROWS", 1000)
-    later = embedded(report.page(run, start_ns=NS))["replay"]
+    later = embedded(html_page.page(run, start_ns=NS))["replay"]
     assert later["begin_us"] == 1_000_000
     for columns in of_method(later, "genie")["hosts"].values():
         assert columns["t_us"][0] >= 1_000_000 and max(columns["busy"]) <= 1000
@@ -214,14 +213,14 @@ def test_what_a_map_forgets_is_gone_from_the_replay():
     run = short_run(
         "1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}}
     )
-    shown = embedded(report.page(run))["replay"]
+    shown = embedded(html_page.page(run))["replay"]
     gone = sum(confidences.count(-1) for *_, confidences in of_method(shown, "genie")["objects"])
     assert gone == run.objects["confidence"].isna().sum() > 5
 
 
 def test_a_run_without_poses_says_so(run):
     told = embedded(
-        report.page(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}))
+        html_page.page(replace(run, tables={**run.tables, "poses": run.tables["poses"].rows([])}))
     )
     assert told["replay"] is None
     assert any("no replay" in note for note in told["notes"])
@@ -232,7 +231,7 @@ def test_two_minutes_of_three_cars_stay_below_8_megabytes():
     laps = {f"cars[{i}].route.laps": 12 for i in range(3)}
     run = gs.run("3car_hetero", laps)
     assert run.poses["stamp_ns"].max() > 120 * NS
-    page = report.page(run)
+    page = html_page.page(run)
     print(f"{len(page.encode()) / MEGABYTE:.1f} MB")
     assert len(page.encode()) < 8 * MEGABYTE
     assert not any("every frame from" in note for note in embedded(page)["notes"])
@@ -246,7 +245,7 @@ def test_the_longest_replay_stays_below_8_megabytes(monkeypatch):
         "genie.similarity": "exact",
         "genie.eviction": "lru",
     }
-    page = report.page(gs.run("3car_hetero", settings | {"genie.capacity": "10 entries"}))
+    page = html_page.page(gs.run("3car_hetero", settings | {"genie.capacity": "10 entries"}))
     shown = embedded(page)
     assert any("every frame from" in note for note in shown["notes"])
     assert 4 * len(json.dumps(shown["replay"], separators=(",", ":"))) < 7.5 * MEGABYTE
@@ -308,7 +307,7 @@ def evil_run(run: gs.Run) -> gs.Run:
 
 
 def test_no_name_ends_the_data_or_becomes_markup(run):
-    page = report.page(evil_run(run))
+    page = html_page.page(evil_run(run))
     assert page.count("<script") == 2
     assert page.count("<img") == 0
     assert embedded(page)["about"]["description"] == EVIL

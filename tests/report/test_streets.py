@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
-from genie_sim import report, runner
+from genie_sim.report import html_page
 from genie_sim.report.data import page_data
 from genie_sim.report.streets import ground
+from genie_sim.runs import runner
 from tests.fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
 
 
@@ -78,7 +79,7 @@ def test_results_that_do_not_say_where_the_map_ends_have_none(on_plain):
 
 def test_the_page_draws_a_map_that_begins_anywhere(browser, on_plain, tmp_path):
     file = tmp_path / "r.html"
-    report.write(file, on_plain)
+    html_page.write(file, on_plain)
     browser.open(file)
     assert browser.errors == []
     east = browser.evaluate("DATA.fleet.cars[0].east.at(-1)")
@@ -94,7 +95,7 @@ def test_the_page_draws_a_map_that_begins_anywhere(browser, on_plain, tmp_path):
 
 def test_an_address_names_an_instant_of_the_map(browser, on_plain, tmp_path):
     file = tmp_path / "r.html"
-    report.write(file, on_plain)
+    html_page.write(file, on_plain)
     method = on_plain.methods[0].name
     browser.open(file, f"#fleet=3&method={method}&layer=unknown")
     clock = "byId('fleet-clock').textContent"

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.cli import main
+from genie_sim.cli.main import main
 from genie_sim.study import figures
 from genie_sim.study import page as sweep
 from genie_sim.study.design import load_design

@@ -32,7 +32,7 @@ PATIENCE_S = 20.0
 
 ATTACH = """
 import json, sys
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros.attach import attach
 try:
     attach(**json.loads(sys.argv[1]), say=lambda line: print(line, flush=True))

@@ -23,9 +23,9 @@ from unittest import mock
 import numpy as np
 import yaml
 
-from genie_sim import build, runner
 from genie_sim.core.similarity import PoseGrid
-from genie_sim.perception.trace import TraceFrame, read_trace
+from genie_sim.data.trace import TraceFrame, read_trace
+from genie_sim.runs import build, runner
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 
@@ -325,7 +325,7 @@ def margin_ms(simulated: Drive, shown: Sequence[TraceFrame]) -> float:
 
 class _Posed:
     def __init__(self, frame: TraceFrame) -> None:
-        from genie_sim.messages import Header
+        from genie_sim.core.messages import Header
 
         self.pose = frame.pose
         self.header = Header(frame.stamp_ns, "camera_02", "car1")

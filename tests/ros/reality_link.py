@@ -133,7 +133,7 @@ def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     """The same over the simulator's link."""
     import numpy as np
 
-    from genie_sim.messages import Detections, Header
+    from genie_sim.core.messages import Detections, Header
     from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
     from genie_sim.sim.link_models.channels import ChannelSender

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros import attach
 from genie_sim.ros.codec import WireType
 from genie_sim.ros.process import NodeProcess

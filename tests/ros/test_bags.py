@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from genie_sim.base.errors import UserError
 from genie_sim.core.geometry import inverse, rigid, rotation_from_rpy
-from genie_sim.errors import UserError
-from genie_sim.perception.trace import Trace, read_trace, write_trace
+from genie_sim.data.trace import Trace, read_trace, write_trace
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
@@ -105,8 +105,8 @@ def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
 
 def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """From the bag to a run, as on the command line: three frames are shown and answered."""
-    from genie_sim import runner
-    from genie_sim.cli import main
+    from genie_sim.cli.main import main
+    from genie_sim.runs import runner
     from genie_sim.scenario.scenario import read_scenario
 
     bag, trace = street(tmp_path / "street.bag").write(), tmp_path / "street.parquet"
@@ -128,7 +128,7 @@ def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_the_command_line_wants_a_drive_or_a_bag(capsys: pytest.CaptureFixture[str]):
-    from genie_sim.cli import main
+    from genie_sim.cli.main import main
 
     assert main(["perceive", "--out", "x.parquet"]) == 1
     assert main(["perceive", "--drive", "a", "--bag", "b", "--out", "x.parquet"]) == 1
@@ -251,9 +251,9 @@ def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
 def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     kind: str, kitti_root: Path, weights_dir: Path, tmp_path: Path
 ):
-    from genie_sim.perception.detector import DetectorSettings, make_detector
-    from genie_sim.perception.kitti import open_drive, read_image
-    from genie_sim.perception.perceive import DriveFrames, perceive
+    from genie_sim.data.detector import DetectorSettings, make_detector
+    from genie_sim.data.kitti import open_drive, read_image
+    from genie_sim.data.perceive import DriveFrames, perceive
 
     numbers = range(0, 50, 10)
     expected = perceive(

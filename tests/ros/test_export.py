@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.errors import UserError
-from genie_sim.recording.results import Run
+from genie_sim.base.errors import UserError
+from genie_sim.record.results import Run
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
@@ -150,7 +150,7 @@ def test_a_format_that_is_not_known(run, tmp_path):
 
 
 def test_a_result_folder_on_the_command_line(tmp_path, capsys):
-    from genie_sim.cli import main
+    from genie_sim.cli.main import main
 
     folder = runner.run_to_folder(
         load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection, Header
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detection, Header
 from genie_sim.ros.codec import WireType, begins_with_header, codec_of
 from genie_sim.ros.gateway import Peer
 from genie_sim.ros.message import RosMessage
@@ -256,7 +256,7 @@ def test_the_hash_of_a_ros_image_is_that_of_the_trace():
     """The same picture as bgr8, with padded rows, gives the hash that ``perceive`` writes."""
     import numpy as np
 
-    from genie_sim.perception.encoding import difference_hash
+    from genie_sim.data.encoding import difference_hash
 
     picture = np.random.default_rng(3).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     rows = np.pad(picture.reshape(48, -1), ((0, 0), (0, 8)))

@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros import genie_process
 from genie_sim.ros.codec import IMAGE, WireType, codec_of
 from genie_sim.ros.genie_process import GenieProcess, OneLine

@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros.keys import check_keys, key_files
 from genie_sim.ros.plan import AttachPlan, check
 from tests.ros.conftest import Keys

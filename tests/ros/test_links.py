@@ -29,8 +29,8 @@ pytest.importorskip("zenoh", reason="needs Zenoh: pip install 'genie-sim[ros]'")
 
 import zenoh
 
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Header
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Header
 from genie_sim.ros import links, wire
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Peer

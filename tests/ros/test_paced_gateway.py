@@ -15,8 +15,8 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection, Header, LookEvent, Observation
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detection, Header, LookEvent, Observation
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.gateway import Gateway, Peer
 from genie_sim.ros.looks import StampClock

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from genie_sim.errors import UserError
-from genie_sim.messages import Publish
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import Publish
 from genie_sim.ros.codec import WireType, codec_of
 from genie_sim.ros.looks import MAX_STEP_BACK_NS, EdgeRelay, StampClock
 from genie_sim.ros.message import checked_pose

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros import process
 from genie_sim.ros.process import NodeProcess, start_of
 from tests.ros.conftest import until

@@ -14,7 +14,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.ros.codec import WireType
 from tests.ros.stand_ins import imported
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import pytest
 
-from genie_sim import build, methods, runner
-from genie_sim.errors import UserError
+from genie_sim import methods
+from genie_sim.base.errors import UserError
+from genie_sim.runs import build, runner
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 from tests.sim.street import drive, street

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim import build, settings
-from genie_sim.errors import UserError
-from genie_sim.plugins import Choice
-from genie_sim.settings import plain_data
+from genie_sim.base import settings
+from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import plain_data
+from genie_sim.runs import build
 from genie_sim.sim.link_models.presets import LINK, LINKS
 from genie_sim.sim.link_models.wire import Wire
 

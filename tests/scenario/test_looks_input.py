@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from genie_sim.build import notes
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.runs.build import notes
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.build import notes
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.runs.build import notes
 from genie_sim.scenario.scenario import load_scenario
 
 RECOMMENDED = "methods=[{name: mine, method: genie, genie: recommended}]"

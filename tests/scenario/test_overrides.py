@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.scenario.overrides import Override, apply_overrides
 
 

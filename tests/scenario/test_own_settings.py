@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim import build
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
+from genie_sim.runs import build
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.scenario import Scenario, load_scenario
-from genie_sim.settings import plain_data
 from genie_sim.sim.link_models.presets import LINK
 
 OWN = """\
@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from genie_sim.methods.local import Local
-from genie_sim.settings import Bounds
+from genie_sim.base.settings import Bounds
 
 
 class Mine(Local):

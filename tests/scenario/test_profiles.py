@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 import yaml
 
-from genie_sim import build, files
-from genie_sim.errors import UserError
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.seeds import stream
+from genie_sim.runs import build
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.seeds import stream
 from genie_sim.sim.service import ServiceTime
 
 SHIPPED = [

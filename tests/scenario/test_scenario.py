@@ -14,23 +14,24 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from genie_sim import build, files
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import Choice, resolve
+from genie_sim.base.settings import PlugIn, is_settings_class, keys_of, mark_in, settings_of
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.errors import UserError
+from genie_sim.data.sources import SOURCES, Live, Recorded
 from genie_sim.faults import FAULTS
 from genie_sim.methods import METHODS
-from genie_sim.perception.sources import SOURCES, Live, Recorded
-from genie_sim.plugins import Choice, resolve
+from genie_sim.runs import build
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
-from genie_sim.settings import PlugIn, is_settings_class, keys_of, mark_in, settings_of
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire

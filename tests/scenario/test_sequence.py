@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from genie_sim import runner
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.core.rules import ToldRules
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.trace import Trace, TraceFrame, write_trace
+from genie_sim.data.trace import Trace, TraceFrame, write_trace
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import Scenario, read_scenario
 
 MS = 1_000_000

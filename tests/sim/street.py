@@ -12,16 +12,16 @@ from typing import Any
 
 import pandas as pd
 
-from genie_sim import build as construction
-from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.sources import Recordings
-from genie_sim.perception.trace import Trace, TraceFrame
-from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables, new_tables
-from genie_sim.runner import on_frames
+from genie_sim.base.settings import from_plain
+from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.sources import Recordings
+from genie_sim.data.trace import Trace, TraceFrame
+from genie_sim.record.log import Log
+from genie_sim.record.records import Tables, new_tables
+from genie_sim.runs import build as construction
+from genie_sim.runs.runner import on_frames
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, read_scenario
-from genie_sim.settings import from_plain
 from genie_sim.sim.world import World
 
 FOV_RAD = math.radians(81.4)

@@ -7,15 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.errors import UserError
-from genie_sim.faults.attack import AttackedScene
-from genie_sim.faults.inflate import Inflate
-from genie_sim.faults.remove import Remove
-from genie_sim.faults.replay import Replay
-from genie_sim.faults.shift import Shift
-from genie_sim.faults.spoof import Spoof
-from genie_sim.messages import (
+from genie_sim.base.errors import UserError
+from genie_sim.base.seeds import stream
+from genie_sim.core.messages import (
     SHARED,
     CameraPose,
     Detection,
@@ -25,8 +19,14 @@ from genie_sim.messages import (
     Look,
     Motion,
 )
+from genie_sim.faults.attack import AttackedScene
+from genie_sim.faults.inflate import Inflate
+from genie_sim.faults.remove import Remove
+from genie_sim.faults.replay import Replay
+from genie_sim.faults.shift import Shift
+from genie_sim.faults.spoof import Spoof
 from genie_sim.report import data
-from genie_sim.seeds import stream
+from genie_sim.runs import runner
 from genie_sim.sim.forgeries import Forgeries
 from tests.conformance import small
 

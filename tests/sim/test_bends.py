@@ -10,11 +10,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.base.seeds import stream
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
 from genie_sim.faults.camera import CameraFault
 from genie_sim.faults.gnss import PositionError
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
-from genie_sim.seeds import stream
 from genie_sim.sim.bends import Bend, Border, shifted
 from genie_sim.sim.encoding import EncodedContent
 from tests.conformance import small

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import simpy
 
-from genie_sim.errors import UserError
-from genie_sim.runner import prepare, simulate
+from genie_sim.base.errors import UserError
+from genie_sim.runs.runner import prepare, simulate
 from genie_sim.sim.clock import Clock, Newest
 from tests.conformance import small
 

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from genie_sim.api import load_scenario
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
 from genie_sim.faults.clock import ClockFault
-from genie_sim.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
-from genie_sim.runner import prepare, simulate
+from genie_sim.runs.runner import prepare, simulate
 from genie_sim.sim.bends import Border
 from tests.conformance import small
 

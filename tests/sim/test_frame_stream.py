@@ -7,10 +7,10 @@ from functools import partial
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.recording.map_accuracy import MapAccuracy
+from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import Scenario, read_scenario
-from genie_sim.town.frames import BATCH_FRAMES, FrameBatch
+from genie_sim.worlds.town.frames import BATCH_FRAMES, FrameBatch
 
 
 def in_town(record: list[str]) -> Scenario:

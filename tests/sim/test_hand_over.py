@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link import Link
 from genie_sim.sim.world import World

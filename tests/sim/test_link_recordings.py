@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from benchmarks import urban_n78
-from genie_sim import build, runner
-from genie_sim.errors import UserError
-from genie_sim.seeds import stream
+from genie_sim.base.errors import UserError
+from genie_sim.base.seeds import stream
+from genie_sim.runs import build, runner
 from genie_sim.sim.link_models import LinkEnds, recording
 from genie_sim.sim.link_models.importers import IMPORTERS
 from genie_sim.sim.link_models.recording import Steps

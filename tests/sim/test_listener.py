@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.messages import Detections, Header
+from genie_sim.core.messages import Detections, Header
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import IMAGES, OBJECTS

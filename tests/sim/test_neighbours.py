@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim import topology
 from genie_sim.sim.settings import Edge

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from genie_sim import runner
-from genie_sim.recording.columns import Columns
-from genie_sim.recording.results import Run
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import Run
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 
 S = 1_000_000_000

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from genie_sim.sim.cameras import POSITION_BYTES
 from genie_sim.sim.method import OBJECTS

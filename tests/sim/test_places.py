@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from genie_sim import build, runner
-from genie_sim.messages import CameraPose
+from genie_sim.core.messages import CameraPose
+from genie_sim.runs import build, runner
 from genie_sim.sim.places import DrivenPlace, RecordedPlace
 from genie_sim.sim.settings import Route
 from tests.conformance import small

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.build import device as built_device
-from genie_sim.messages import Header, Publish
+from genie_sim.core.messages import Header, Publish
+from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Link

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim import build
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detections, Header, Image
-from genie_sim.perception.trace import TraceFrame
-from genie_sim.runner import run_in_memory
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detections, Header, Image
+from genie_sim.data.trace import TraceFrame
+from genie_sim.runs import build
+from genie_sim.runs.runner import run_in_memory
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim import world

@@ -10,13 +10,13 @@ import pandas as pd
 import pytest
 from numpy.random import default_rng
 
-from genie_sim.build import device
-from genie_sim.messages import CameraPose, Detections, Header, Image, Publish
+from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
+from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.methods import METHODS
-from genie_sim.monitor import Span, SpanLabel
-from genie_sim.recording.log import Log
-from genie_sim.recording.records import Tables, new_tables
-from genie_sim.runner import run_in_memory
+from genie_sim.record.log import Log
+from genie_sim.record.records import Tables, new_tables
+from genie_sim.runs.build import device
+from genie_sim.runs.runner import run_in_memory
 from genie_sim.scenario.scenario import RECORDS, load_scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor

@@ -10,8 +10,8 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception.trace import Trace, TraceFrame
+from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.scenario.profiles import DeviceProfile
 from tests.sim.street import FOV_RAD, drive, fixed_device, scenario
 

@@ -8,16 +8,16 @@ import pandas as pd
 import pytest
 
 from genie_sim.api import load_scenario
+from genie_sim.data import v2v4real
+from genie_sim.data.v2v4real import recordings
 from genie_sim.paper.facts import Fact, placed
-from genie_sim.perception import v2v4real
-from genie_sim.perception.v2v4real import recordings
 from genie_sim.scenario import scenario as scenarios
 from genie_sim.study.design import load_design
 from genie_sim.study.search_design import load
 from studies import baselines, real_pairs, where_it_pays
 from studies.real_pairs import HELD_OUT, TUNING
 from tests.checkout import REPOSITORY
-from tests.perception import made_up_pair as street
+from tests.data import made_up_pair as street
 
 STUDIES = REPOSITORY / "studies"
 # those beside a program of the same name are read by it

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.errors import UserError
-from genie_sim.recording.results import Metric
+from genie_sim.base.errors import UserError
+from genie_sim.record.results import Metric
 from genie_sim.study.search import Search
 from genie_sim.study.search_design import Point, load
 from genie_sim.study.search_report import Pick

@@ -15,12 +15,12 @@ import pandas as pd
 import pytest
 
 import genie_sim as gs
-from genie_sim import files
-from genie_sim.cli import main
-from genie_sim.errors import UserError
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.cli.main import main
 from genie_sim.methods import METHODS
 from genie_sim.scenario.yaml_input import dump
-from genie_sim.settings import SettingError, from_plain
 from genie_sim.study.search import Search
 from genie_sim.study.search_design import (
     Constraint,

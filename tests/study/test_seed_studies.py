@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from genie_sim import runner
 from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_text
-from genie_sim.cli import main
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
+from genie_sim.cli.main import main
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 
 pytestmark = pytest.mark.slow

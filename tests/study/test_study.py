@@ -22,16 +22,17 @@ import pandas as pd
 import pytest
 
 import genie_sim
-from genie_sim import files, runner
 from genie_sim.analysis import metrics
 from genie_sim.analysis.statistics import wilson
-from genie_sim.build import Prepared
-from genie_sim.cli import main
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.cli.main import main
 from genie_sim.core.similarity import Exact
-from genie_sim.errors import UserError
-from genie_sim.recording import provenance
-from genie_sim.recording.results import Metric
-from genie_sim.recording.tables import Table
+from genie_sim.record import provenance
+from genie_sim.record.results import Metric
+from genie_sim.record.tables import Table
+from genie_sim.runs import runner
+from genie_sim.runs.build import Prepared
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.study import figures, tables, tasks
 from genie_sim.study.design import load_design
@@ -39,7 +40,7 @@ from genie_sim.study.parts import Parts
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.tasks import LocalWorkers
-from genie_sim.town import town
+from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
 from tests.made_up_run import METHODS
 

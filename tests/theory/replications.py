@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from genie_sim.seeds import stream
+from genie_sim.base.seeds import stream
 
 CONFIDENCE = 0.99
 

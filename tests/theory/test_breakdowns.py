@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from genie_sim.base.seeds import stream
 from genie_sim.faults.slow import Slow
 from genie_sim.faults.stall import Stall
-from genie_sim.seeds import stream
 from genie_sim.sim import fault_process
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Processor

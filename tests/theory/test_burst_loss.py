@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from genie_sim.errors import UserError
-from genie_sim.seeds import stream
+from genie_sim.base.errors import UserError
+from genie_sim.base.seeds import stream
 from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
 from genie_sim.sim.link_models.wire import Wire
 from tests.conformance import small

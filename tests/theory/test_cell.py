@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from genie_sim.seeds import stream
+from genie_sim.base.seeds import stream
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_models import LinkEnds
 from genie_sim.sim.link_models.cell import Band, Cell

@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim import build
-from genie_sim.messages import Detections, Header
+from genie_sim.core.messages import Detections, Header
+from genie_sim.runs import build
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models.channels import ChannelSender
@@ -304,7 +304,7 @@ def test_the_use_of_the_wire_is_known_while_a_message_is_on_it():
 
 def test_an_answer_of_eight_objects_is_433_times_smaller_than_the_image():
     """26 + 8 x 400 bytes of autoware_msgs/DetectedObjectArray with empty clouds."""
-    from genie_sim.messages import Detection
+    from genie_sim.core.messages import Detection
 
     eight = Detections(
         Header(0, "camera_02", "car1"), (Detection("car", 0.9, None, None, 0.9),) * 8

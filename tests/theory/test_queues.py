@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from genie_sim import build
-from genie_sim.messages import CameraPose, Detections, Header, Image
-from genie_sim.perception.trace import TraceFrame
+from genie_sim.core.messages import CameraPose, Detections, Header, Image
+from genie_sim.data.trace import TraceFrame
+from genie_sim.runs import build
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link

@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from genie_sim import build
-from genie_sim.monitor import SpanLabel
-from genie_sim.perception.trace import Trace
+from genie_sim.base.settings import from_plain, plain_data
+from genie_sim.core.monitor import SpanLabel
+from genie_sim.data.trace import Trace
+from genie_sim.runs import build
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.settings import from_plain, plain_data
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.service import Device, ServiceTime

@@ -7,21 +7,21 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from genie_sim import device_fit
-from genie_sim.errors import UserError
-from genie_sim.perception import fetch
-from genie_sim.perception.detector import make_detector
-from genie_sim.perception.kitti import open_drive, read_image
-from genie_sim.perception.labels import label_file, tracking_labels, tracklets
-from genie_sim.perception.trace import read_trace, write_trace
-from genie_sim.perception.tracking import open_sequence, tracking_trace
+from genie_sim.base.errors import UserError
+from genie_sim.data import fetch
+from genie_sim.data.detector import make_detector
+from genie_sim.data.kitti import open_drive, read_image
+from genie_sim.data.labels import label_file, tracking_labels, tracklets
+from genie_sim.data.trace import read_trace, write_trace
+from genie_sim.data.tracking import open_sequence, tracking_trace
+from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
 from tests.checkout import REPOSITORY
+from tests.data.archives import archive
+from tests.data.traces import trace
+from tests.data.tracking_files import CALIBRATION, CAR, OXTS
 from tests.kitti_folder import DATE, make_drive, make_network
 from tests.made_up_networks import make_nanodet, make_yolov8
-from tests.perception.archives import archive
-from tests.perception.traces import trace
-from tests.perception.tracking_files import CALIBRATION, CAR, OXTS
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import broken, changed
 

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 
 SEED = 20_240_901
 PATIENCE_S = 20.0

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.base.errors import UserError
 from genie_sim.core.geometry import rigid
-from genie_sim.errors import UserError
-from genie_sim.messages import Header
-from genie_sim.perception.trace import read_trace, write_trace
+from genie_sim.core.messages import Header
+from genie_sim.data.trace import read_trace, write_trace
 from genie_sim.ros import wire
 from genie_sim.ros.bags import perceive_bag
 from genie_sim.ros.codec import CHANNELS, IMAGE, MARKER, MARKERS, OBJECTS, Codec, WireType, codec_of

@@ -15,15 +15,16 @@ from unittest import mock
 
 import yaml
 
-from genie_sim import plugins, runner
 from genie_sim.analysis import compare_tables
 from genie_sim.analysis.compare import compare
-from genie_sim.cli import main
-from genie_sim.errors import UserError
-from genie_sim.recording import results
-from genie_sim.recording.records import SCHEMAS
-from genie_sim.recording.tables import Schema, read
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError
+from genie_sim.cli.main import main
+from genie_sim.record import results
+from genie_sim.record.records import SCHEMAS
+from genie_sim.record.tables import Schema, read
 from genie_sim.report import NAME, write
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.study import page as sweep_page
 from genie_sim.study.plan import plan
@@ -272,7 +273,7 @@ def result_folders(folder: Path) -> Case:
         if what == 0:
             with (
                 plugins.own_code(False),
-                mock.patch("genie_sim.runner._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.runner._fill", side_effect=UserError("stopped")),
             ):
                 runner.rerun(run, allow_changed=True)
         elif what == 1:

@@ -22,12 +22,12 @@ from unittest import mock
 
 import yaml
 
-from genie_sim import runner
-from genie_sim.errors import UserError
-from genie_sim.messages import CameraPose, Detection
-from genie_sim.perception import fetch
-from genie_sim.perception.trace import Trace, read_trace, write_trace
-from genie_sim.perception.truth_table import (
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
+from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data import fetch
+from genie_sim.data.trace import Trace, read_trace, write_trace
+from genie_sim.data.truth_table import (
     RecordedTruth,
     TruthRow,
     TruthTable,
@@ -35,12 +35,12 @@ from genie_sim.perception.truth_table import (
     truth_beside,
     write_truth,
 )
-from genie_sim.recording import provenance
+from genie_sim.record import provenance
+from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario, read_scenario
-from genie_sim.settings import plain_data
 from tests.conformance import own, small
 from tests.conformance.wrong_types import CASES
-from tests.perception.traces import KARLSRUHE, frame
+from tests.data.traces import KARLSRUHE, frame
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import VALUES, broken, changed
 from tools.fuzz.settings import LONG_NS, TINY, run_command
@@ -303,7 +303,7 @@ def result_contents(folder: Path) -> Case:
             with (
                 contextlib.chdir(run),
                 mock.patch("genie_sim.analysis.figures.save"),
-                mock.patch("genie_sim.runner._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.runner._fill", side_effect=UserError("stopped")),
             ):
                 run_command(list(rng.choice(commands)))
         finally:

@@ -7,11 +7,11 @@ import random
 from itertools import islice
 from pathlib import Path
 
-from genie_sim.perception.pose_import import import_recordings, write_recordings
-from genie_sim.traffic.source import RecordedTraffic
-from genie_sim.units import NS_PER_S
-from tests.perception.pose_tables import DETECTIONS, POSES, TRUTH
-from tests.traffic.fcd_files import fcd_text
+from genie_sim.base.units import NS_PER_S
+from genie_sim.data.pose_import import import_recordings, write_recordings
+from genie_sim.worlds.traffic.source import RecordedTraffic
+from tests.data.pose_tables import DETECTIONS, POSES, TRUTH
+from tests.worlds.traffic.fcd_files import fcd_text
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import broken
 

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
-from genie_sim.errors import UserError
+from genie_sim.base.errors import UserError
 from tools.fuzz import harness
 from tools.fuzz.__main__ import ALL, TARGETS
 

@@ -11,11 +11,11 @@ from genie_sim.core.eviction import Eviction
 from genie_sim.core.maps import Map
 from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache
+from genie_sim.core.messages import Answer, CameraPose, Detection
 from genie_sim.core.node import GenieNode
 from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact, KeyIndex
-from genie_sim.messages import Answer, CameraPose, Detection
 
 Replay = Literal["world", "camera"]
 ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.seeds import stream
+from genie_sim.base.seeds import stream
 
 DIMENSION = 64
 UNIT = 254.0

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, unpacked
-from genie_sim.messages import CameraPose, Image
+from genie_sim.core.messages import CameraPose, Image
 
 Slots = npt.NDArray[np.intp]
 NONE = -1.0  # as a radius: no other key is near enough

@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 from genie_sim.core.freshness.never import probability
 from genie_sim.core.freshness.track import Tracks
+from genie_sim.core.messages import Header
 from genie_sim.core.tracking import COAST_NS, VEHICLE
-from genie_sim.messages import Header
 
 MOVING, PARKED, UNKNOWN = 0.87, 0.9998, 0.97  # survival in one second: halved in 5 s, 1 h, 23 s
 LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(MOVING), math.log(PARKED), math.log(UNKNOWN)

@@ -7,10 +7,10 @@ from typing import Any
 
 from genie_sim.core.freshness.laws import ASSUMED, RANGE_STEP_M, SCORE_STEP, DetectorLaws
 from genie_sim.core.freshness.track import Tracks
+from genie_sim.core.messages import Header, Look
+from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.track_map import TrackMap
 from genie_sim.core.tracking import VEHICLE
-from genie_sim.messages import Header, Look
 
 MIN_LOOKS = 4  # at an object after the first, to tell whether it is real
 # share of those looks that found it: what is real has at least, what is not at most

@@ -2,9 +2,9 @@
 
 from typing import Any, ClassVar
 
+from genie_sim.base.errors import short_repr
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.errors import short_repr
-from genie_sim.messages import Header
+from genie_sim.core.messages import Header
 
 
 class Never:

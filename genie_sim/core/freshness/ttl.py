@@ -8,8 +8,8 @@ intervals between messages about such objects in ETSI TR 103 562: 1 s, and 500 m
 from typing import Any
 
 from genie_sim.core.freshness.never import Never, positive
+from genie_sim.core.messages import Header
 from genie_sim.core.tracking import FIXED
-from genie_sim.messages import Header
 
 
 class Ttl(Never):

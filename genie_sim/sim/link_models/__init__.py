@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
-from genie_sim.monitor import Resource
+from genie_sim.core.monitor import Resource
 
 if TYPE_CHECKING:
     import simpy

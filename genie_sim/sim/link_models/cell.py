@@ -7,11 +7,11 @@ from typing import Annotated, Literal
 
 import simpy
 
-from genie_sim.settings import Bounds, Count
+from genie_sim.base.settings import Bounds, Count
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.link_models import Air, LinkEnds
 from genie_sim.sim.link_models.path_loss import StreetCanyon
-from genie_sim.units import NS_PER_MS, NS_PER_S
 
 PLACES_NS = 100 * NS_PER_MS  # how often the rates follow the cars' places
 # A message whose car has no coverage for so long is lost: 3GPP's T310, after which a radio link has

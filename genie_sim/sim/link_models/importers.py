@@ -8,8 +8,8 @@ from datetime import datetime
 from itertools import pairwise
 from typing import Any, Literal
 
-from genie_sim.errors import UserError, short_repr
-from genie_sim.units import NS_PER_MS, NS_PER_S
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 
 Direction = Literal["up", "down"]
 Columns = dict[str, list[Any]]

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from genie_sim.settings import Bounds, Share
+from genie_sim.base.settings import Bounds, Share
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,11 +3,11 @@
 Tags: [S] a public source, named; [D] derived from one, formula given; [A] assumed, to be varied.
 """
 
-from genie_sim.plugins import Choice
-from genie_sim.settings import PlugIn, Presets, complete
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import PlugIn, Presets, complete
+from genie_sim.base.units import NS_PER_MS
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.wire import Wire
-from genie_sim.units import NS_PER_MS
 
 KBIT = 10**3
 MBIT = 10**6

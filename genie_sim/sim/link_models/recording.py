@@ -9,9 +9,9 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
-from genie_sim import files, parquet
-from genie_sim.errors import UserError
-from genie_sim.units import NS_PER_S
+from genie_sim.base import files, parquet
+from genie_sim.base.errors import UserError
+from genie_sim.base.units import NS_PER_S
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
 PLACE_COLUMNS = ("east_m", "north_m")

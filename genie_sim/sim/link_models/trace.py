@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.sim.link_models import Air, LinkEnds
 from genie_sim.sim.link_models.channels import ChannelSender
 from genie_sim.sim.link_models.recording import LinkRecording, Steps, read
-from genie_sim.units import NS_PER_MS, NS_PER_S
 
 MBIT = 10**6
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from genie_sim.settings import Bounds, Share
+from genie_sim.base.settings import Bounds, Share
 from genie_sim.sim.link_models.loss import BurstLoss
 from genie_sim.sim.link_models.wire_channel import WireChannel
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from genie_sim.base.units import NS_PER_S
 from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
-from genie_sim.units import NS_PER_S
 
 if TYPE_CHECKING:
     from genie_sim.sim.link_models.wire import Wire

@@ -10,8 +10,8 @@ import pytest
 from genie_sim.core.caches.cache import moved
 from genie_sim.core.caches.features import UNIT
 from genie_sim.core.caches.nearest import Nearest
+from genie_sim.core.messages import CameraPose
 from genie_sim.core.rules import Capacity
-from genie_sim.messages import CameraPose
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache
 from tests.core.caches.vectors import HERE, TOPIC, answer, at, key
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from genie_sim.core.matching import f1, placed
-from genie_sim.messages import Header
+from genie_sim.core.messages import Header
 from genie_sim.methods.deadline import LinearEstimate, Scheduler
 from genie_sim.methods.oracle import AnswerHistory
 from tests.core.caches.vectors import answer

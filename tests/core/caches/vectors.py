@@ -6,7 +6,7 @@ import numpy as np
 
 from genie_sim.core.caches.features import DIMENSION, UNIT
 from genie_sim.core.caches.nearest import FeatureKey
-from genie_sim.messages import CameraPose, Detection, Detections, Header
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 TOPIC = "/objects"

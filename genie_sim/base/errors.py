@@ -1,0 +1,70 @@
+"""The one exception a user may see: the input or the environment is at fault, never the program."""
+
+import difflib
+import errno
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from genie_sim.base.removed import instead_of_name
+from genie_sim.base.text import one_line
+
+# C++ libraries raise an exception of their own, whose text alone tells.
+LOW_MEMORY_WORDS = ("bad_alloc", "Insufficient memory", "allocate memory")
+
+
+class UserError(Exception):
+    """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with
+    status 1.
+    """
+
+
+def short_repr(value: object) -> str:
+    """A value for an error message: short, on one line."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def first_line(error: BaseException) -> str:
+    """What an exception of a library says, as far as it goes into one line."""
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
+
+
+@contextmanager
+def as_user_error(
+    what: str, *kinds: type[BaseException], most: int | None = None
+) -> Iterator[None]:
+    """An exception of these ``kinds`` within it becomes a ``UserError``: ``what`` is wrong, and
+    why, in one line, of ``most`` characters. Where memory ran out, ``what`` may be right: a good
+    file needs more than there is, or a broken one asks for any amount.
+    """
+    try:
+        yield
+    except kinds as error:
+        if _tells_of_low_memory(error):
+            raise UserError(f"{what}, or there is not enough memory") from error
+        raise UserError(
+            f"{what}: {str(getattr(error, 'strerror', None) or first_line(error))[:most]}"
+        ) from error
+
+
+def _tells_of_low_memory(error: BaseException) -> bool:
+    """Whether an exception of Python, numpy, pyarrow, OpenCV or ONNX Runtime is about memory."""
+    if isinstance(error, MemoryError):
+        return True
+    if isinstance(error, OSError):
+        return error.errno == errno.ENOMEM
+    return any(words in str(error) for words in LOW_MEMORY_WORDS)
+
+
+def unknown(what: str, value: object, choices: Iterable[str]) -> str:
+    """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``. A name
+    that was removed is answered with what to write instead.
+    """
+    if instead := instead_of_name(what, value):
+        return f"unknown {what} {short_repr(value)}, which was removed. {instead}"
+    names = [one_line(choice) for choice in sorted(choices)]
+    near = difflib.get_close_matches(str(value), names, n=1)
+    hint = f" (did you mean {near[0]!r}?)" if near else ""
+    return f"unknown {what} {short_repr(value)}{hint}; " + (
+        f"known: {', '.join(names)}" if names else "there are none"
+    )

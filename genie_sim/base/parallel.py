@@ -1,0 +1,125 @@
+"""One pool of processes for everything that simulates many runs on one machine."""
+
+import contextlib
+import functools
+import os
+import signal
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Callable, Generator, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from genie_sim.base.errors import UserError
+
+Job = TypeVar("Job")
+Done = TypeVar("Done")
+
+
+def workers_here() -> int:
+    """How many processes have a core of their own: what the machine, its container and its batch
+    system allow.
+    """
+    import joblib
+
+    return int(joblib.cpu_count())
+
+
+def max_memory_bytes() -> int | None:
+    """The most memory that this process has had; ``None`` where the system does not tell.
+
+    Linux hands ``ru_maxrss`` on to a process from the one that started it; ``VmHWM`` is its own.
+    """
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+def in_processes(
+    run: Callable[[Job], Done], jobs: Sequence[Job], workers: int, ordered: bool = True
+) -> Generator[Done, None, None]:
+    """``run`` of each job as it is finished, in the order of the jobs if ``ordered``. One worker is
+    this process.
+
+    Leaving the iteration early, by Ctrl-C for instance, ends all processes. Raises what ``run``
+    raised, and ``UserError`` where a process was killed.
+    """
+    workers = min(workers, len(jobs))
+    if workers <= 1:
+        yield from map(run, jobs)
+        return
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    # Leaving early asks for pending work to be cancelled; joblib would warn of it beside our one
+    # line.
+    warnings.filterwarnings("ignore", message=r"\d+ tasks ", module=r"joblib\.")
+    pool = joblib.Parallel(
+        workers, batch_size=1, return_as="generator" if ordered else "generator_unordered"
+    )
+    with _deaf_to_ctrl_c():
+        results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
+    try:
+        yield from results
+    except TerminatedWorkerError as error:
+        raise UserError(
+            "a worker process was killed, perhaps for want of memory; try fewer workers"
+        ) from error
+    finally:
+        results.close()
+
+
+def in_parallel(run: Callable[[Job], Done], jobs: Sequence[Job], workers: int) -> list[Done]:
+    """``run`` of each job, in the order of the jobs. Ctrl-C stops all processes."""
+    with contextlib.closing(in_processes(run, jobs, workers)) as results:
+        return list(results)
+
+
+@contextlib.contextmanager
+def _deaf_to_ctrl_c() -> Generator[None]:
+    """Ctrl-C waits until this ends, and for ever in the processes that begin here: they may still
+    be importing.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    from joblib.externals.loky.backend import resource_tracker as tracker_of_loky
+
+    for tracker in (resource_tracker, tracker_of_loky):
+        tracker.ensure_running()  # its start would unblock the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:
+    _become_worker(parent)
+    return run(job)
+
+
+@functools.cache
+def _become_worker(parent: int) -> None:
+    """Workers ignore Ctrl-C; the main process handles it. If that is killed, its workers end at
+    once instead of waiting for minutes.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,148 @@
+"""Paths as users write them, and files that are complete or not there at all."""
+
+import functools
+import os
+import secrets
+import stat
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from pathlib import Path
+from typing import TypeVar
+
+from genie_sim.base.errors import UserError, as_user_error
+
+PARTIAL = ".partial"
+REMEMBERED_FILES = 16  # of each kind
+Content = TypeVar("Content")
+
+
+def expanded(path: str | Path) -> Path:
+    """``~/results`` to a folder of the user, where the shell has not done it, as in
+    ``--out=~/results``.
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:  # no such user: the path stays as it is
+        return Path(path)
+
+
+def usable(path: Path, what: str = "cannot be written") -> AbstractContextManager[None]:
+    """Where the machine refuses what is done within it, that is a ``UserError``: the path,
+    ``what``, and why.
+    """
+    return as_user_error(f"{path}: {what}", OSError)
+
+
+def read_bytes(path: Path) -> bytes:
+    """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have
+    no end.
+    """
+    with as_user_error(f"{path}: cannot be read", OSError, ValueError):
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise UserError(f"{path}: cannot be read: not a regular file")
+        return path.read_bytes()
+
+
+def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Content]:
+    """A reader that does not read a file again that is as it was. What it returns must be
+    immutable.
+    """
+
+    @functools.lru_cache(REMEMBERED_FILES)
+    def content(path: Path, state: tuple[int, ...]) -> Content:
+        return read(path)
+
+    @functools.wraps(read)
+    def reader(path: str | Path) -> Content:
+        path = Path(path)
+        try:
+            about = path.stat()
+        except (OSError, ValueError):
+            return read(path)  # which says what is wrong
+        return content(path, (about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns))
+
+    return reader
+
+
+def read_text(path: Path) -> str:
+    """The text of a regular file in UTF-8, lines ending in a newline. Raises UserError."""
+    with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
+        text = read_bytes(path).decode("utf-8")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+@contextmanager
+def atomic_write(path: Path) -> Iterator[Path]:
+    """A temporary path in the folder of ``path``: the file written there replaces ``path`` when it
+    is complete and on the disk, and is deleted if that fails. Raises ``UserError``, before anything
+    is written if ``path`` is a folder or a device.
+    """
+    with usable(path):
+        if path.exists() and not path.is_file():
+            raise UserError(
+                f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that"
+                " name"
+            )
+        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
+        try:
+            yield beside
+            replace_durably(beside, path)
+        finally:
+            with suppress(OSError):
+                beside.unlink()
+
+
+def replace_durably(source: Path, target: Path) -> None:
+    """Renames a complete file to ``target``: after a power failure there is the old or the new
+    file.
+
+    The bytes reach the disk before the name does; file systems may reorder the two otherwise.
+    """
+    sync_file(source)
+    source.replace(target)
+    sync_folder(target.parent)
+
+
+def sync_file(path: Path) -> None:
+    """Returns once the bytes of a file are on the disk."""
+    with path.open("r+b") as file:
+        os.fsync(file.fileno())
+
+
+def sync_folder(folder: Path) -> None:
+    """Returns once the names in a folder are on the disk, where the system can do that."""
+    if sys.platform == "win32":  # a folder cannot be opened there
+        return
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with suppress(OSError):  # some network file systems refuse
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def locked(folder: Path, wait: bool = True) -> Iterator[None]:
+    """Holds the lock of a folder, which tells other processes, however this one ends, whether it is
+    still there.
+
+    Raises ``OSError`` where the folder is gone, or, without ``wait``, where another process holds
+    the lock or the file system knows no locks. With it such a file system is no obstacle.
+    """
+    if sys.platform == "win32":
+        if not wait:
+            raise OSError("folders have no locks here")
+        yield
+        return
+    import fcntl
+
+    number = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        with suppress(*[OSError] * wait):  # a file system without locks
+            fcntl.flock(number, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        if not os.path.samestat(os.fstat(number), folder.stat()):
+            raise FileNotFoundError(folder)
+        yield
+    finally:
+        os.close(number)

@@ -1,0 +1,162 @@
+"""Code found by name: an entry of a registry, or a class of the user's own written
+``package.module:Class``.
+
+A registry is an explicit dict from a name to a class, or to the text ``package.module:Class`` of
+one that is imported when it is asked for.
+"""
+
+import hashlib
+import importlib
+import inspect
+import re
+import sys
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
+from genie_sim.base.removed import instead_of_module
+
+Parameter = bool | int | float | str
+_CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+_own_code_allowed = True
+_own_modules: dict[str, str] = {}  # what was asked of each
+
+
+@contextmanager
+def own_code(allowed: bool) -> Iterator[None]:
+    """Unless ``allowed``, nothing in this process imports a class of the user's own while it lasts:
+    what a result folder names may be anybody's. Around everything that a command does with such a
+    folder.
+    """
+    global _own_code_allowed
+    before, _own_code_allowed = _own_code_allowed, allowed
+    try:
+        yield
+    finally:
+        _own_code_allowed = before
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A plug-in by name, and the keyword arguments for it."""
+
+    name: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def is_own(name: object) -> bool:
+    """Whether a name is written as a class of the user's own: ``package.module:Class``."""
+    return isinstance(name, str) and _CLASS.fullmatch(name) is not None
+
+
+def own_label(what: str, name: str) -> str | None:
+    """What error lines call a class of the user's own, ``None`` for one of the package."""
+    return f"{what} {name!r}" if is_own(name) else None
+
+
+OWN_CLASS_PATTERN = f"^{_CLASS.pattern}$"
+
+
+def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str:
+    """``name`` if it is in the registry or written as an own class. Raises ``ValueError`` with the
+    choices.
+    """
+    if isinstance(name, str) and (name in registry or is_own(name)):
+        return name
+    raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
+
+
+def resolve(
+    what: str, name: str, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
+) -> Any:
+    """The class or function called ``name``; an own one must have the ``methods``,
+    of ``a or b`` either. Raises ``UserError``.
+
+    The module may lie in the current folder, also for the installed command, where Python does not
+    look by itself.
+    """
+    entry = registry.get(name)
+    if entry is not None and not isinstance(entry, str):
+        return entry
+    path = name if entry is None else entry
+    if not is_own(path):
+        raise UserError(unknown(what, name, registry))
+    module_name, _, class_name = path.partition(":")
+    if module_name.endswith(".py"):
+        hint = f"{module_name.removesuffix('.py')}:{class_name}"
+        raise UserError(f"{what} {name!r}: a module is named without .py: {hint}")
+    if entry is None:
+        _own_modules[module_name] = f"{what} {name!r}"
+        if not _own_code_allowed:
+            raise UserError(
+                f"{what} {name!r}: is third-party code; pass --allow-own-code to run it"
+            )
+        if "" not in sys.path:
+            sys.path.append("")
+    # whatever an own module raises when it is imported
+    with as_user_error(f"{what} {name!r}", Exception):
+        try:
+            own = getattr(importlib.import_module(module_name), class_name)
+        except ModuleNotFoundError as error:
+            raise UserError(instead_of_module(error.name) or str(error)) from error
+    lacking = [
+        method for method in methods if not any(hasattr(own, name) for name in method.split(" or "))
+    ]
+    if lacking:
+        raise UserError(f"{what} {name!r}: has no {', '.join(lacking)}; needs {', '.join(methods)}")
+    return own
+
+
+def own_fault(error: BaseException) -> str | None:
+    """One line about an exception that comes out of a class of the user's own, ``None`` for any
+    other.
+    """
+    for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
+        place = own_place(frame, line)
+        if place:
+            whose, where = place.split(" (", 1)
+            return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where}"
+    return None
+
+
+def own_place(frame: FrameType, line: int | None = None) -> str | None:
+    """The class of the user's own to which code belongs that is running, and where it is:
+    ``fault 'mine:Flap' (mine.py, line 12, in run)``; ``None`` for any other code.
+    """
+    whose = _own_modules.get(frame.f_globals.get("__name__", ""))
+    if whose is None:
+        return None
+    code = frame.f_code
+    name = Path(code.co_filename).name
+    return f"{whose} ({name}, line {line or frame.f_lineno}, in {code.co_name})"
+
+
+def make(
+    what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
+) -> Any:
+    """An instance of the chosen class. Raises ``UserError``."""
+    return call(
+        what, choice.name, resolve(what, choice.name, registry, methods), **choice.parameters
+    )
+
+
+def call(what: str, name: str, own: Any, /, *arguments: Any, **parameters: Any) -> Any:
+    """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong
+    arguments.
+    """
+    with as_user_error(f"{what} {name!r}", TypeError, ValueError):
+        return own(*arguments, **parameters)
+
+
+def code_digest(what: str, name: str) -> str:
+    """sha256 of the file of a class of the user's own: its code decides the outcome, too."""
+    own = resolve(what, name, {})
+    try:
+        return hashlib.sha256(Path(inspect.getfile(inspect.unwrap(own))).read_bytes()).hexdigest()
+    except (TypeError, OSError):  # made in a notebook, or without a file of its own
+        return "unknown"

@@ -1,0 +1,156 @@
+"""Arguments of several commands, and those with a syntax of their own."""
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import expanded
+
+MAX_COUNT = 1024
+_DIGITS = re.compile("[0-9]{1,9}")
+_UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
+
+
+def _own_code(context: click.Context, _: object, value: bool) -> None:
+    """Holds from here to the end of the command, whatever it does with the option."""
+    context.with_resource(plugins.own_code(value))
+
+
+class _Path(click.Path):
+    """A path, with the user's home where the shell has not put it. Raises ``UserError`` for what no
+    screen can show.
+    """
+
+    def convert(
+        self, value: Any, parameter: click.Parameter | None, context: click.Context | None
+    ) -> Path:
+        if (bad := _UNPRINTABLE.search(str(value))) and parameter is not None:
+            raise UserError(
+                f"{parameter.opts[0]}: {short_repr(str(value))} holds the character {bad[0]!r}"
+            )
+        return expanded(value)
+
+
+PATH = _Path()
+COUNT = click.IntRange(min=1)
+
+seeds_option = click.option(
+    "--seeds",
+    metavar="N|A,B,...",
+    help="So many seeds, from 1 on, or these; results are means with intervals.",
+)
+label_option = click.option(
+    "--label", default="", help="What tables and figures call the results; default: the scenario."
+)
+
+# of commands that spread runs over processes or machines
+jobs_option = click.option(
+    "--jobs", type=COUNT, help="Processes on this machine; default: one a core."
+)
+backend_option = click.option(
+    "--backend",
+    type=click.Choice(("joblib", "dask")),
+    default="joblib",
+    help="This machine, or a cluster.",
+)
+scheduler_option = click.option(
+    "--scheduler", help="Address of the Dask scheduler, tcp://host:8786."
+)
+
+own_code_option = click.option(  # of every command that reads result folders
+    "--allow-own-code",
+    is_flag=True,
+    expose_value=False,
+    callback=_own_code,
+    help="Import classes that a folder names.",
+)
+
+
+changed_option = click.option(  # of every command that reads result folders
+    "--allow-changed",
+    is_flag=True,
+    help="Read files that were changed since the results were written; what is made says so.",
+)
+
+
+def width_height(option: str, text: str | None) -> tuple[int, int] | None:
+    """``832x256``."""
+    if text is None:
+        return None
+    width, height = map(_count, text.partition("x")[::2])
+    if width is None or height is None:
+        raise UserError(
+            f"{option}: {short_repr(text)}: expected WIDTHxHEIGHT in pixels, for example 832x256"
+        )
+    return width, height
+
+
+def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None:
+    """``49.01,8.42,112.8``: latitude and longitude in degrees, altitude in metres."""
+    if text is None:
+        return None
+    try:
+        if not text.isascii() or "_" in text:  # float() reads the digits of every script, and 4_9
+            raise ValueError
+        latitude, longitude, altitude_m = map(float, text.split(","))
+    except ValueError as error:
+        raise UserError(
+            f"{option}: {short_repr(text)}: expected latitude, longitude and altitude, "
+            "for example 49.01,8.42,112.8"
+        ) from error
+    for name, value, limit in (("latitude", latitude, 90), ("longitude", longitude, 180)):
+        if not abs(value) <= limit:
+            raise UserError(
+                f"{option}: {short_repr(text)}: {name} {value} is not between "
+                f"-{limit} and {limit} degrees"
+            )
+    if not math.isfinite(altitude_m):
+        raise UserError(
+            f"{option}: {short_repr(text)}: altitude {altitude_m} must be a number of metres"
+        )
+    return latitude, longitude, altitude_m
+
+
+def listed(option: str, text: str | None) -> list[str]:
+    """``a,b`` to its names; nothing for no text. Raises ``UserError``."""
+    if text is None:
+        return []
+    names = [name.strip() for name in text.split(",")]
+    if not all(names):
+        raise UserError(f"{option}: {short_repr(text)}: expected names with commas between them")
+    return names
+
+
+def seeds(text: str | None) -> int | list[int] | None:
+    """``5`` is how many, ``3,7`` or ``3,`` are these. Raises ``UserError``."""
+    if text is None:
+        return None
+    numbers = [_count(number.strip()) for number in text.removesuffix(",").split(",")]
+    known = [number for number in numbers if number is not None]
+    if len(known) < len(numbers) or text == "0":
+        raise UserError(
+            f"--seeds: {short_repr(text)}: expected how many, such as 5, or which, such as 3,7"
+        )
+    return known if "," in text else known[0]
+
+
+def shard(text: str) -> tuple[int, int]:
+    """``2/8`` to (2, 8)."""
+    number, of = map(_count, text.partition("/")[::2])
+    if number is None or of is None or not 1 <= number <= of:
+        raise click.BadParameter(
+            f"--shard {short_repr(text)}: must be I/N with I from 1 to N, such as 2/8"
+        )
+    return number, of
+
+
+def _count(text: str) -> int | None:
+    """A number of up to nine digits, 0 to 9 alone: Python reads those of every script, but not five
+    thousand.
+    """
+    return int(text) if _DIGITS.fullmatch(text) else None

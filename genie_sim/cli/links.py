@@ -1,0 +1,54 @@
+"""Commands for recorded links."""
+
+import hashlib
+from pathlib import Path
+
+import click
+
+from genie_sim.cli.arguments import PATH
+from genie_sim.cli.terminal import Commands
+
+FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
+
+
+@click.group(cls=Commands)
+def links() -> None:
+    """Recorded links, which 'link: {model: trace}' replays."""
+
+
+@links.command("import")
+@click.argument("file", type=PATH, help="A file with measurements.")
+@click.option(
+    "--format", type=click.Choice(FORMATS), default="csv", help="What wrote it; see the how-to."
+)
+@click.option("--out", type=PATH, required=True, help="The recording, such as drive.parquet.")
+@click.option(
+    "--direction",
+    type=click.Choice(("up", "down")),
+    help="Which way the rates of mtu (up), irish (down) and mahimahi (up) lead.",
+)
+@click.option("--source", default="", help="Where the measurements come from; is kept in the file.")
+@click.option("--licence", default="", help="Their licence; is kept in the file.")
+def import_(
+    *, file: Path, format: str, out: Path, direction: str | None, source: str, licence: str
+) -> None:
+    """Turn measurements of a link into a recording.
+
+    \b
+    genie-sim links import drive.csv --out drive.parquet
+    genie-sim links import Data5G.csv --format mtu --out cork.parquet
+    """
+    from genie_sim.base import paths
+    from genie_sim.sim.link_models import recording
+    from genie_sim.sim.link_models.importers import IMPORTERS
+
+    text = paths.read_text(file)
+    usual = "down" if format == "irish" else "up"
+    columns = IMPORTERS[format](str(file), text, direction or usual)  # type: ignore[arg-type]
+    recording.check(str(file), columns)
+    digest = hashlib.sha256(paths.read_bytes(file)).hexdigest()
+    about = {"format": format, "file": file.name, "sha256": digest}
+    recording.write(out, columns, {**about, "source": source, "licence": licence})
+    t_ns = columns["t_ns"]
+    names = ", ".join(name for name in columns if name != "t_ns")
+    click.echo(f"{out}: {len(t_ns):,} rows, {(t_ns[-1] - t_ns[0]) / 1e9:,.1f} s: {names}")

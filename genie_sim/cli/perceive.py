@@ -1,0 +1,285 @@
+"""The commands ``perceive`` and ``truth``. Everything heavy is imported after the arguments are
+parsed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+import click
+
+from genie_sim.base.errors import UserError
+from genie_sim.cli import arguments
+from genie_sim.cli.arguments import MAX_COUNT, PATH
+from genie_sim.cli.terminal import Progress
+from genie_sim.core.messages import Encoding
+
+DEFAULT_MIN_SCORE = 0.3
+
+if TYPE_CHECKING:
+    from genie_sim.core.geometry import Geodetic
+    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.trace import Trace
+
+
+@click.command()
+@click.argument("root", type=PATH, required=False)
+@click.option("--drive", help="A drive, such as 2011_09_26/0005 or tracking/0005.")
+@click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
+@click.option(
+    "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
+)
+@click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
+@click.option(
+    "--format",
+    "data_set",
+    type=click.Choice(["v2v4real"]),
+    help="Instead: two cars of V2V4Real, in the folder ROOT (default: $GENIE_SIM_V2V4REAL).",
+)
+@click.option("--sequence", help="Of that data set, such as train/0012.")
+@click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
+@click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
+@click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
+@click.option("--cameras", default="02,03", help="Colour cameras, separated by commas.")
+@click.option(
+    "--detector",
+    default="yolox_nano",
+    help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.",
+)
+@click.option(
+    "--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS."
+)
+@click.option("--size", metavar="WxH", help="The network's input, such as 832x256.")
+@click.option(
+    "--providers",
+    default="CPUExecutionProvider",
+    help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
+)
+@click.option("--threads", type=click.IntRange(1, MAX_COUNT), default=1, help="The network's.")
+@click.option("--batch", type=click.IntRange(1, MAX_COUNT), default=1, help="Pictures at a time.")
+@click.option(
+    "--min-score",
+    type=click.FloatRange(0.0, 1.0),
+    help="Keep detections from this score on; default: 0.3, with --format all.",
+)
+@click.option(
+    "--origin", metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix."
+)
+@click.option(
+    "--allow-missing-scans", is_flag=True, help="Place by the ground alone where there is no scan."
+)
+@click.option("--evaluate", is_flag=True, help="Judge the trace by KITTI's labels.")
+@click.option(
+    "--labels", help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005."
+)
+@click.option(
+    "--encoding",
+    type=click.Choice(get_args(Encoding)),
+    default="raw",
+    help="How pictures reach the detector.",
+)
+def perceive(
+    *,
+    root: Path | None,
+    drive: str | None,
+    bag: Path | None,
+    data_set: str | None,
+    sequence: str | None,
+    partner: int | None,
+    topics: tuple[str, ...],
+    detections: str | None,
+    out: Path | None,
+    kitti: Path | None,
+    cameras: str,
+    detector: str,
+    weights: Path | None,
+    size: str | None,
+    providers: str,
+    threads: int,
+    batch: int,
+    min_score: float | None,
+    origin: str | None,
+    allow_missing_scans: bool,
+    evaluate: bool,
+    labels: str | None,
+    encoding: Encoding,
+) -> None:
+    """Run a detector over a drive, a bag or a data set; write traces."""
+    from genie_sim.data import perceive as perception
+    from genie_sim.data.detector import DetectorSettings
+
+    if [drive, bag, data_set].count(None) != 2:
+        raise UserError("perceive: give either --drive, --bag or --format")
+    if data_set is not None:
+        if evaluate or encoding != "raw" or origin is not None:
+            raise UserError(
+                "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
+            )
+        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
+        return
+    for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
+        if value is not None:
+            raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
+    min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
+    if out is None and not evaluate:
+        raise UserError("perceive: say what you want: --out or --evaluate")
+    if bag is not None and encoding != "raw":
+        raise UserError(
+            "perceive: --encoding is for drives: a bag's pictures are looked at as they were "
+            "recorded"
+        )
+    if bag is not None and evaluate:
+        raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
+    world = arguments.geodetic("--origin", origin)
+    settings = DetectorSettings(
+        name=detector,
+        weights=weights,
+        size=arguments.width_height("--size", size),
+        min_score=min_score,
+        providers=providers.split(","),
+        threads=threads,
+        batch=batch,
+        encoding=encoding,
+    )
+    if bag is not None:
+        _write(out, _of_bag(bag, topics, detections, settings=settings, world=world))
+        return
+    assert drive is not None
+    if evaluate:  # weak detections count for average precision; they need no place
+        lowest = min(min_score, perception.LOWEST_SCORE)
+        settings = replace(settings, min_score=lowest, place_from=min_score)
+    root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    selection = perception.DriveFrames(
+        drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
+    )
+    with Progress(unit="frames") as progress:
+        whole = perception.perceive(root, selection, settings, progress=progress)
+    trace = whole.at_least(min_score)
+    _write(out, trace)
+    if evaluate:
+        from genie_sim.data import evaluation, truth
+
+        labelled = truth.read_truth(root, labels or drive, whole)
+        click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
+
+
+def _of_pair(
+    root: Path | None,
+    sequence: str | None,
+    *,
+    partner: int | None,
+    min_score: float | None,
+    out: Path | None,
+) -> None:
+    """Writes the traces and the truth tables of both cars of a sequence of V2V4Real.
+
+    Parameters
+    ----------
+    root : DMSTrack's folder; ``None``: what GENIE_SIM_V2V4REAL says
+    sequence : such as ``train/0012``
+    partner : the label of the other car, of sequences whose is not known
+    min_score : the lowest score kept; ``None``: all
+    out : the folder
+    """
+    from genie_sim.data import v2v4real
+    from genie_sim.data.truth_table import path_beside, write_truth
+
+    if sequence is None or out is None:
+        raise UserError("perceive: --format v2v4real needs --sequence and --out")
+    pair = v2v4real.recordings(
+        v2v4real.folder(root),
+        sequence,
+        partner=partner,
+        min_score=v2v4real.LOWEST_SCORE if min_score is None else min_score,
+    )
+    for car, recording in pair.items():
+        path = out / f"{car}.parquet"
+        write_truth(path_beside(path), recording.truth)
+        _write(path, recording.trace)
+    about = recording.trace.provenance
+    click.echo(
+        f"the ego's poses are recovered: what stands scatters by {about['scatter_m']:.2f} m; "
+        f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
+        f"{about['partner']}"
+    )
+
+
+def _of_bag(
+    bag: Path,
+    topics: Sequence[str],
+    detections: str | None,
+    *,
+    settings: "DetectorSettings",
+    world: "Geodetic | None",
+) -> "Trace":
+    """The trace of a bag, by a detector or by the bag's own detections.
+
+    Parameters
+    ----------
+    bag : the file or folder
+    topics : of its images; none: all
+    detections : the topic of the bag's own detections, or ``None``
+    settings : of the detector
+    world : the origin, latitude [deg], longitude [deg], altitude [m]; ``None``: the bag's first fix
+    """
+    from genie_sim.ros.bags import perceive_bag
+
+    if settings.batch != 1:
+        raise UserError("perceive: --batch: a bag's pictures go one at a time")
+    with Progress(unit="frames") as progress:
+        trace = perceive_bag(
+            bag,
+            detector=None if detections else settings.opened(),
+            cameras=topics,
+            detections=detections,
+            origin=world,
+            min_score=settings.min_score,
+            progress=progress,
+        )
+        return trace.at_least(settings.min_score)
+
+
+def _write(out: Path | None, trace: "Trace") -> None:
+    from genie_sim.data.trace import write_trace
+
+    if out is not None:
+        write_trace(out, trace)
+        frames = [frame for sequence in trace.frames.values() for frame in sequence]
+        detections = sum(len(frame.detections) for frame in frames)
+        click.echo(
+            f"{out}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
+        )
+
+
+@click.command()
+@click.option(
+    "--drive", required=True, help="The labelled drive, such as 2011_09_26/0005 or tracking/0000."
+)
+@click.option("--trace", required=True, help="The trace of that drive: a name or a file.")
+@click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
+@click.option(
+    "--out",
+    type=PATH,
+    help="The file; default: NAME.truth.parquet beside the trace, where runs find it.",
+)
+def truth(drive: str, trace: str, kitti: Path | None, out: Path | None) -> None:
+    """Compute what really is there on a trace's drive.
+
+    It comes from KITTI's labels of the drive, and lets runs on the trace tell how right their
+    answers are.
+    """
+    from genie_sim.base import files
+    from genie_sim.data import perceive, truth_table
+    from genie_sim.data.trace import read_trace
+
+    path = files.find(files.TRACE, trace)
+    table = truth_table.make_truth(perceive.kitti_folder(kitti), drive, read_trace(path))
+    out = truth_table.path_beside(path) if out is None else out
+    truth_table.write_truth(out, table)
+    objects = {row.object: row.moving for row in table.rows}
+    visible = sum(row.visible for row in table.rows)
+    click.echo(
+        f"{out}: {len(objects)} objects, {sum(objects.values())} of them moving, "
+        f"visible {visible:,} times, content {table.digest[:12]}"
+    )

@@ -1,0 +1,99 @@
+"""The commands for real ROS: ``attach``, ``detach``. What is heavy is imported late."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from genie_sim.base.errors import UserError
+from genie_sim.cli.arguments import PATH
+
+
+@click.command()
+@click.argument("node", help="A running ROS node, such as /vision_darknet_detect.")
+@click.option("--role", default="car", help="car or edge.")
+@click.option("--name", help="What other Genies call this one; default: the node's name.")
+@click.option(
+    "--request",
+    multiple=True,
+    help="Input topic that goes through the Genie; default: the one with images.",
+)
+@click.option("--leave", multiple=True, help="A topic to leave alone. Repeatable.")
+@click.option(
+    "--set",
+    "set_",
+    multiple=True,
+    metavar="FIELD=VALUE",
+    help="A field of 'genie:', as in scenarios.",
+)
+@click.option("--pose-topic", help="Where the camera is, as geometry_msgs/PoseStamped.")
+@click.option(
+    "--fov", default="0 deg", help="The camera's horizontal field of view, such as '81 deg'."
+)
+@click.option("--listen", metavar="HOST:PORT", help="Other Genies connect here.")
+@click.option("--car", multiple=True, help="The name of a car that may connect. Repeatable.")
+@click.option("--edge", multiple=True, help="The name of an edge that may connect. Repeatable.")
+@click.option(
+    "--connect", multiple=True, metavar="NAME@HOST:PORT", help="Connect to this edge. Repeatable."
+)
+@click.option("--keys", type=PATH, help="A folder with ca.pem, NAME.pem and NAME.key.")
+@click.option("--record", type=PATH, help="Write every look-up here, as lines of JSON.")
+@click.option("--pid", type=int, help="Process of the node, for ROS 2; without it, ROS 1.")
+def attach(
+    node: str,
+    *,
+    role: str,
+    name: str | None,
+    request: tuple[str, ...],
+    leave: tuple[str, ...],
+    set_: tuple[str, ...],
+    pose_topic: str | None,
+    fov: str,
+    listen: str | None,
+    car: tuple[str, ...],
+    edge: tuple[str, ...],
+    connect: tuple[str, ...],
+    keys: Path | None,
+    record: Path | None,
+    pid: int | None,
+) -> None:
+    """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
+    from genie_sim.base import units
+    from genie_sim.ros.attach import attach as attach_genie
+    from genie_sim.scenario.overrides import apply_overrides
+
+    settings: dict[str, Any] = {}
+    apply_overrides(settings, set_)
+    try:
+        fov_rad = units.angle_rad(fov)
+    except ValueError as error:
+        raise UserError(f"--fov: {error}") from error
+    attach_genie(
+        node,
+        role=role,
+        name=name,
+        settings=settings,
+        requests=request,
+        leave=leave,
+        pose_topic=pose_topic,
+        horizontal_fov_rad=fov_rad,
+        listen=listen,
+        cars=car,
+        edges=edge,
+        connect=connect,
+        keys=keys,
+        record=record,
+        pid=pid,
+        say=click.echo,
+    )
+
+
+@click.command()
+@click.argument("node", help="The node in front of which a Genie stands.")
+@click.option("--network", help="localhost:11311, or domain-0 in ROS 2.")
+def detach(node: str, network: str | None) -> None:
+    """Take a node's Genie away; the node runs again as it was."""
+    from genie_sim.ros.attach import detach as detach_genie
+
+    detach_genie(node, network)
+    click.echo(f"{node}: back as it was")

@@ -1,0 +1,219 @@
+"""What the command line shows besides results: where to begin, lists, progress.
+
+Everything fits the terminal's width and needs no colour.
+"""
+
+import os
+import shutil
+import signal
+import sys
+import textwrap
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from genie_sim.base.errors import unknown
+from genie_sim.base.removed import instead_of_option
+
+PAGE = "report.html"
+PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
+LINE_EVERY_S = 10  # between lines of progress where there is no terminal
+WIDE = 72  # from here on a command and what it does stand side by side
+FIRST_STEPS = (
+    ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
+    ("genie-sim list scenarios", "what else can be run"),
+    ("genie-sim run 3car_hetero --set cars[0].device=orin_nano", "change a setting"),
+    ("genie-sim reproduce --quick", "the paper's evaluation, roughly"),
+    ("genie-sim --help", "everything else"),
+)
+
+
+def width() -> int:
+    """Columns of the terminal; 100 where there is none."""
+    return shutil.get_terminal_size((100, 24)).columns
+
+
+def welcome(columns: int, results: Path = Path("results")) -> str:
+    """What to do next, for someone who typed ``genie-sim`` alone."""
+    about = (
+        "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
+    )
+    lines = [textwrap.fill(about, columns), "", "What to do next:"]
+    side_by_side = max(len(command) for command, _ in FIRST_STEPS) + 4
+    for command, what in FIRST_STEPS:
+        if columns >= side_by_side + 40:
+            lines.append(f"  {command:{side_by_side}}{what}")
+        else:
+            inside = " " * 6
+            lines += [
+                f"  {command}",
+                *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside),
+            ]
+    pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
+    if pages:
+        lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]
+    return "\n".join(lines)
+
+
+def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -> Iterator[str]:
+    """A line for each name with what it is; wrapped to ``columns``, ``None`` for a line each, for
+    other programs.
+    """
+    for name, about in rows:
+        line = f"{indent}{name:28} {about}".rstrip()
+        if columns is None or len(line) <= columns:
+            yield line
+        elif columns < WIDE:
+            yield f"{indent}{name}"
+            yield from textwrap.wrap(
+                about, columns, initial_indent=f"{indent}    ", subsequent_indent=f"{indent}    "
+            )
+        else:
+            yield from textwrap.wrap(
+                line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True
+            )
+
+
+class Commands(click.Group):
+    """The commands, under one roof: a misspelt one is answered with the nearest, one that was
+    removed, or an option, with what to write instead; Ctrl-C or SIGTERM ends any with one line and
+    status 130, and a reader that has gone away ends it quietly.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """In the order in which they are written."""
+        return list(self.commands)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name = args[0]
+        if self.get_command(ctx, name) is None and not name.startswith("-"):
+            ctx.fail(unknown("command", name, self.list_commands(ctx)))
+        return super().resolve_command(ctx, args)
+
+    def make_context(self, *args: Any, **extra: Any) -> Any:
+        with _removed_options():
+            return super().make_context(*args, **extra)
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            with _terminable(), _removed_options():
+                return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("genie-sim: interrupted; nothing was written", err=True)
+            raise SystemExit(130) from None
+        except BrokenPipeError:
+            drop_output()
+            raise SystemExit(0) from None
+
+
+@contextmanager
+def _removed_options() -> Iterator[None]:
+    """An option that was removed is answered with what to write instead."""
+    try:
+        yield
+    except click.NoSuchOption as error:
+        command = "" if error.ctx is None else error.ctx.command_path
+        if instead := instead_of_option(command, error.option_name):
+            text = f"No such option {error.option_name!r}, which was removed. {instead}"
+            raise click.UsageError(text, error.ctx) from None
+        raise
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done
+    is cleared away.
+    """
+    # no other may say what signals do
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before or signal.SIG_DFL)
+
+
+def open_closed_streams() -> None:
+    """Where the shell has closed one, as with ``>&-``, what is printed goes nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115 - as long as the program runs
+
+
+def drop_output() -> None:
+    """Lets go of what cannot be printed any more, or Python would try again at its end, and
+    complain.
+    """
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def machine_said(error: OSError | MemoryError) -> str:
+    """Why the machine would not go on, in one line; with the file if it is known."""
+    if isinstance(error, MemoryError):
+        return "not enough memory"
+    where = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
+    return f"{where}{error.strerror or error}"
+
+
+class Progress:
+    """A progress bar on a terminal, and elsewhere a line on stderr every ``LINE_EVERY_S``, unless
+    the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there
+    is, and what is going on.
+    """
+
+    def __init__(self, unit: str = "s") -> None:
+        self._unit = unit
+        self._bar: Any = None
+        self._state, self._what = "preparing", ""
+        self._end = threading.Event()
+
+    def __enter__(self) -> "Progress":
+        if os.environ.get(PROGRESS_VARIABLE) == "off":
+            return self
+        if not sys.stderr.isatty():
+            threading.Thread(target=self._print_lines, daemon=True).start()
+            return self
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        bar = BarColumn(bar_width=max(8, min(40, width() // 4)))
+        columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
+        if width() >= WIDE:
+            columns.append(TimeRemainingColumn())
+        self._bar = Progress(
+            *columns, console=Console(stderr=True), transient=True, refresh_per_second=5
+        )
+        self._task = self._bar.add_task("", total=None, state="")
+        self._bar.start()
+        return self
+
+    def __call__(self, done: float, total: float, what: str = "") -> None:
+        number = ",.1f" if self._unit == "s" else ","
+        self._state, self._what = f"{done:{number}} of {total:{number}} {self._unit}", what
+        if self._bar is not None:
+            self._bar.update(
+                self._task, completed=done, total=total, description=what, state=self._state
+            )
+
+    def __exit__(self, *_: object) -> None:
+        self._end.set()
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _print_lines(self) -> None:
+        """Until the end; where nobody reads them any more, no longer."""
+        while not self._end.wait(LINE_EVERY_S):
+            words = filter(None, (self._state, self._what))
+            try:
+                click.echo(f"genie-sim: {', '.join(words)}", err=True)
+            except (OSError, ValueError):
+                return

@@ -1,0 +1,426 @@
+"""What travels through the system: headers, images, detections, and the effects a Genie asks for.
+
+Nothing here is changed once it is made. Of what a run makes most, these are plain classes with
+slots: they cost three fifths of named tuples. Locations are metres in the scenario's one
+east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NamedTuple, Protocol, Self
+
+from genie_sim.core.header import Header as Header
+
+Location = tuple[float, float, float]
+Box = tuple[float, float, float, float]
+
+# how pictures are sent; the number is JPEG's quality
+Encoding = Literal["raw", "png", "jpeg90", "jpeg80"]
+
+# autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n
+# bytes.
+ARRAY_BYTES = 26
+OBJECT_BYTES = 400  # class, score, place, velocity, variance and a header of its own among them
+# A look: the pose of its camera (geometry_msgs/PoseStamped, 81) and its field of view (8), and of
+# each detection class (8), score (4) and place (3 x 8).
+LOOK_BYTES = 89
+LOOK_DETECTION_BYTES = 36
+# IEEE 1609.2: a car is named by the 8 bytes of a HashedId8; an ECDSA signature over P-256 takes 64.
+ORIGIN_BYTES = 8
+SIGNATURE_BYTES = 64
+SHARED = "shared"  # the source of what an edge tells of others' looks
+
+
+class CameraPose(NamedTuple):
+    """Where a camera stands and looks: east, north, up [m] and heading [rad], counter-clockwise
+    from east.
+    """
+
+    east_m: float
+    north_m: float
+    up_m: float
+    heading_rad: float
+
+
+class Message(Protocol):
+    """What Algorithm 1 needs of a message; the payload stays opaque."""
+
+    @property
+    def header(self) -> Header: ...
+
+    @property
+    def size_bytes(self) -> int: ...
+
+
+class Answer(Message, Protocol):
+    """An answer can be replayed under another header, and carries objects if its type has any (else
+    ``None``).
+
+    ``source`` is what produced it (``detector``, ``cache`` or ``map``) and ``served_by`` the node
+    that did.
+    """
+
+    @property
+    def objects(self) -> "Sequence[Detection] | None": ...
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def look(self) -> "Look | None": ...
+
+    @property
+    def valid_ns(self) -> int | None: ...
+
+    @property
+    def seen_in(self) -> Header | None: ...
+
+    def restamped(self, header: Header) -> Self: ...
+
+    def with_objects(self, objects: "Sequence[Detection]") -> Self: ...
+
+    def with_look(self, look: "Look | None", valid_ns: int | None) -> Self: ...
+
+    def served(self, source: str, by: str, header: Header | None = None) -> Self: ...
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class Image:
+    """One camera frame. ``content`` is what a detector would look at; a Genie never reads it.
+    ``looks`` are signed ones of earlier frames, which ride along.
+    """
+
+    header: Header
+    size_bytes: int
+    digest: str
+    dhash: int
+    pose: CameraPose
+    horizontal_fov_rad: float
+    content: Any = None
+    looks: "tuple[Look, ...]" = ()
+
+    def with_looks(self, looks: "tuple[Look, ...]") -> "Image":
+        """The frame with signed looks of its car's that ride along."""
+        size_bytes = self.size_bytes + sum(look.size_bytes for look in looks)
+        return replace(self, looks=looks, size_bytes=size_bytes)
+
+
+class Motion(NamedTuple):
+    """What a map that tracks knows besides an object's place: its velocity east and north, how
+    uncertain the place is, how likely the object exists, and the frame in which it was seen last.
+
+    ``origins`` are the cars that have seen it lately, where they travel along; ``signed`` is
+    whether their signed sightings do.
+    """
+
+    velocity_mps: tuple[float, float]
+    sigma_m: float
+    existence: float
+    seen: Header
+    origins: tuple[str, ...] = ()
+    signed: bool = False
+
+    @property
+    def proof_bytes(self) -> int:
+        """What origins, and their signed sightings, take."""
+        each = ORIGIN_BYTES
+        if self.signed:
+            each += SIGNATURE_BYTES + LOOK_DETECTION_BYTES
+        return each * len(self.origins)
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class Detection:
+    """One object found in an image.
+
+    ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has
+    seen it). ``location`` is ``None`` where the object could not be placed in the world, ``box``
+    where it comes from an object map and not from this image. ``motion`` is ``None`` unless it
+    comes from a map that tracks. ``seen_in`` is the newest frame in which a detector saw an object
+    of a map; ``None`` for what a detector found: the frame is that of the answer.
+    """
+
+    label: str
+    score: float
+    box: Box | None
+    location: Location | None
+    confidence: float
+    method: str = "unknown"
+    motion: Motion | None = None
+    seen_in: Header | None = field(default=None, compare=False)
+
+    def with_confidence(self, confidence: float) -> "Detection":
+        if confidence == self.confidence:
+            return self
+        # by position: one is made for every sighting, and keywords take half as long again
+        return Detection(
+            self.label,
+            self.score,
+            self.box,
+            self.location,
+            confidence,
+            self.method,
+            self.motion,
+            self.seen_in,
+        )
+
+    def with_location(self, location: Location) -> "Detection":
+        return replace(self, location=location)
+
+
+class Look(NamedTuple):
+    """A detector's raw answer to one frame: what it found, and from where it looked.
+
+    ``header`` identifies the look: whoever gets it by two ways counts it once. What is in the field
+    of view and was not found is evidence, too. ``signed``: its car vouches for it, so nobody else
+    can change it.
+    """
+
+    header: Header
+    pose: CameraPose
+    horizontal_fov_rad: float
+    detections: tuple[Detection, ...]
+    signed: bool = False
+
+    @property
+    def size_bytes(self) -> int:
+        size_bytes = LOOK_BYTES + LOOK_DETECTION_BYTES * len(self.detections)
+        return size_bytes + ORIGIN_BYTES + SIGNATURE_BYTES if self.signed else size_bytes
+
+
+class Frame(Protocol):
+    """One frame of a recording: when it was taken, its image's size and fingerprints, and what a
+    detector finds in it.
+
+    ``stamp_ns`` counts from the drive's first frame; ``digest`` is the sha256 of the image,
+    ``dhash`` its 64-bit difference hash.
+    """
+
+    @property
+    def stamp_ns(self) -> int: ...
+
+    @property
+    def size_bytes(self) -> int: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    @property
+    def dhash(self) -> int: ...
+
+    @property
+    def pose(self) -> CameraPose: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
+
+    @property
+    def detections(self) -> tuple[Detection, ...]: ...
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class Detections:
+    """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``.
+
+    ``look`` is the detector's raw answer behind it, where it travels along. ``valid_ns``: every
+    object that the sender believes to be in view, at the place predicted for that time; ``None``:
+    objects as they were detected. ``seen_in`` is the frame at which the detector looked; ``None``:
+    the one of ``header``, to which it first was an answer.
+    """
+
+    header: Header
+    objects: tuple[Detection, ...]
+    source: str = "detector"
+    served_by: str = ""
+    look: Look | None = None
+    valid_ns: int | None = None
+    seen_in: Header | None = field(default=None, compare=False)
+
+    @property
+    def size_bytes(self) -> int:
+        size_bytes = ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
+        if self.look is not None:
+            size_bytes += self.look.size_bytes
+        if self.source == SHARED:
+            size_bytes += sum(item.motion.proof_bytes for item in self.objects if item.motion)
+        return size_bytes
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether it shows a detector's look at the very frame that it is an answer to."""
+        return self.source == "detector" and self.seen_in in (None, self.header)
+
+    @property
+    def looked_ns(self) -> int | None:
+        """When the newest frame was taken in which a detector saw any of it; of a detector's answer
+        the frame at which it looked, even if it found nothing. ``None`` for nothing out of a map.
+        """
+        newest_ns: int | None = None
+        if self.source != "map":
+            newest_ns = (self.seen_in or self.header).original.stamp_ns
+        return newest_look_ns(self.objects, newest_ns)
+
+    def restamped(self, header: Header) -> "Detections":
+        return Detections(
+            header=header,
+            objects=self.objects,
+            source=self.source,
+            served_by=self.served_by,
+            look=self.look,
+            valid_ns=self.valid_ns,
+            seen_in=self.seen_in or self.header,
+        )
+
+    def with_objects(self, objects: Sequence[Detection]) -> "Detections":
+        return Detections(
+            header=self.header,
+            objects=tuple(objects),
+            source=self.source,
+            served_by=self.served_by,
+            look=self.look,
+            valid_ns=self.valid_ns,
+            seen_in=self.seen_in,
+        )
+
+    def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
+        """The answer with this look and the instant for which it holds, or without."""
+        return Detections(
+            header=self.header,
+            objects=self.objects,
+            source=self.source,
+            served_by=self.served_by,
+            look=look,
+            valid_ns=valid_ns,
+            seen_in=self.seen_in,
+        )
+
+    def served(self, source: str, by: str, header: Header | None = None) -> "Detections":
+        """The answer as a node gives it, under another ``header`` if one is given. One out of an
+        object map stays that, even when a cache replays it: it was never a detection.
+        """
+        return Detections(
+            header=self.header if header is None else header,
+            objects=self.objects,
+            source="map" if self.source == "map" else source,
+            served_by=by,
+            look=self.look,
+            valid_ns=self.valid_ns,
+            seen_in=self.seen_in or self.header,
+        )
+
+
+def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int | None:
+    """When the newest frame was taken in which a detector saw one of the objects, or the
+    ``newest_ns`` known already.
+    """
+    for item in objects:
+        header = item.seen_in
+        if header is not None:
+            if type(header) is not Header:  # of a car whose clock is wrong
+                header = header.original
+            if newest_ns is None or newest_ns < header.stamp_ns:
+                newest_ns = header.stamp_ns
+    return newest_ns
+
+
+@dataclass(slots=True)
+class Publish:
+    """Effect: publish ``message`` on ``topic``; ``to`` names one receiver, ``None`` every
+    subscriber.
+    """
+
+    topic: str
+    message: Message
+    to: str | None = None
+
+
+@dataclass(slots=True)
+class ImageLookup:
+    """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``;
+    ``requester`` is ``client`` (its own network) or ``neighbour`` (another Genie on the edge
+    network).
+    """
+
+    header: Header
+    outcome: str
+    requester: str
+    entries: int
+
+
+class MapChange(NamedTuple):
+    """An object of a map that is new, was seen again or is forgotten, as it is then.
+
+    ``number`` tells which object of the map it is: the objects of a map that tracks move.
+    """
+
+    number: int
+    label: str
+    location: Location
+    confidence: float
+
+
+@dataclass(slots=True)
+class ObjectLookups:
+    """The object map was asked ``requests`` times for one message.
+
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the
+    look-ups answered by a stored object with C >= C_T; ``updates`` the confidences changed, by
+    ``boost_sum`` in total (C_new - C_old). ``changes`` are the objects that these updates changed,
+    and the new ones; ``forgotten`` those that the map no longer holds because of this message. A
+    Genie that does not tell them has none of either.
+    """
+
+    header: Header
+    kind: str
+    requests: int
+    hits: int
+    updates: int
+    boost_sum: float
+    objects: int
+    changes: tuple[MapChange, ...] = ()
+    forgotten: tuple[MapChange, ...] = ()
+
+
+@dataclass(slots=True)
+class Expired:
+    """A client's request was forgotten before anybody answered it."""
+
+    header: Header
+
+
+@dataclass(slots=True)
+class Forgotten:
+    """Objects that the map holds no longer, because nobody has seen them for long enough; each as
+    it was last.
+    """
+
+    objects: tuple[MapChange, ...]
+
+
+@dataclass(slots=True)
+class LookEvent:
+    """What became of a frame as a look: a detector's pass over it.
+
+    ``way`` is ``own`` (the car's detector) or ``edge``. ``outcome`` is ``sent``, ``answered``,
+    ``stale`` (answered too late to count), ``overtaken`` (a later frame was answered first, so this
+    one is given up), ``timed_out`` (given up, too) or ``late`` (answered after it was given up).
+    """
+
+    header: Header
+    way: str
+    outcome: str
+
+
+@dataclass(slots=True)
+class NewestLook:
+    """Of a frame that is answered out of the map: the stamp of the newest frame of its view that a
+    detector has looked at, ``None`` before the first.
+    """
+
+    header: Header
+    stamp_ns: int | None
+
+
+# for the log
+Observation = ImageLookup | ObjectLookups | Expired | Forgotten | LookEvent | NewestLook
+Effect = Publish | Observation

@@ -1,0 +1,574 @@
+"""The object map of the policies that track: looks go in, each once, and tracks come out where they
+are predicted.
+"""
+
+import heapq
+import itertools
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Literal, NamedTuple
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.grid import Grid
+from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
+from genie_sim.core.defences import Defence
+from genie_sim.core.freshness.never import Never
+from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, counts_again
+from genie_sim.core.messages import Answer, Detection, Header, Look
+from genie_sim.core.rules import ObjectMapRules, Percentile
+from genie_sim.core.thresholds import threshold_of
+from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
+from genie_sim.core.view import FARTHEST_M, Area, View, ViewSector
+
+SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
+# how far a slow, and any other track is at most from where it was updated
+SLOW_DRIFT_M, FAST_DRIFT_M = 0.5, 34.0
+COUNTED_NS = 10_000_000_000  # how long a look is remembered, lest it be counted again
+TAKEN_OVER_VARIANCE = (1.0, 0.0, 1.0)
+MAX_GATE_M = 5.0  # no kind's gate is wider
+
+
+class TrackInPlace(NamedTuple):
+    """A track, and where it is at some time."""
+
+    east_m: float
+    north_m: float
+    track: Track
+
+
+class Pair(NamedTuple):
+    """A track and a detection that may show it; the nearest pair sorts first."""
+
+    distance_m: float
+    number: int  # of the track
+    detection: int  # its index in the look
+    track: Track
+
+
+class TrackMap(Map):
+    """Tracks in two grids, one of those that hardly move. See ``maps.Map``.
+
+    Parameters
+    ----------
+    rules : ObjectMapRules
+        The settings.
+    freshness : Never
+        The policy: how likely a track still exists, and when it is forgotten.
+    confidence_rule : callable, optional
+        How a sighting changes a confidence, in the place of the one that ``rules`` names.
+    shares : str
+        What an answer of the own node's holds when it leaves: the tracks of its ``look``, or all of
+        the ``map`` in view.
+    view_range_m : float
+        How far answers out of the map look [m].
+    view_margin_rad : float
+        By how much they look wider than the camera, on each side [rad].
+    defence : Defence, optional
+        Decides which looks count, and learns from them.
+    """
+
+    def __init__(
+        self,
+        rules: ObjectMapRules,
+        freshness: Never,
+        confidence_rule: ConfidenceRule | None = None,
+        *,
+        shares: Literal["look", "map"] = "map",
+        view_range_m: float = 50.0,
+        view_margin_rad: float = 0.0,
+        defence: Defence | None = None,
+    ) -> None:
+        fixed = rules.threshold != "empirical" and not isinstance(rules.threshold, Percentile)
+        if not freshness.by_existence and not fixed:
+            raise UserError(
+                "genie.object_map.threshold: a percentile needs a freshness policy that does not"
+                " track"
+            )
+        self._policy = freshness
+        self._defence = defence
+        self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
+        self._rate = rules.rate  # lambda
+        self._counts_origins = rules.confidence_source == "origins"
+        self._threshold = (
+            freshness.p_min if freshness.by_existence else threshold_of(rules.threshold).value
+        )
+        self._shares = shares
+        self._view_range_m = view_range_m
+        self._view_margin_rad = view_margin_rad
+        self._slow: Grid[Track] = Grid(SLOW_CELL_M)
+        self._fast: Grid[Track] = Grid(FAST_CELL_M)
+        self._count = 0
+        self._numbers = itertools.count()  # of tracks
+        # a heap: when to look at the track, and a tie-breaker
+        self._to_forget: list[tuple[int, int, Track]] = []
+        self._ties = itertools.count()
+        self._counted: OrderedDict[Header, None] = OrderedDict()  # looks
+        self._latest: dict[tuple[str, str], tuple[int, View]] = {}  # the newest look of each camera
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Track]:
+        return itertools.chain(self._slow, self._fast)
+
+    @property
+    def threshold(self) -> float:
+        return self._threshold
+
+    def forget(self, now_ns: int) -> list[Track]:
+        forgotten = []
+        waiting = self._to_forget
+        while waiting and waiting[0][0] <= now_ns:
+            due_ns, _, track = heapq.heappop(waiting)
+            if track.cell is None or track.due_ns != due_ns:
+                continue  # gone, or noted for another time
+            track.due_ns = None
+            expires_ns = self._policy.expires_ns(track)
+            if expires_ns is not None and expires_ns <= now_ns:
+                self._take_out(track, was_moving=track.moving)
+                forgotten.append(track)
+            else:
+                self._plan(track)
+        return forgotten
+
+    def enhanced_cache_new_data(
+        self,
+        answer: Answer,
+        viewer: Viewer | None,
+        now_ns: int,
+        *,
+        own: bool,
+        names_changes: bool,
+        leaves: bool = True,
+    ) -> EnhancedAnswer:
+        """Counts the look behind an answer, or takes over the tracks of one that has none. See
+        ``maps.Map``.
+        """
+        if answer.objects is None:
+            return EnhancedAnswer(answer, answer, answer)
+        look = answer.look
+        if own and look is None and answer.source == "detector" and viewer is not None:
+            placed = tuple(seen for seen in answer.objects if seen.location is not None)
+            look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, placed)
+        before: dict[int, float] = {}
+        forgotten: list[Track] = []
+        if look is not None:
+            tracks, before, forgotten = self.look(look, now_ns)
+        else:
+            at_ns = now_ns if answer.valid_ns is None else answer.valid_ns
+            taken_over = [self._take_over(detection, at_ns) for detection in answer.objects]
+            tracks = [track for track in taken_over if track is not None]
+        remaining = [track for track in tracks if track.cell is not None]
+        boosts = [
+            self._confidence(track, now_ns) - before[track.number]
+            for track in remaining
+            if track.number in before
+        ]
+        counts = LookupCounts(
+            requests=len(tracks),
+            hits=sum(confidence >= self._threshold for confidence in before.values()),
+            updates=len(before),
+            boost_sum=sum(boosts),
+            changes=tuple(map(as_change, remaining)) if names_changes else (),
+            forgotten=tuple(map(as_change, forgotten)) if names_changes else (),
+        )
+        answer = answer.with_look(look, None)
+        to = answer.header.origin if look is None else ""
+        of_look = answer.with_objects(self._served(remaining, to, now_ns))
+        if look is None or self._shares == "look":
+            return EnhancedAnswer(answer, of_look, of_look, counts)
+        looking = Viewer(look.header, look.pose, look.horizontal_fov_rad)
+        objects, valid_ns = self.visible(looking, self._view_range_m, now_ns)
+        of_map = answer.with_objects(objects).with_look(look, valid_ns)
+        return EnhancedAnswer(answer, to_clients=of_map, to_neighbours=of_look, lookups=counts)
+
+    def enhanced_cache_boost_data(
+        self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
+    ) -> EnhancedAnswer:
+        """What the map shows at the requester's pose, in the place of what was stored."""
+        if answer.objects is None:
+            return EnhancedAnswer(answer, answer, answer)
+        requests = hits = 0
+        for detection in answer.objects:
+            if detection.location is not None:
+                requests += 1
+                east_m, north_m, _ = detection.location
+                track = self.match(detection.label, east_m, north_m, now_ns)
+                if track is not None:
+                    hits += len(self._served((track,), header.origin, now_ns))
+        answer = answer.with_look(None, None)
+        if viewer is not None:
+            objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
+            answer = answer.with_objects(objects).with_look(None, valid_ns)
+        return EnhancedAnswer(answer, answer, answer, LookupCounts(requests, hits))
+
+    def visible(
+        self, viewer: Viewer, range_m: float, now_ns: int
+    ) -> tuple[tuple[Detection, ...], int | None]:
+        """The tracks in view that may leave. See ``maps.Map``."""
+        sector = self._sector(viewer, range_m)
+        p_min = self._policy.p_min
+        in_view = [
+            track
+            for track in self._inside(sector.box())
+            if track.existence >= p_min and sector.distance_m(*track.place(now_ns)) is not None
+        ]
+        return tuple(self._served(in_view, viewer.header.origin, now_ns)), now_ns
+
+    def shows(self, viewer: Viewer, detection: Detection, range_m: float) -> bool:
+        """Whether an object is where ``visible`` looks for this viewer."""
+        assert detection.location is not None
+        east_m, north_m, _ = detection.location
+        return self._sector(viewer, range_m).distance_m(east_m, north_m) is not None
+
+    def existence(self, track: Track, now_ns: int) -> float:
+        """How likely a track exists at a time [ns]."""
+        return self._policy.existence(track, now_ns)
+
+    def contradicts(self, label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
+        """Whether a camera of this map's looked after ``seen_ns``, had a place in view, and the map
+        has no track there that an object of this class could be.
+        """
+        looked = any(
+            stamp_ns > seen_ns and view.range_m(east_m, north_m) is not None
+            for stamp_ns, view in self._latest.values()
+        )
+        return looked and self.match(label, east_m, north_m, seen_ns) is None
+
+    def _sector(self, viewer: Viewer, range_m: float) -> ViewSector:
+        """Where answers out of the map look for a viewer."""
+        width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
+        return ViewSector(viewer.pose, width_rad, range_m)
+
+    def served(self, now_ns: int) -> list[Detection]:
+        """Every object that may leave, wherever it is."""
+        return self._served(self, "", now_ns)
+
+    def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
+        """The nearest track of the label's group that a sighting at a place could be."""
+        kind = kind_of(label)
+        reach_m = kind.gate_m
+        area = east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
+        nearest: tuple[float, int] | None = None
+        nearest_track = None
+        for track in self._inside(area):
+            if track.kind is kind:
+                there_east_m, there_north_m = track.place(at_ns)
+                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                if _fits(track, distance_m, at_ns):
+                    rank = distance_m, track.number
+                    if nearest is None or rank < nearest:
+                        nearest, nearest_track = rank, track
+        return nearest_track
+
+    def has(self, label: str, east_m: float, north_m: float, at_ns: int) -> bool:
+        """Whether a sighting at a place could be one of a track's, however unlikely that is."""
+        return self.match(label, east_m, north_m, at_ns) is not None
+
+    def look(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float], list[Track]]:
+        """Counts a look, unless it was counted before. Returns the tracks that it shows, the
+        confidence of those that were there before, by number, and the tracks that it made the map
+        forget.
+        """
+        stamp_ns = look.header.stamp_ns
+        detections = [detection for detection in look.detections if detection.location is not None]
+        if look.header in self._counted or (
+            self._defence is not None and not self._defence.counts(look)
+        ):
+            return self._tracks_shown(detections, stamp_ns), {}, []
+        view = View(look)
+        self._remember(look, view)
+
+        # Pairs of detections and tracks, greedily, the nearest first.
+        around = self._around(look, detections)
+        pairs = _pairs(detections, around, stamp_ns)
+        shown: dict[int, Track] = {}  # by index of the detection
+        matched: set[int] = set()
+        for pair in pairs:
+            if pair.detection not in shown and pair.number not in matched:
+                shown[pair.detection] = pair.track
+                matched.add(pair.number)
+
+        # Of the other tracks in view the look is evidence that they are gone.
+        unseen: list[tuple[Track, float]] = []
+        for east_m, north_m, track in around:
+            if track.number not in matched and track.checked_ns <= stamp_ns:
+                range_m = view.range_m(east_m, north_m)
+                if range_m is not None:
+                    unseen.append((track, range_m))
+
+        if self._defence is not None:
+            for track in shown.values():
+                self._defence.seen(track, look.header)
+            for track, range_m in unseen:
+                self._defence.unseen(track, range_m, look.header)
+
+        before = {track.number: self._confidence(track, now_ns) for track in shown.values()}
+        born: list[Track] = []
+        for index, seen in enumerate(detections):
+            shown[index] = self._sight(shown.get(index), seen, look, born)
+        for track, range_m in unseen:
+            self._policy.unseen(track, range_m, look.header)
+            if track.existence < 0.5:  # before that it has time
+                self._plan(track)
+
+        # What comes as near as one object to a track that was seen is the same object.
+        forgotten: list[Track] = []
+        for pair in pairs:
+            if (
+                pair.number not in matched
+                and pair.track.cell is not None
+                and _distance_m(pair.track, shown[pair.detection], stamp_ns) < NEAR_M
+            ):
+                self._take_out(pair.track, was_moving=pair.track.moving)
+                forgotten.append(pair.track)
+        forgotten += self.forget(now_ns)
+        return _without_repeats(shown.values()), before, forgotten
+
+    def _tracks_shown(self, detections: Iterable[Detection], at_ns: int) -> list[Track]:
+        """The tracks that detections of a look that was counted before show."""
+        tracks = []
+        for detection in detections:
+            assert detection.location is not None
+            east_m, north_m, _ = detection.location
+            track = self.match(detection.label, east_m, north_m, at_ns)
+            if track is not None:
+                tracks.append(track)
+        return _without_repeats(tracks)
+
+    def _remember(self, look: Look, view: View) -> None:
+        stamp_ns, stream, car = look.header
+        self._counted[look.header] = None
+        if stamp_ns >= self._latest.get((car, stream), (0, view))[0]:
+            self._latest[car, stream] = stamp_ns, view
+        while next(iter(self._counted)).stamp_ns < stamp_ns - COUNTED_NS:
+            self._counted.popitem(last=False)
+
+    def _sight(self, track: Track | None, seen: Detection, look: Look, born: list[Track]) -> Track:
+        """A track is seen, or begins; two detections of one object in one look are one.
+
+        Parameters
+        ----------
+        track : Track or None
+            The track that the detection shows; ``None`` for a new one.
+        seen : Detection
+            The detection, with its place.
+        look : Look
+            The look that it belongs to.
+        born : list of Track
+            The tracks that begin with this look; a new one is added.
+        """
+        header = look.header
+        assert seen.location is not None
+        east_m, north_m, _ = seen.location
+        if track is None:
+            group = kind_of(seen.label).group
+            for other in born:
+                if (
+                    other.kind.group == group
+                    and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
+                ):
+                    return other
+        range_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
+        sigma_m = sigma_of(range_m)
+        if track is None:
+            speed_mps = kind_of(seen.label).v_max_mps / 2
+            variance = sigma_m * sigma_m, 0.0, speed_mps * speed_mps
+            track = self._new_track(seen, header, header.stamp_ns, variance)
+            track.counted_ns[header.origin] = header.stamp_ns
+            born.append(track)
+        else:
+            self._move(track, seen, sigma_m, header)
+            # Looks are counted once, so sightings are no echoes.
+            if not self._counts_origins or counts_again(track.counted_ns, header):
+                track.confidence = self._boosted_confidence(
+                    track.confidence, seen.confidence, self._rate
+                )
+        track.range_m = range_m
+        track.seen_by_ns[header.origin] = max(
+            header.stamp_ns, track.seen_by_ns.get(header.origin, header.stamp_ns)
+        )
+        self._policy.seen(track, seen.score, header)
+        if track.cell is None:
+            self._put(track)
+        if track.due_ns is None or track.moving:
+            self._plan(track)
+        return track
+
+    def _new_track(
+        self, seen: Detection, header: Header, stamp_ns: int, variance: tuple[float, float, float]
+    ) -> Track:
+        """A track that stands where a detection is, seen in the frame with this header."""
+        assert seen.location is not None
+        east_m, north_m, up_m = seen.location
+        return Track(
+            number=next(self._numbers),
+            kind=kind_of(seen.label),
+            label=seen.label,
+            score=seen.score,
+            confidence=seen.confidence,
+            east_m=east_m,
+            north_m=north_m,
+            up_m=up_m,
+            stamp_ns=stamp_ns,
+            seen=header,
+            variance=variance,
+        )
+
+    def _move(self, track: Track, seen: Detection, sigma_m: float, header: Header) -> None:
+        """Updates a track by a sighting; takes it out of the grid if its cell has changed."""
+        was_moving, cell = track.moving, track.cell
+        track.update(seen, sigma_m, header)
+        if track.moving != was_moving or self._cell(track) != cell:
+            self._take_out(track, was_moving)
+
+    def _take_over(self, detection: Detection, at_ns: int) -> Track | None:
+        """The track of another map's, which counted other looks: taken over where no camera that
+        this map knows looked within the last second, and unless ours was seen later.
+        """
+        motion = detection.motion
+        if motion is None or detection.location is None:
+            return None
+        east_m, north_m, up_m = detection.location
+        track = self.match(detection.label, east_m, north_m, at_ns)
+        looked = any(
+            stamp_ns > at_ns - COAST_NS and view.range_m(east_m, north_m) is not None
+            for stamp_ns, view in self._latest.values()
+        )
+        if looked or (track is not None and motion.seen.stamp_ns <= track.seen.stamp_ns):
+            return track
+        if track is None:
+            track = self._new_track(detection, motion.seen, at_ns, TAKEN_OVER_VARIANCE)
+        else:
+            self._take_out(track, was_moving=track.moving)
+        track.east_m, track.north_m, track.up_m = east_m, north_m, up_m
+        track.stamp_ns, track.seen = at_ns, motion.seen
+        track.velocity_mps = motion.velocity_mps
+        track.variance = motion.sigma_m**2, 0.0, 1.0
+        self._policy.seen(track, detection.score, motion.seen)
+        track.existence = motion.existence
+        self._put(track)
+        self._plan(track)
+        return track
+
+    def _around(self, look: Look, detections: Iterable[Detection]) -> list[TrackInPlace]:
+        """The tracks in view of a look, and around all that it shows, each with its place then."""
+        range_m = FARTHEST_M
+        for detection in detections:
+            assert detection.location is not None
+            east_m, north_m, _ = detection.location
+            away_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
+            range_m = max(range_m, away_m)
+        west_m, east_m, south_m, north_m = ViewSector(
+            look.pose, look.horizontal_fov_rad, range_m
+        ).box()
+        area = (
+            west_m - MAX_GATE_M,
+            east_m + MAX_GATE_M,
+            south_m - MAX_GATE_M,
+            north_m + MAX_GATE_M,
+        )
+        stamp_ns = look.header.stamp_ns
+        return [TrackInPlace(*track.place(stamp_ns), track) for track in self._inside(area)]
+
+    def _inside(self, area: Area) -> Iterator[Track]:
+        """The tracks that may be in an upright rectangle."""
+        west_m, east_m, south_m, north_m = area
+        for grid, drift_m in ((self._slow, SLOW_DRIFT_M), (self._fast, FAST_DRIFT_M)):
+            yield from grid.inside(
+                west_m - drift_m, east_m + drift_m, south_m - drift_m, north_m + drift_m
+            )
+
+    def _cell(self, track: Track) -> float:
+        grid = self._fast if track.moving else self._slow
+        return grid.cell(track.east_m, track.north_m)
+
+    def _put(self, track: Track) -> None:
+        """Into the grid."""
+        track.cell = self._cell(track)
+        (self._fast if track.moving else self._slow).add(track.cell, track)
+        self._count += 1
+
+    def _take_out(self, track: Track, was_moving: bool) -> None:
+        """Out of the grid that it is in."""
+        assert track.cell is not None
+        (self._fast if was_moving else self._slow).remove(track.cell, track)
+        track.cell = None
+        self._count -= 1
+
+    def _plan(self, track: Track) -> None:
+        """Notes when to look whether the track's time is over, unless that is noted for an earlier
+        time.
+        """
+        expires_ns = self._policy.expires_ns(track)
+        if expires_ns is not None and (track.due_ns is None or expires_ns < track.due_ns):
+            track.due_ns = expires_ns
+            heapq.heappush(self._to_forget, (expires_ns, next(self._ties), track))
+
+    def _served(self, tracks: Iterable[Track], to: str, now_ns: int) -> list[Detection]:
+        """Those that may leave to a car (to other Genies: ``""``), where they are now."""
+        policy, by_existence = self._policy, self._policy.by_existence
+        detections = []
+        for track in tracks:
+            if not by_existence and track.confidence < self._threshold:
+                continue
+            existence = policy.existence(track, now_ns)
+            if existence < policy.p_min:
+                continue
+            if policy.keeps_back and not policy.serves(track, to, now_ns):
+                continue
+            confidence = existence if by_existence else track.confidence
+            detections.append(track.as_detection(now_ns, confidence, existence))
+        return detections
+
+    def _confidence(self, track: Track, now_ns: int) -> float:
+        """The confidence that others get: that the object exists, where this decides, else C."""
+        return (
+            self._policy.existence(track, now_ns) if self._policy.by_existence else track.confidence
+        )
+
+
+def _pairs(
+    detections: Sequence[Detection], around: Iterable[TrackInPlace], at_ns: int
+) -> list[Pair]:
+    """The pairs of detections and tracks that may belong together, the nearest first."""
+    grid: Grid[TrackInPlace] = Grid(MAX_GATE_M)
+    for placed in around:
+        grid.add(grid.cell(placed.east_m, placed.north_m), placed)
+    pairs = []
+    for index, seen in enumerate(detections):
+        assert seen.location is not None
+        kind, (east_m, north_m, _) = kind_of(seen.label), seen.location
+        area = (
+            east_m - MAX_GATE_M,
+            east_m + MAX_GATE_M,
+            north_m - MAX_GATE_M,
+            north_m + MAX_GATE_M,
+        )
+        for there_east_m, there_north_m, track in grid.inside(*area):
+            if track.kind is kind:
+                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                if _fits(track, distance_m, at_ns):
+                    pairs.append(Pair(distance_m, track.number, index, track))
+    pairs.sort()
+    return pairs
+
+
+def _fits(track: Track, distance_m: float, at_ns: int) -> bool:
+    """Whether a sighting so far from a track's place may be the track's: within its kind's gate and
+    two standard deviations.
+    """
+    return distance_m <= NEAR_M or (
+        distance_m <= track.kind.gate_m and distance_m <= NEAR_M + 2.0 * track.sigma_m(at_ns)
+    )
+
+
+def _distance_m(track: Track, other: Track, at_ns: int) -> float:
+    """How far apart two tracks are at a time."""
+    (east_m, north_m), (other_east_m, other_north_m) = track.place(at_ns), other.place(at_ns)
+    return math.hypot(east_m - other_east_m, north_m - other_north_m)
+
+
+def _without_repeats(tracks: Iterable[Track]) -> list[Track]:
+    return list({track.number: track for track in tracks}.values())

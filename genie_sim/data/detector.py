@@ -1,0 +1,284 @@
+"""Object detectors by name: a picture in, labelled boxes out.
+
+To add a network, write a class like these and name it ``package.module:Class``, or put it into
+``DETECTORS``.
+"""
+
+import ast
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Protocol
+
+import cv2
+import numpy as np
+
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import expanded
+from genie_sim.core.messages import Encoding
+from genie_sim.data.onnx_detector import (
+    COCO_LABELS,
+    CPU,
+    MIN_SCORE,
+    DetectedBox,
+    OnnxDetector,
+    Scored,
+    letterbox,
+)
+
+__all__ = [
+    "DETECTORS",
+    "DetectedBox",
+    "DetectorSettings",
+    "ImageDetector",
+    "find_weights",
+    "make_detector",
+]
+
+
+class ImageDetector(Protocol):
+    """What ``perceive`` needs of a detector. One that runs a network is best derived from
+    ``OnnxDetector``.
+    """
+
+    name: ClassVar[str]
+    file_name: ClassVar[str]
+    size: tuple[int, int]
+    sha256: str
+
+    def __init__(
+        self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
+    ) -> None: ...
+
+    def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
+        """Road users and furniture in a picture (height, width, 3), best score first."""
+        ...
+
+
+class YoloxNano(OnnxDetector):
+    """YOLOX-nano trained on COCO (Ge et al., 2021, https://arxiv.org/abs/2107.08430; Apache-2.0).
+
+    The published networks have a square input; they are made rectangular when they are loaded,
+    because KITTI's pictures are more than three times as wide as high. ``size`` is (width, height),
+    multiples of 32.
+    """
+
+    name: ClassVar[str] = "yolox_nano"
+    file_name: ClassVar[str] = "yolox_nano.onnx"
+    default_size: ClassVar[tuple[int, int] | None] = (640, 192)
+    strides = (8, 16, 32)
+    gap = "yolox_gap"
+
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        """BGR from 0 to 255, as it is."""
+        picture, scale = letterbox(image_bgr, self.size)
+        blob = np.empty((1, 3, *picture.shape[:2]), np.float32)
+        for plane, channel in zip(blob[0], cv2.split(picture), strict=True):
+            plane[:] = channel
+        return blob, scale
+
+    def output_shapes(self) -> list[tuple[int, ...]]:
+        return [(len(self.cells), 5 + len(self.labels))]
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class.
+
+        Cells whose objectness alone is too low for ``min_score`` are left out; they are all but a
+        few.
+        """
+        likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
+        output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
+        centre = (output[:, 0:2] + self.cells[likely]) * strides
+        half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
+        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
+
+
+class YoloxTiny(YoloxNano):
+    """YOLOX-tiny: six times the weights of nano."""
+
+    name = "yolox_tiny"
+    file_name = "yolox_tiny.onnx"
+
+
+class YoloxS(YoloxNano):
+    """YOLOX-s: ten times the weights of nano."""
+
+    name = "yolox_s"
+    file_name = "yolox_s.onnx"
+    default_size = (1248, 384)
+
+
+class NanodetM(OnnxDetector):
+    """NanoDet-m trained on COCO (https://github.com/RangiLyu/nanodet; Apache-2.0), exported for 416
+    x 416.
+
+    Its head is that of generalized focal loss (Li et al., 2020, https://arxiv.org/abs/2006.04388):
+    each side's distance from the cell's centre is the mean of a distribution over 0 to 7 strides.
+    """
+
+    name = "nanodet_m"
+    file_name = "nanodet_m_416.onnx"
+    default_size = (416, 416)
+    strides = (8, 16, 32)
+    outputs = 6  # scores of each stride, then distances of each stride
+    BINS = 8
+    MEAN = np.array([103.53, 116.28, 123.675], dtype=np.float32)  # ImageNet's, in BGR
+    STD = np.array([57.375, 57.12, 58.395], dtype=np.float32)
+
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        picture, scale = letterbox(image_bgr, self.size)
+        return np.ascontiguousarray(
+            ((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None]
+        ), scale
+
+    def output_shapes(self) -> list[tuple[int, ...]]:
+        cells = [self.size[0] // stride * (self.size[1] // stride) for stride in self.strides]
+        return [(n, columns) for columns in (len(self.labels), 4 * self.BINS) for n in cells]
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        scales = len(self.strides)
+        scores = np.concatenate(outputs[:scales]).astype(np.float64)
+        logits = np.concatenate(outputs[scales:]).astype(np.float64).reshape(-1, 4, self.BINS)
+        weights = np.exp(logits - logits.max(axis=2, keepdims=True))
+        distances = weights @ np.arange(self.BINS) / weights.sum(axis=2) * self.cell_strides
+        centre = (self.cells + 0.5) * self.cell_strides
+        return np.hstack([centre - distances[:, :2], centre + distances[:, 2:]]), scores
+
+
+class Yolov8(OnnxDetector):
+    """Any detection network exported as Ultralytics' YOLOv8 is: one output (4 + classes, boxes), no
+    suppression.
+
+    Classes are those in the file's metadata (``names``), else COCO's. The input has the size it was
+    exported with, unless that is left open in the file.
+    """
+
+    name = "yolov8"
+    file_name = "yolov8.onnx"
+    default_size = None
+    strides = (8, 16, 32)
+
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        """RGB from 0 to 1."""
+        picture, scale = letterbox(image_bgr, self.size)
+        blob = picture[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32) / 255
+        return np.ascontiguousarray(blob), scale
+
+    def output_shapes(self) -> list[tuple[int, ...]]:
+        return [(4 + len(self.labels), len(self.cells))]
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Centre and extent in pixels of the network's picture, then the score of each class."""
+        output = outputs[0].T.astype(np.float64)
+        centre, half = output[:, 0:2], output[:, 2:4] / 2
+        return np.hstack([centre - half, centre + half]), output[:, 4:]
+
+    @classmethod
+    def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
+        if "names" not in metadata:
+            return COCO_LABELS
+        try:
+            names = ast.literal_eval(metadata["names"])
+            labels = tuple(str(names[number]) for number in range(len(names)))
+        except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
+            raise UserError(
+                f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}"
+            ) from error
+        if not labels:
+            raise UserError(f"{weights}: metadata: names: the network has no classes")
+        return labels
+
+
+_KINDS: tuple[type[ImageDetector], ...] = (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)
+DETECTORS = {kind.name: kind for kind in _KINDS}
+
+
+@dataclass(frozen=True)
+class DetectorSettings:
+    """Which detector looks at frames, and how.
+
+    Parameters
+    ----------
+    name : a detector, or ``package.module:Class``
+    weights : the network's file or its folder; ``None``: the folder GENIE_SIM_WEIGHTS
+    size : width and height of the network's input [pixels]; ``None``: the detector's usual one
+    min_score : the lowest score kept, in [0, 1]
+    place_from : detections with a lower score are kept without a location
+    providers : ONNX Runtime's execution providers, best first
+    threads : of the network
+    batch : pictures that the network gets at a time
+    encoding : of the pictures before the detector sees them
+    """
+
+    name: str = "yolox_nano"
+    weights: str | Path | None = None
+    size: tuple[int, int] | None = None
+    min_score: float = MIN_SCORE
+    place_from: float = 0.0
+    providers: Sequence[str] = (CPU,)
+    threads: int = 1
+    batch: int = 1
+    encoding: Encoding = "raw"
+
+    def opened(self) -> ImageDetector:
+        """The detector with these settings. Raises UserError."""
+        return make_detector(
+            self.name,
+            self.weights,
+            self.size,
+            self.min_score,
+            providers=self.providers,
+            threads=self.threads,
+            batch=self.batch,
+        )
+
+
+def make_detector(
+    name: str,
+    weights: str | Path | None = None,
+    size: tuple[int, int] | None = None,
+    min_score: float = MIN_SCORE,
+    *,
+    providers: Sequence[str] = (CPU,),
+    threads: int = 1,
+    batch: int = 1,
+) -> ImageDetector:
+    """The detector of that name, or of a class of your own. Raises UserError.
+
+    Parameters
+    ----------
+    name, weights, size, min_score : as in ``DetectorSettings``
+    providers, threads, batch : as there; only an ``OnnxDetector`` has them
+    """
+    kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
+    path = find_weights(kind.file_name, weights)
+    network: dict[str, Any] = {}
+    if isinstance(kind, type) and issubclass(kind, OnnxDetector):
+        network = {"providers": providers, "threads": threads, "batch": batch}
+    elif (threads, batch) != (1, 1):
+        raise UserError(
+            f"{name}: is no OnnxDetector, which alone can have several threads, "
+            "or pictures at a time"
+        )
+    detector: ImageDetector = plugins.call(
+        "detector", name, kind, path, size=size, min_score=min_score, **network
+    )
+    return detector
+
+
+def find_weights(file_name: str, weights: str | Path | None = None) -> Path:
+    """Path of a weights file, from an explicit file or folder or from the environment's
+    GENIE_SIM_WEIGHTS.
+    """
+    place = weights or os.environ.get("GENIE_SIM_WEIGHTS")
+    if not place:
+        raise UserError(
+            f"weights: where is {file_name}? Name the file, or set GENIE_SIM_WEIGHTS to its folder"
+        )
+    path = expanded(place)
+    path = path / file_name if path.is_dir() else path
+    if not path.is_file():
+        raise UserError(f"{path}: no such weights file")
+    return path

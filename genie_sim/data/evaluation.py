@@ -1,0 +1,313 @@
+"""How good a trace is, against KITTI's labels: average precision, calibration of scores, and errors
+of locations.
+
+Matching is that of PASCAL VOC: detections of all pictures in falling order of their score; each
+takes the free label that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left
+out, neither right nor wrong, are detections on an ignored label (``truth``), mostly inside a
+``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.core.classes import GROUPS
+from genie_sim.core.geometry import Array
+from genie_sim.core.messages import Box, Detection, Location
+from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
+from genie_sim.data.truth import ObjectLabel, PictureLabels
+
+MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
+SCORE_BINS = np.linspace(0.0, 1.0, 11)
+RANGES_M = ((0.0, 15.0), (15.0, 30.0), (30.0, 50.0), (50.0, math.inf))
+STABLE_RANGE_M = 30.0
+STABLE_M = 1.0
+STABLE_SHARE = 0.9
+MIN_SIGHTINGS = 5
+
+
+class JudgedDetection(NamedTuple):
+    """A detection, the label it belongs to (``None``: it is wrong), and its camera's distance from
+    that label [m].
+    """
+
+    detection: Detection
+    label: ObjectLabel | None
+    range_m: float | None
+
+    @property
+    def error_m(self) -> float | None:
+        """How far, in the ground plane, its location lies from the labelled centre."""
+        if self.label is None or self.label.centre is None or self.detection.location is None:
+            return None
+        return math.dist(self.detection.location[:2], self.label.centre[:2])
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """All judged detections of one group of classes, best score first, and how many labels
+    count.
+    """
+
+    name: str
+    judged: tuple[JudgedDetection, ...]
+    labels: int
+
+    def average_precision(self) -> float:
+        """Area under the precision-recall curve, precision made monotonic (VOC 2010 and later); nan
+        without labels.
+        """
+        if not self.labels:
+            return math.nan
+        right = np.array([item.label is not None for item in self.judged], dtype=float)
+        precision = np.cumsum(right) / np.arange(1, len(right) + 1)
+        best_from_here = np.maximum.accumulate(precision[::-1])[::-1]
+        return float((best_from_here * right).sum() / self.labels)
+
+    def precision_recall(self, min_score: float) -> tuple[float, float]:
+        """Precision (nan: nothing was found) and recall (nan: there are no labels) of detections
+        from a score on.
+        """
+        right = [
+            item.label is not None for item in self.judged if item.detection.score >= min_score
+        ]
+        precision = float(np.mean(right)) if right else math.nan
+        recall = sum(right) / self.labels if self.labels else math.nan
+        return precision, recall
+
+    def reliability(self, min_score: float = 0.0) -> list[tuple[float, float, int, float, float]]:
+        """Of each bin of scores: its ends, how many detections, their mean score, and the share
+        that are right.
+        """
+        confident = [item for item in self.judged if item.detection.score >= min_score]
+        scores = np.array([item.detection.score for item in confident])
+        right = np.array([item.label is not None for item in confident])
+        rows = []
+        for low, high in pairwise(SCORE_BINS):
+            in_bin = (scores >= low) & ((scores < high) | (high == 1.0))
+            if in_bin.any():
+                means = float(scores[in_bin].mean()), float(right[in_bin].mean())
+                rows.append((low, high, int(in_bin.sum()), *means))
+        return rows
+
+    def calibration_error(self, min_score: float = 0.0) -> float:
+        """Expected calibration error: the mean gap between score and share of right ones, over bins
+        of 0.1.
+        """
+        rows = self.reliability(min_score)
+        if not rows:
+            return math.nan
+        total = sum(count for _, _, count, _, _ in rows)
+        return sum(count * abs(score - right) for _, _, count, score, right in rows) / total
+
+
+class Steadiness(NamedTuple):
+    """One parked vehicle: how often it was placed, and the radius [m] around the median of its
+    locations that holds ``STABLE_SHARE`` of them; the same radius of its labelled centres, which
+    wander as well.
+    """
+
+    track: int
+    sightings: int
+    radius_m: float
+    label_radius_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks
+    below it.
+    """
+
+    truth: PictureLabels
+    groups: Mapping[str, Group]
+    min_score: float
+
+    def right(self, group: str | None = None, parked: bool = False) -> list[JudgedDetection]:
+        """Right detections from ``min_score`` on, or only those of what does not move."""
+        groups = self.groups.values() if group is None else [self.groups[group]]
+        right = []
+        for item in (item for each_group in groups for item in each_group.judged):
+            if item.label is None or item.detection.score < self.min_score:
+                continue
+            if not parked or item.label.track not in self.truth.moving:
+                right.append(item)
+        return right
+
+    def steadiness(self) -> list[Steadiness]:
+        """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within
+        ``STABLE_RANGE_M``.
+        """
+        sightings: dict[int, list[tuple[Location, Location]]] = {}
+        for item in self.right("vehicles", parked=True):
+            label, location = item.label, item.detection.location
+            if label is None or label.centre is None or location is None:
+                continue
+            if item.range_m is not None and item.range_m <= STABLE_RANGE_M:
+                sightings.setdefault(label.track, []).append((location, label.centre))
+        rows = []
+        for track, places in sorted(sightings.items()):
+            if len(places) >= MIN_SIGHTINGS:
+                locations, centres = (np.array(column) for column in zip(*places, strict=True))
+                rows.append(
+                    Steadiness(track, len(places), _radius_m(locations), _radius_m(centres))
+                )
+        return rows
+
+
+def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
+    """Judge a trace, in the pictures that have labels. Average precision means most where the trace
+    has weak detections too (``perceive.LOWEST_SCORE``).
+    """
+    return Evaluation(truth, {name: _judge(name, trace, truth) for name in GROUPS}, min_score)
+
+
+def iou(box: Box, boxes: Array) -> Array:
+    """Intersection over union of one box with boxes (n, 4)."""
+    shared = _shared(box, boxes)
+    union: Array = _area(np.array([box])) + _area(boxes) - shared
+    return shared / np.maximum(union, 1e-9)
+
+
+def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
+    detections = [
+        (detection, detection.box, (camera, frame.index), frame.pose)
+        for camera, frames in trace.frames.items()
+        for frame in frames
+        for detection in frame.detections
+        if detection.label in GROUPS[group]
+        and detection.box is not None
+        and (camera, frame.index) in truth.pictures
+    ]
+    detections.sort(key=lambda item: -item[0].score)
+    matched: set[tuple[tuple[str, int], int]] = set()
+    judged = []
+    for detection, box, picture, pose in detections:
+        labels = [label for label in truth.pictures[picture] if label.group in (group, "anything")]
+        boxes = np.array([label.box for label in labels]).reshape(-1, 4)
+        overlaps = iou(box, boxes)
+        free = [i for i, label in enumerate(labels) if label.counts and (picture, i) not in matched]
+        best = max(free, key=lambda i: overlaps[i], default=None)
+        if best is not None and overlaps[best] >= MIN_IOU[group]:
+            matched.add((picture, best))
+            centre = labels[best].centre
+            range_m = None if centre is None else math.dist((pose.east_m, pose.north_m), centre[:2])
+            judged.append(JudgedDetection(detection, labels[best], range_m))
+        elif not _is_ignored(box, [label for label in labels if not label.counts], MIN_IOU[group]):
+            judged.append(JudgedDetection(detection, None, None))
+    counted = sum(
+        label.counts and label.group == group
+        for labels in truth.pictures.values()
+        for label in labels
+    )
+    return Group(group, tuple(judged), counted)
+
+
+def _is_ignored(box: Box, ignored: Sequence[ObjectLabel], min_iou: float) -> bool:
+    """Whether a detection is neither right nor wrong: it is too low, on an ignored label, or mostly
+    inside an ignored area.
+    """
+    if box[3] - box[1] < MIN_HEIGHT_PX:
+        return True
+    boxes = np.array([label.box for label in ignored]).reshape(-1, 4)
+    inside = _shared(box, boxes) / max(float(_area(np.array([box]))[0]), 1e-9)
+    on_label = iou(box, boxes)
+    is_area = np.array([label.centre is None for label in ignored], dtype=bool)
+    return bool(np.where(is_area, inside >= 0.5, on_label >= min_iou).any())
+
+
+def _shared(box: Box, boxes: Array) -> Array:
+    low, high = np.maximum(box[:2], boxes[:, :2]), np.minimum(box[2:], boxes[:, 2:])
+    shared: Array = np.clip(high - low, 0, None).prod(axis=1)
+    return shared
+
+
+def _area(boxes: Array) -> Array:
+    area: Array = (boxes[:, 2] - boxes[:, 0]) * (boxes[:, 3] - boxes[:, 1])
+    return area
+
+
+def _radius_m(places: Array) -> float:
+    offsets = (places - np.median(places, axis=0))[:, :2]
+    return float(np.percentile(np.hypot(offsets[:, 0], offsets[:, 1]), 100 * STABLE_SHARE))
+
+
+def table(evaluation: Evaluation) -> str:
+    """The evaluation as Markdown tables."""
+    e = evaluation
+    text = [
+        f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, "
+        "average precision from all scores.",
+        "",
+        "| found | labels | average precision | precision | recall | calibration error |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, group in e.groups.items():
+        precision, recall = group.precision_recall(e.min_score)
+        figures = [(group.average_precision(), 3), (precision, 2), (recall, 2)]
+        figures.append((group.calibration_error(e.min_score), 3))
+        cells = [
+            "-" if math.isnan(figure) else f"{figure:.{digits}f}" for figure, digits in figures
+        ]
+        text.append(f"| {name} (IoU {MIN_IOU[name]:g}) | {group.labels} | {' | '.join(cells)} |")
+    unlabelled = [name for name, group in e.groups.items() if not group.labels]
+    if unlabelled:
+        text += [
+            "",
+            f"No labels of {' or '.join(unlabelled)} count in these pictures: "
+            "what was missed is unknown.",
+        ]
+    text += ["", "| score | vehicles: number, right | persons: number, right |", "|---|---|---|"]
+    bins = {name: {row[0]: row for row in group.reliability()} for name, group in e.groups.items()}
+    for low, high in pairwise(SCORE_BINS):
+        cells = [f"{b[low][2]}, {b[low][4]:.2f}" if low in b else "-" for b in bins.values()]
+        text.append(f"| {low:.1f} to {high:.1f} | {' | '.join(cells)} |")
+    text += ["", "| location error of | placed | median | 90 % below |", "|---|---|---|---|"]
+    for name, rows in _places(e):
+        errors = [item.error_m for item in rows if item.error_m is not None]
+        if rows:
+            cells = ["-", "-"]
+            if errors:
+                cells = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])]
+            text.append(f"| {name} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
+    steady = e.steadiness()
+    if steady:
+        stay = sum(row.radius_m <= STABLE_M for row in steady)
+        radius_m = float(np.median([row.radius_m for row in steady]))
+        label_radius_m = float(np.median([row.label_radius_m for row in steady]))
+        text += [
+            "",
+            f"Of {len(steady)} parked vehicles seen {MIN_SIGHTINGS} times or more within "
+            f"{STABLE_RANGE_M:g} m, {stay} stay within {STABLE_M:g} m of their median place, in "
+            f"{STABLE_SHARE:.0%} of sightings; median radius {radius_m:.2f} m, that of the labels "
+            f"themselves {label_radius_m:.2f} m.",
+        ]
+    return "\n".join(text) + "\n"
+
+
+def _places(e: Evaluation) -> list[tuple[str, list[JudgedDetection]]]:
+    """Right detections by what is compared: groups, ranges and methods of placement."""
+    right = e.right()
+    parked = e.right("vehicles", parked=True)
+    rows = [
+        ("vehicles", e.right("vehicles")),
+        ("persons", e.right("persons")),
+        (
+            "parked vehicles within 30 m",
+            [item for item in parked if item.range_m is not None and item.range_m <= 30.0],
+        ),
+    ]
+    for low, high in RANGES_M:
+        name = f"all from {low:g} to {high:g} m" if high < math.inf else f"all beyond {low:g} m"
+        in_range = [
+            item for item in right if item.range_m is not None and low <= item.range_m < high
+        ]
+        rows.append((name, in_range))
+    for method in ("scan", "ground"):
+        by_method = [item for item in right if item.detection.method == method]
+        rows.append((f"all placed by the {method}", by_method))
+    return rows

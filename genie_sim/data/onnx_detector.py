@@ -1,0 +1,478 @@
+"""What all detectors share: an ONNX Runtime session, the letter box a picture is put into, and the
+best of its boxes.
+
+One thread unless told otherwise: then sums are made in the same order, and the same picture gives
+the same scores.
+"""
+
+import hashlib
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple
+
+import cv2
+import numpy as np
+
+from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.core.caches.features import packed
+from genie_sim.core.classes import CANONICAL, ROAD_LABELS
+from genie_sim.core.messages import Box
+from genie_sim.data.trace import SCORE_DECIMALS
+
+# The 80 classes of COCO, in the order of every COCO-80 network's outputs.
+COCO_LABELS = (
+    "person",
+    "bicycle",
+    "car",
+    "motorcycle",
+    "airplane",
+    "bus",
+    "train",
+    "truck",
+    "boat",
+    "traffic light",
+    "fire hydrant",
+    "stop sign",
+    "parking meter",
+    "bench",
+    "bird",
+    "cat",
+    "dog",
+    "horse",
+    "sheep",
+    "cow",
+    "elephant",
+    "bear",
+    "zebra",
+    "giraffe",
+    "backpack",
+    "umbrella",
+    "handbag",
+    "tie",
+    "suitcase",
+    "frisbee",
+    "skis",
+    "snowboard",
+    "sports ball",
+    "kite",
+    "baseball bat",
+    "baseball glove",
+    "skateboard",
+    "surfboard",
+    "tennis racket",
+    "bottle",
+    "wine glass",
+    "cup",
+    "fork",
+    "knife",
+    "spoon",
+    "bowl",
+    "banana",
+    "apple",
+    "sandwich",
+    "orange",
+    "broccoli",
+    "carrot",
+    "hot dog",
+    "pizza",
+    "donut",
+    "cake",
+    "chair",
+    "couch",
+    "potted plant",
+    "bed",
+    "dining table",
+    "toilet",
+    "tv",
+    "laptop",
+    "mouse",
+    "remote",
+    "keyboard",
+    "cell phone",
+    "microwave",
+    "oven",
+    "toaster",
+    "sink",
+    "refrigerator",
+    "book",
+    "clock",
+    "vase",
+    "scissors",
+    "teddy bear",
+    "hair drier",
+    "toothbrush",
+)
+
+CPU = "CPUExecutionProvider"
+
+# autowarefoundation/autoware, vision_darknet_detect: score_threshold and nms_threshold of its
+# launch file.
+MIN_SCORE = 0.30
+NMS_IOU = 0.30
+
+
+GREY = 114  # what fills the rest of a letter box
+# that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
+MAX_PIXELS = 2**25
+
+
+class DetectedBox(NamedTuple):
+    """One object in a picture; ``box`` is (x1, y1, x2, y2) in its pixels."""
+
+    label: str
+    score: float
+    box: Box
+
+
+# boxes (n, 4) in pixels of the network's picture, scores (n, classes)
+Scored = tuple[np.ndarray, np.ndarray]
+
+
+class OnnxDetector(ABC):
+    """A detector: a picture in, labelled boxes out, in three steps that can run on three threads.
+
+    A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
+    (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
+    ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
+    outputs mean (``decode``). ``gap`` names the feature that the mean over the backbone's last
+    activation makes, for networks that pool at several sizes there.
+    """
+
+    name: ClassVar[str]
+    file_name: ClassVar[str]
+    default_size: ClassVar[tuple[int, int] | None]
+    strides: ClassVar[tuple[int, ...]]
+    outputs: ClassVar[int] = 1
+    gap: ClassVar[str] = ""
+
+    def __init__(
+        self,
+        weights: Path,
+        size: tuple[int, int] | None = None,
+        min_score: float = MIN_SCORE,
+        *,
+        providers: Sequence[str] = (CPU,),
+        threads: int = 1,
+        batch: int = 1,
+    ) -> None:
+        """Loads ``weights``. Raises UserError where they are no such network, or a setting is
+        impossible.
+
+        Parameters
+        ----------
+        weights : the network's file
+        size : width and height of its input [pixels]; ``None``: ``default_size``
+        min_score : the lowest score kept, in (0, 1)
+        providers : ONNX Runtime's execution providers, best first
+        threads : of the network
+        batch : pictures that it gets at a time
+        """
+        if not 0 < min_score < 1:
+            raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
+        network = read_network(weights, self.outputs)
+        self._activation = add_last_activation(network.graph) if self.gap else False
+        self.size = size or self.default_size or _own_size(weights, network)
+        width, height = self.size
+        if any(side <= 0 or side % max(self.strides) for side in self.size):
+            raise UserError(
+                f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}"
+            )
+        if width * height * batch > MAX_PIXELS:
+            at_a_time = f", {batch} at a time" if batch > 1 else ""
+            raise UserError(
+                f"detector {self.name}: size {width}x{height}{at_a_time}: "
+                f"more than {MAX_PIXELS:,} pixels"
+            )
+        self.min_score, self.threads, self.batch = min_score, threads, batch
+        self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
+        self.labels = self.labels_of(
+            weights, {entry.key: entry.value for entry in network.metadata_props}
+        )
+        self.cells, self.cell_strides = _cells(self.size, self.strides)
+        self._session = self._opened(weights, network, providers)
+        self._input = self._session.get_inputs()[0].name
+        self._check(weights)
+
+    @classmethod
+    def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
+        """The names of the network's classes, in the order of its outputs."""
+        return COCO_LABELS
+
+    @abstractmethod
+    def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
+        """The network's input (1, 3, height, width) from a picture (height, width, 3), and how much
+        it was scaled.
+        """
+
+    @abstractmethod
+    def output_shapes(self) -> list[tuple[int, ...]]:
+        """The shapes of the outputs of one picture."""
+
+    @abstractmethod
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Boxes and scores from the outputs of one picture."""
+
+    def infer(self, blob: np.ndarray) -> list[np.ndarray]:
+        """The outputs for one prepared picture: nothing but the network itself."""
+        return self.infer_many([blob])[0]
+
+    def infer_many(self, blobs: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """The outputs for each of up to ``batch`` prepared pictures; where there are fewer, the
+        last fills the rest.
+        """
+        filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
+        outputs = self._session.run(
+            None, {self._input: filled[0] if self.batch == 1 else np.concatenate(filled)}
+        )
+        return [[output[i] for output in outputs] for i in range(len(blobs))]
+
+    def found(
+        self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
+    ) -> list[DetectedBox]:
+        """Road users and furniture in a picture of (width, height), best score first."""
+        boxes, scores = self.decode(outputs[: self.outputs])
+        limits = np.array([*image_size, *image_size], dtype=np.float64)
+        return best_boxes(np.clip(boxes / scale, 0.0, limits), scores, self.min_score, self.labels)
+
+    def features(self, outputs: Sequence[np.ndarray]) -> dict[str, bytes]:
+        """What the network itself tells of the picture as a whole, by name."""
+        return {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
+
+    def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
+        """All three steps at once."""
+        blob, scale = self.prepare(image_bgr)
+        return self.found(self.infer(blob), scale, (image_bgr.shape[1], image_bgr.shape[0]))
+
+    def _opened(self, weights: Path, network: Any, providers: Sequence[str]) -> Any:
+        """An ONNX Runtime session; the network may have been made for another size and for one
+        picture.
+        """
+        import onnxruntime
+
+        for provider in providers:
+            if provider not in onnxruntime.get_available_providers():
+                raise UserError(
+                    unknown("provider", provider, onnxruntime.get_available_providers())
+                )
+        dims = network.graph.input[0].type.tensor_type.shape.dim
+        for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
+            dim.dim_value = value
+        for number, output in enumerate(network.graph.output):
+            for axis, dim in enumerate(output.type.tensor_type.shape.dim):
+                dim.dim_param = f"output_{number}_{axis}"
+        if self.batch > 1:
+            _reshape_for(network.graph, self.batch)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads, options.inter_op_num_threads = self.threads, 1
+        options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+        # leaves the cores to others
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.log_severity_level = 4
+        # ONNX Runtime's exceptions have no common base of their own, nor have ONNX's and
+        # Protobuf's.
+        with as_user_error(f"{weights}: ONNX Runtime cannot use this network", Exception):
+            return onnxruntime.InferenceSession(
+                network.SerializeToString(), options, providers=list(providers)
+            )
+
+    def _check(self, weights: Path) -> None:
+        """One run on a grey picture tells a network with other inputs or outputs."""
+        blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
+        problem = f"is no {self.name} network"
+        if self.batch > 1:
+            problem = f"does not support batch size {self.batch}"
+        with as_user_error(f"{weights}: {problem}", Exception):
+            outputs = self.infer_many([blob] * self.batch)[-1]
+        shapes = [output.shape for output in outputs[: self.outputs]]
+        expected = self.output_shapes()
+        if shapes != expected:
+            raise UserError(
+                f"{weights}: is no {self.name} network: its output is "
+                f"{', '.join(map(str, shapes))}, expected {', '.join(map(str, expected))}"
+            )
+        if self.batch > 1 and not self._tells_pictures_apart():
+            raise UserError(
+                f"{weights}: does not support batch size {self.batch}: images of one batch "
+                "influence each other"
+            )
+
+    def _tells_pictures_apart(self) -> bool:
+        """Whether a picture of a batch gives the same wherever it stands, and not what another one
+        gives.
+        """
+        grey, white = (
+            self.prepare(np.full((self.size[1], self.size[0], 3), c, np.uint8))[0]
+            for c in (GREY, 255)
+        )
+        first, second = self.infer_many([grey, white]), self.infer_many([white, grey])
+        same = [
+            np.allclose(a, b, atol=1e-4)
+            for a, b in zip(first[0] + first[1], second[1] + second[0], strict=True)
+        ]
+        return all(same) and not all(map(np.array_equal, first[0], first[1]))
+
+
+def read_network(weights: Path, outputs: int) -> Any:
+    """The ONNX network in a file, with one picture as its input. Raises UserError for any other
+    file.
+    """
+    import onnx
+
+    with as_user_error(f"{weights}: not an ONNX network", Exception):
+        network = onnx.load(str(weights), load_external_data=False)
+        onnx.checker.check_model(network)
+    graph = network.graph
+    constants = {tensor.name for tensor in graph.initializer}
+    inputs = [value for value in graph.input if value.name not in constants]
+    if len(inputs) != 1 or len(graph.output) != outputs:
+        raise UserError(
+            f"{weights}: has {len(inputs)} inputs and {len(graph.output)} outputs, "
+            f"expected 1 and {outputs}"
+        )
+    if len(inputs[0].type.tensor_type.shape.dim) != 4:
+        count = len(inputs[0].type.tensor_type.shape.dim)
+        raise UserError(f"{weights}: its input has {count} dimensions, expected 4 (a picture)")
+    # Initializers listed as inputs cannot be folded, and recorded shapes are those of the exported
+    # size.
+    del graph.input[:], graph.value_info[:]
+    graph.input.extend(inputs)
+    return network
+
+
+def add_last_activation(graph: Any) -> bool:
+    """Adds an output: the activation that follows the concatenation of what the last poolings made
+    (in YOLOX, spatial pyramid pooling at the end of the backbone). Whether there is one; it is
+    found by the structure, not by a name.
+    """
+    from onnx import TensorProto, helper
+
+    pooled = [node.output[0] for node in graph.node if node.op_type == "MaxPool"]
+    ends = [
+        node.output[0]
+        for node in graph.node
+        if node.op_type == "Concat" and len({*node.input} & {*pooled}) > 1
+    ]
+    for name in ends[-1:]:
+        conv = [
+            node.output[0] for node in graph.node if node.op_type == "Conv" and name in node.input
+        ]
+        after = [
+            node.output[0]
+            for node in graph.node
+            if {*node.input} & {*conv[:1]} and node.op_type != "Sigmoid"
+        ]
+        if after:
+            graph.output.append(
+                helper.make_tensor_value_info(after[0], TensorProto.FLOAT, [None] * 4)
+            )
+            return True
+    return False
+
+
+def _reshape_for(graph: Any, batch: int) -> None:
+    """Where the network brings one picture's numbers into another shape, it does so with those of a
+    batch.
+    """
+    from onnx import numpy_helper
+
+    constants = {tensor.name: tensor for tensor in graph.initializer}
+    constants |= {
+        node.output[0]: node.attribute[0].t for node in graph.node if node.op_type == "Constant"
+    }
+    for number, node in enumerate(graph.node):
+        if node.op_type != "Reshape" or node.input[1] not in constants:
+            continue
+        shape = numpy_helper.to_array(constants[node.input[1]]).copy()
+        if len(shape) and shape[0] == 1:
+            shape[0] = batch
+            node.input[1] = f"shape_of_batch_{number}"
+            graph.initializer.append(numpy_helper.from_array(shape, node.input[1]))
+
+
+def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, float]:
+    """The picture scaled to fit ``size`` at the top left, the rest grey, and the scale that was
+    used.
+    """
+    height, width = image_bgr.shape[:2]
+    scale = min(size[0] / width, size[1] / height)
+    extent = (max(1, int(width * scale)), max(1, int(height * scale)))
+    scaled = cv2.resize(image_bgr, extent, interpolation=cv2.INTER_LINEAR)
+    picture = np.full((size[1], size[0], 3), GREY, np.uint8)
+    picture[: scaled.shape[0], : scaled.shape[1]] = scaled
+    return picture, scale
+
+
+def best_boxes(
+    boxes: np.ndarray,
+    scores: np.ndarray,
+    min_score: float,
+    classes: Sequence[str] = COCO_LABELS,
+    *,
+    iou: float = NMS_IOU,
+    same_object: Mapping[str, str] = CANONICAL,
+) -> list[DetectedBox]:
+    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the
+    best stays. Classes in ``same_object`` count as the one they are mapped to.
+
+    A van is often found twice, as a car and as a truck. It is one object, so these classes suppress
+    each other, as in the authors' own ONNX demo of YOLOX, where all classes do; a cyclist's person
+    and bicycle stay two. Classes that are not of a road (a "tv" in a shop window) are dropped.
+
+    Parameters
+    ----------
+    boxes : left, top, right and bottom of each [pixels], (n, 4)
+    scores : of each box and class, (n, classes)
+    min_score : the lowest score kept
+    classes : the names of the columns of ``scores``
+    iou : intersection over union
+    same_object : class by class
+    """
+    if not len(scores):
+        return []
+    # As in a trace, so that an object at the threshold is in or out whatever the last bits are.
+    best = scores.max(axis=1).round(SCORE_DECIMALS)
+    likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))
+    labels = [classes[number] for number in scores[likely].argmax(axis=1)]
+    candidates = [
+        DetectedBox(label, float(best[i]), tuple(boxes[i].tolist()))
+        for i, label in zip(likely, labels, strict=True)
+        if label in ROAD_LABELS
+    ]
+    if not candidates:
+        return []
+    classes_of_road = sorted(ROAD_LABELS)
+    numbers, extents = [], []
+    for label, _, (x1, y1, x2, y2) in candidates:
+        numbers.append(classes_of_road.index(same_object.get(label, label)))
+        extents.append((x1, y1, x2 - x1, y2 - y1))
+    order = cv2.dnn.NMSBoxesBatched(
+        bboxes=extents,
+        scores=[candidate.score for candidate in candidates],
+        class_ids=numbers,
+        score_threshold=0.0,
+        nms_threshold=iou,
+    )
+    best_candidates = (candidates[i] for i in np.ravel(order))
+    return sorted(best_candidates, key=lambda box: (-box.score, box.label, box.box))
+
+
+def _own_size(weights: Path, network: Any) -> tuple[int, int]:
+    height, width = (dim.dim_value for dim in network.graph.input[0].type.tensor_type.shape.dim[2:])
+    if width <= 0 or height <= 0:
+        raise UserError(
+            f"{weights}: leaves its input's size open: say which width and height it is to have"
+        )
+    return width, height
+
+
+def _cells(size: tuple[int, int], strides: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row (n, 2) of every cell of every scale, and its stride (n, 1), in the order of
+    the outputs.
+    """
+    grids, steps = [], []
+    for stride in strides:
+        columns, rows = np.meshgrid(np.arange(size[0] // stride), np.arange(size[1] // stride))
+        grids.append(np.stack([columns.ravel(), rows.ravel()], axis=1))
+        steps.append(np.full((columns.size, 1), stride))
+    return np.concatenate(grids), np.concatenate(steps)

@@ -1,0 +1,175 @@
+"""Frames to a trace: every picture of a drive through a detector, every box placed in the world."""
+
+import importlib.metadata
+import os
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import expanded
+from genie_sim.core.classes import SIZES, VEHICLES
+from genie_sim.core.geometry import Geodetic
+from genie_sim.data import placement
+from genie_sim.data.detector import DetectorSettings, ImageDetector
+from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
+from genie_sim.data.onnx_detector import NMS_IOU
+from genie_sim.data.pipeline import trace_frames
+from genie_sim.data.trace import Trace, TraceFrame, feature_facts
+from genie_sim.data.tracking import TRACKING, tracking_trace
+
+PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
+DEFAULT_DETECTOR = DetectorSettings()
+LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
+
+Progress = Callable[[int, int], None]
+
+
+def kitti_folder(root: str | Path | None) -> Path:
+    """KITTI's folder: ``root``, else what GENIE_SIM_KITTI says. UserError if neither is given."""
+    place = root or os.environ.get("GENIE_SIM_KITTI")
+    if not place:
+        raise UserError(
+            "kitti: where are the drives? Name KITTI's folder with --kitti or the variable "
+            "GENIE_SIM_KITTI; 'genie-sim fetch drive 2011_09_26_drive_0005' gets a drive"
+        )
+    return expanded(place)
+
+
+@dataclass(frozen=True)
+class DriveFrames:
+    """Frames of a KITTI drive, and the world that they are placed in.
+
+    Parameters
+    ----------
+    drive : such as ``2011_09_26/0005``, or ``tracking/0005`` for a tracking sequence
+    cameras : colour cameras of a raw drive
+    numbers : the frame numbers to look at; ``None``: all
+    origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
+    allow_missing_scans : place by the ground alone where a frame has no scan
+    """
+
+    drive: str
+    cameras: Sequence[str] = ("02", "03")
+    numbers: Collection[int] | None = None
+    origin: Geodetic | None = None
+    allow_missing_scans: bool = False
+
+
+def perceive(
+    kitti_root: str | Path | None,
+    frames: DriveFrames,
+    detector: DetectorSettings = DEFAULT_DETECTOR,
+    *,
+    progress: Progress | None = None,
+) -> Trace:
+    """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
+
+    Parameters
+    ----------
+    kitti_root : KITTI's folder; ``None``: what GENIE_SIM_KITTI says
+    frames : what to look at
+    detector : what looks; at a tracking sequence ``pointrcnn`` or ``rrc``, as published
+    progress : is called with the frames done and all frames
+    """
+    root = kitti_folder(kitti_root)
+    if frames.drive.startswith(TRACKING):
+        if (detector.threads, detector.batch, detector.encoding) != (1, 1, "raw"):
+            raise UserError(
+                f"{frames.drive}: its detections are published ones: threads, batch and encoding "
+                "mean nothing"
+            )
+        return tracking_trace(
+            root / "tracking",
+            frames.drive.removeprefix(TRACKING),
+            detector.name,
+            min_score=detector.min_score,
+            origin=frames.origin,
+        )
+    drive = open_drive(
+        root,
+        frames.drive,
+        frames.cameras,
+        origin=frames.origin,
+        allow_missing_scans=frames.allow_missing_scans,
+    )
+    camera_frames = in_turn(drive, frames.numbers)
+    network = detector.opened()
+    perceived = trace_frames(
+        drive,
+        camera_frames,
+        network,
+        place_from=detector.place_from,
+        encoding=detector.encoding,
+    )
+    by_camera = _by_camera(perceived, len(camera_frames), progress)
+    about = _provenance(drive, network, detector) | {"features": feature_facts(by_camera)}
+    return Trace(f"kitti_{frames.drive.split('/')[1]}", drive.origin, by_camera, about)
+
+
+def _by_camera(
+    frames: Iterable[TraceFrame], total: int, progress: Progress | None
+) -> dict[str, tuple[TraceFrame, ...]]:
+    by_camera: dict[str, list[TraceFrame]] = {}
+    for done, frame in enumerate(frames, start=1):
+        by_camera.setdefault(frame.camera, []).append(frame)
+        if progress is not None:
+            progress(done, total)
+    return {camera: tuple(by_camera[camera]) for camera in sorted(by_camera)}
+
+
+def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:
+    """Frame by frame, all cameras of each: they share a scan. Only frames of these ``numbers``;
+    UserError for none.
+    """
+    frames = [
+        frame
+        for sequence in drive.frames.values()
+        for frame in sequence
+        if numbers is None or frame.index in numbers
+    ]
+    if not frames:
+        raise UserError(f"{drive.name}: has none of the frames that were asked for")
+    return sorted(frames, key=lambda frame: (frame.index, frame.camera))
+
+
+def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
+    """The image file of each camera and frame number; none for a tracking sequence."""
+    if drive.startswith(TRACKING):
+        return {}
+    frames = open_drive(root, drive, cameras, allow_missing_scans=True).frames
+    return {
+        (camera, frame.index): frame.image_path
+        for camera, sequence in frames.items()
+        for frame in sequence
+    }
+
+
+def _provenance(
+    drive: KittiDrive, detector: ImageDetector, settings: DetectorSettings
+) -> dict[str, Any]:
+    parameters: dict[str, Any] = {
+        "cameras": sorted(drive.frames),
+        "input_size": list(detector.size),
+        "min_score": settings.min_score,
+        "nms_iou": NMS_IOU,
+        "half_depth_m": placement.HALF_DEPTH_M,
+        "vehicle_sizes_m": {
+            label: [SIZES[label].length_m, SIZES[label].width_m] for label in VEHICLES
+        },
+    }
+    # Only what is not usual: it does not change what most traces say of themselves.
+    if (settings.threads, settings.batch) != (1, 1):
+        parameters |= {"threads": settings.threads, "batch": settings.batch}
+    if settings.encoding != "raw":
+        parameters["encoding"] = settings.encoding
+    return {
+        "data": ATTRIBUTION,
+        "drive": drive.name,
+        "drive_sha256": drive.digest(),
+        "detector": detector.name,
+        "weights_sha256": detector.sha256,
+        "parameters": parameters,
+        "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+    }

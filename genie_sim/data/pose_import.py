@@ -1,0 +1,437 @@
+"""Traces out of tables of poses and detections that somebody recorded or computed, and truth tables
+out of a table of what was really there.
+
+All cars of the tables share one clock, which begins at the first pose of any of them, and one
+east-north plane.
+"""
+
+import bisect
+import hashlib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.paths import read_bytes
+from genie_sim.base.units import NS_PER_S, NS_PER_US
+from genie_sim.core.classes import CANONICAL, MOVING_MPS
+from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.core.messages import CameraPose, Detection, Location
+from genie_sim.core.view import ViewSector
+from genie_sim.data.row_files import FileColumn, read_rows
+from genie_sim.data.trace import (
+    ANGLE_DECIMALS,
+    POSITION_DECIMALS,
+    SCORE_DECIMALS,
+    Trace,
+    TraceFrame,
+    checked,
+    write_trace,
+)
+from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.world_table import MAX_M
+
+RECORDING = "sensor"  # what the one recording of every car is called
+ONLY_CAR = "car1"  # of tables without a column car
+# Where the plane lies on Earth, if nobody says: some place must be written down, no result depends
+# on which.
+ORIGIN: Geodetic = (0.0, 0.0, 0.0)
+SAME_TIME_S = 0.0005  # what differs by less is one instant
+MAX_TIME_S = 1e11
+TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
+BEYOND_M = 10.0  # the truth is told so much beyond the range, for what is held a little off
+MOVING_OVER_S = 1.0  # the time over which a speed is computed
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
+
+_PLACE = (
+    FileColumn("east_m", lowest=-MAX_M, highest=MAX_M),
+    FileColumn("north_m", lowest=-MAX_M, highest=MAX_M),
+)
+_UP = FileColumn("up_m", lowest=-MAX_M, highest=MAX_M, optional=True)
+_TIME = FileColumn("time_s", lowest=-MAX_TIME_S, highest=MAX_TIME_S)
+_CAR = FileColumn("car", "text", optional=True)
+_LABEL = FileColumn("label", "text")
+POSES = (_CAR, _TIME, *_PLACE, FileColumn("heading_deg", lowest=-3600, highest=3600), _UP)
+DETECTIONS = (_CAR, _TIME, _LABEL, *_PLACE, FileColumn("score", lowest=0.0, highest=1.0), _UP)
+TRUTH = (
+    _CAR,
+    _TIME,
+    FileColumn("object", "text"),
+    _LABEL,
+    *_PLACE,
+    FileColumn("moving", "flag", optional=True),
+    FileColumn("visible", "flag", optional=True),
+    _UP,
+)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What tables do not tell of the sensor of every car.
+
+    ``fov_rad`` is the angle that it sees around the heading, ``size_bytes`` what one frame takes to
+    send, ``range_m`` how far away objects are judged.
+    """
+
+    fov_rad: float = 2 * math.pi
+    size_bytes: int = 960_000
+    range_m: float = 40.0
+
+
+class ImportedCar(NamedTuple):
+    """The trace of one car, its truth table if there is one, and how many of its detections lie
+    outside the field of view.
+    """
+
+    trace: Trace
+    truth: TruthTable | None
+    outside: int
+
+
+class _Pose(NamedTuple):
+    time_s: float
+    pose: CameraPose
+
+
+class _Sightings(NamedTuple):
+    """One object at the times of a car's frames, as columns: whether it is there, where [m] (n, 3),
+    and which row of the table is nearest in time.
+    """
+
+    there: Flags
+    place: Array
+    row: np.ndarray[Any, np.dtype[np.int64]]
+
+
+class _Track:
+    """The rows of one object, in order of time: where it is, and what the table says of it."""
+
+    def __init__(self, number: int, label: str) -> None:
+        self.number, self.label = number, label
+        self.times_s: list[float] = []
+        self.places: list[Location] = []
+        self.moving: list[bool | None] = []
+        self.visible: list[bool | None] = []
+
+    def at(self, times_s: Array) -> _Sightings:
+        """The object at some times (n,), between two rows on a straight line."""
+        own_s, places = np.array(self.times_s), np.array(self.places)
+        last = len(own_s) - 1
+        later = np.minimum(np.searchsorted(own_s, times_s - SAME_TIME_S), last)
+        earlier = np.maximum(later - 1, 0)
+        exact = np.abs(own_s[later] - times_s) <= SAME_TIME_S
+        gap_s = own_s[later] - own_s[earlier]
+        between = (own_s[earlier] < times_s) & (times_s < own_s[later])
+        share = np.where(exact, 1.0, (times_s - own_s[earlier]) / np.where(gap_s > 0, gap_s, 1.0))
+        place = places[earlier] + share[:, None] * (places[later] - places[earlier])
+        return _Sightings(
+            there=exact | (between & (gap_s <= TRUTH_GAP_S)),
+            place=np.where(exact[:, None], places[later], place),
+            row=np.where(share < 0.5, earlier, later),
+        )
+
+    def is_moving(self, times_s: Array) -> Flags:
+        """Whether it moves at some times (n,), by its places over the second around each."""
+        first_s = np.maximum(times_s - MOVING_OVER_S / 2, self.times_s[0])
+        last_s = np.minimum(times_s + MOVING_OVER_S / 2, self.times_s[-1])
+        begin, end = self.at(first_s), self.at(last_s)
+        way_m = np.hypot(*(end.place - begin.place)[:, :2].T)
+        duration_s = last_s - first_s
+        is_known = begin.there & end.there & (duration_s > SAME_TIME_S)
+        is_moving: Flags = is_known & (way_m > MOVING_MPS * duration_s)
+        return is_moving
+
+
+def import_recordings(
+    poses: Path,
+    detections: Path,
+    truth: Path | None = None,
+    *,
+    sensor: Sensor = Sensor(),
+    origin: Geodetic = ORIGIN,
+) -> dict[str, ImportedCar]:
+    """The recordings of all cars of the tables, by the cars' names.
+
+    Parameters
+    ----------
+    poses : a file with the columns ``POSES``; each row is one frame of a car
+    detections : a file with the columns ``DETECTIONS``; each belongs to the frame of its time
+    truth : a file with the columns ``TRUTH``: objects at times; rows without a car count for all
+    sensor : of every car
+    origin : of the plane: latitude [deg], longitude [deg], altitude [m]
+
+    Raises UserError, naming file, line and column.
+    """
+    by_car = _read_poses(poses)
+    detected, outside = _read_detections(detections, by_car, sensor)
+    files = [poses, detections] if truth is None else [poses, detections, truth]
+    digests = {path.name: hashlib.sha256(read_bytes(path)).hexdigest() for path in files}
+    if len(digests) < len(files):
+        raise UserError(f"{files[-1]}: has the name of another of the tables; rename it")
+    first_s = min(rows[0].time_s for rows in by_car.values())
+    provenance = {"source": "tables", "files": digests, "parameters": asdict(sensor)}
+    key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
+    sequence = f"{poses.stem}-{key[:12]}" if len(by_car) > 1 else None
+    traces = {}
+    for car, rows in by_car.items():
+        frames = [
+            _frame(row, index, found, first_s=first_s, key=f"{key}/{car}/{index}", sensor=sensor)
+            for index, (row, found) in enumerate(zip(rows, detected[car], strict=True))
+        ]
+        by_camera = checked(poses, frames)
+        traces[car] = Trace(car, origin, by_camera, {**provenance, "car": car}, sequence=sequence)
+    if truth is None:
+        return {car: ImportedCar(trace, None, outside[car]) for car, trace in traces.items()}
+    tracks = _read_truth(truth, by_car)
+    recordings = {}
+    for car, trace in traces.items():
+        objects = tracks.get(None, tracks.get(car, []))
+        table = _truth_table(truth, trace, by_car[car], objects, sensor=sensor)
+        recordings[car] = ImportedCar(trace, table, outside[car])
+    return recordings
+
+
+def write_recordings(out: Path, recordings: Mapping[str, ImportedCar]) -> list[str]:
+    """Writes ``CAR.parquet`` of every car into a folder, with ``CAR.truth.parquet`` beside it if
+    there is a truth table, and returns a line about each car.
+
+    Raises UserError, before it writes, where a truth table of other recordings is in the way.
+    """
+    paths = {car: out / f"{car}.parquet" for car in recordings}
+    for car, path in paths.items():
+        beside = path_beside(path)
+        if recordings[car].truth is None and beside.exists():
+            raise UserError(f"{beside}: is of other recordings; take it away, or give --truth")
+    lines = []
+    for car, (trace, truth, outside) in recordings.items():
+        write_trace(paths[car], trace)
+        frames = trace.frames[RECORDING]
+        detections = sum(len(frame.detections) for frame in frames)
+        line = f"{paths[car]}: {len(frames)} frames, {detections} detections"
+        if truth is not None:
+            write_truth(path_beside(paths[car]), truth)
+            visible = sum(row.visible for row in truth.rows)
+            line += f", objects visible {visible:,} times"
+        if outside:
+            line += f"; {outside} detections outside the field of view: check heading_deg, --fov"
+        lines.append(line)
+    return lines
+
+
+def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) -> str:
+    """The car of a row; its name may be that of a file, and is in ``cars`` if they are known."""
+    car = ONLY_CAR if name is None else name
+    if not CAR.fullmatch(car) or car == "edges":
+        raise UserError(
+            f"{where}: car: {short_repr(car)} must be letters, digits, '_' and '-', the first a "
+            "letter or digit, and not 'edges'"
+        )
+    if cars is not None and car not in cars:
+        raise UserError(f"{where}: car: {unknown('car', car, cars)}")
+    return car
+
+
+def _read_poses(path: Path) -> dict[str, list[_Pose]]:
+    by_car: dict[str, list[_Pose]] = {}
+    for where, (name, time_s, east_m, north_m, heading_deg, up_m) in read_rows(path, POSES):
+        car = _car(where, name)
+        rows = by_car.setdefault(car, [])
+        if rows and time_s - rows[-1].time_s <= 2 * SAME_TIME_S:
+            raise UserError(
+                f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
+                f"{rows[-1].time_s:.15g}, the time of {car}'s pose before"
+            )
+        heading_rad = math.remainder(math.radians(heading_deg), math.tau)
+        pose = CameraPose(
+            round(east_m, POSITION_DECIMALS),
+            round(north_m, POSITION_DECIMALS),
+            round(up_m or 0.0, POSITION_DECIMALS),
+            round(heading_rad, ANGLE_DECIMALS),
+        )
+        rows.append(_Pose(time_s, pose))
+    if not by_car:
+        raise UserError(f"{path}: has no poses")
+    return by_car
+
+
+def _read_detections(
+    path: Path, by_car: Mapping[str, Sequence[_Pose]], sensor: Sensor
+) -> tuple[dict[str, list[list[Detection]]], dict[str, int]]:
+    """The detections of each frame of each car, best score first, and how many of a car lie outside
+    its field of view.
+    """
+    detected: dict[str, list[list[Detection]]] = {
+        car: [[] for _ in rows] for car, rows in by_car.items()
+    }
+    outside = dict.fromkeys(by_car, 0)
+    times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
+    for where, (name, time_s, label, east_m, north_m, score, up_m) in read_rows(path, DETECTIONS):
+        car = _car(where, name, by_car)
+        index = _nearest(times_s[car], time_s)
+        nearest_s = times_s[car][index]
+        if abs(nearest_s - time_s) > SAME_TIME_S:
+            raise UserError(
+                f"{where}: time_s: {car} has no pose at {time_s:.15g}; the nearest is at "
+                f"{nearest_s:.15g}"
+            )
+        rounded_score = round(score, SCORE_DECIMALS)
+        place = tuple(round(x, POSITION_DECIMALS) for x in (east_m, north_m, up_m or 0.0))
+        detected[car][index].append(
+            Detection(
+                label,
+                rounded_score,
+                box=None,
+                location=place,  # type: ignore[arg-type]
+                confidence=rounded_score,
+                method="table",
+            )
+        )
+        sector = ViewSector(by_car[car][index].pose, sensor.fov_rad)
+        outside[car] += sector.distance_m(east_m, north_m) is None
+    for frames in detected.values():
+        for found in frames:
+            found.sort(key=lambda detection: -detection.score)
+    return detected, outside
+
+
+def _nearest(times_s: Sequence[float], time_s: float) -> int:
+    after = bisect.bisect_left(times_s, time_s)
+    if after == 0 or (
+        after < len(times_s) and times_s[after] - time_s < time_s - times_s[after - 1]
+    ):
+        return after
+    return after - 1
+
+
+def _frame(
+    row: _Pose,
+    index: int,
+    detections: Sequence[Detection],
+    *,
+    first_s: float,
+    key: str,
+    sensor: Sensor,
+) -> TraceFrame:
+    """One frame of a trace.
+
+    Parameters
+    ----------
+    row : the pose, and when it was
+    index : of the frame
+    detections : in it
+    first_s : when the clock of all cars begins
+    key : tells this frame from every other: no two are the same picture
+    sensor : that took it
+    """
+    digest = hashlib.sha256(key.encode()).hexdigest()
+    microseconds = round((row.time_s - first_s) * NS_PER_S / NS_PER_US)
+    return TraceFrame(
+        camera=RECORDING,
+        index=index,
+        stamp_ns=microseconds * NS_PER_US,
+        width=0,
+        height=0,
+        size_bytes=sensor.size_bytes,
+        digest=digest,
+        dhash=int(digest[:16], 16),
+        pose=row.pose,
+        horizontal_fov_rad=round(sensor.fov_rad, ANGLE_DECIMALS),
+        detections=tuple(detections),
+        kind="lidar",
+    )
+
+
+def _read_truth(
+    path: Path, by_car: Mapping[str, Sequence[_Pose]]
+) -> dict[str | None, list[_Track]]:
+    """The objects by the car for which they count, in the order in which they come first; ``None``:
+    for all cars.
+    """
+    numbers: dict[str, int] = {}
+    tracks: dict[str | None, dict[str, _Track]] = {}
+    for where, (name, time_s, item, label, *place, moving, visible, up_m) in read_rows(path, TRUTH):
+        if label not in CANONICAL:
+            raise UserError(f"{where}: label: {unknown('class', label, CANONICAL)}")
+        car = None if name is None else _car(where, name, by_car)
+        if tracks and (None in tracks) != (car is None):
+            raise UserError(f"{where}: car: must be given in every row or in none")
+        number = numbers.setdefault(item, len(numbers) + 1)
+        track = tracks.setdefault(car, {}).setdefault(item, _Track(number, CANONICAL[label]))
+        if track.label != CANONICAL[label]:
+            raise UserError(
+                f"{where}: label: object {short_repr(item)} was a {track.label}, not a "
+                f"{CANONICAL[label]}"
+            )
+        if track.times_s and time_s - track.times_s[-1] <= 2 * SAME_TIME_S:
+            raise UserError(
+                f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
+                f"{track.times_s[-1]:.15g}, the time of object {short_repr(item)} before"
+            )
+        track.times_s.append(time_s)
+        track.places.append((*place, up_m or 0.0))
+        track.moving.append(moving)
+        track.visible.append(visible)
+    if not tracks:
+        raise UserError(f"{path}: has no objects")
+    return {car: list(of_car.values()) for car, of_car in tracks.items()}
+
+
+def _truth_table(
+    path: Path, trace: Trace, poses: Sequence[_Pose], tracks: Sequence[_Track], *, sensor: Sensor
+) -> TruthTable:
+    """What is there at each frame of a car. Raises UserError for a frame of whose time the table
+    tells nothing.
+    """
+    times_s = np.array([row.time_s for row in poses])
+    _check_covered(path, trace.name, times_s, tracks)
+    frames = trace.frames[RECORDING]
+    sectors = [ViewSector(row.pose, sensor.fov_rad, sensor.range_m) for row in poses]
+    origins = np.array([row.pose[:2] for row in poses])
+    rows = []
+    for track in tracks:
+        sightings, moving = track.at(times_s), track.is_moving(times_s)
+        range_m = np.hypot(*(sightings.place[:, :2] - origins).T)
+        near = sightings.there & (range_m <= sensor.range_m + BEYOND_M)
+        for index in np.flatnonzero(near).tolist():
+            east_m, north_m, up_m = (
+                round(x, POSITION_DECIMALS) for x in sightings.place[index].tolist()
+            )
+            row = sightings.row[index]
+            in_view = sectors[index].distance_m(east_m, north_m) is not None
+            says_moving, says_visible = track.moving[row], track.visible[row]
+            rows.append(
+                TruthRow(
+                    camera=RECORDING,
+                    frame=frames[index].index,
+                    stamp_ns=frames[index].stamp_ns,
+                    object=track.number,
+                    label=track.label,
+                    moving=bool(moving[index]) if says_moving is None else says_moving,
+                    visible=in_view and says_visible is not False,
+                    east_m=east_m,
+                    north_m=north_m,
+                    up_m=up_m,
+                )
+            )
+    rows.sort(key=lambda row: (row.frame, row.object))
+    provenance = {**trace.provenance, "trace": trace.name}
+    return TruthTable(trace.digest, trace.origin, tuple(rows), provenance, range_m=sensor.range_m)
+
+
+def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Track]) -> None:
+    own_s = np.array(sorted(time_s for track in tracks for time_s in track.times_s))
+    own_s = np.concatenate([[-np.inf], own_s, [np.inf]])
+    after = np.searchsorted(own_s, times_s)
+    apart_s = np.minimum(own_s[after] - times_s, times_s - own_s[after - 1])
+    missing = np.flatnonzero(apart_s > TRUTH_GAP_S)
+    if len(missing):
+        raise UserError(
+            f"{path}: time_s: no row within {TRUTH_GAP_S:g} s of {car}'s pose at "
+            f"{times_s[missing[0]]:.15g}"
+        )

@@ -1,0 +1,269 @@
+"""Frame sources: where the frames of a scenario come from. The ``perception:`` section names one
+and its arguments.
+
+To add one, write a class with the method of ``FrameSource`` and name it in ``SOURCES`` (or in a
+scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
+"""
+
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from genie_sim.base import files
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.core.geometry import Geodetic
+from genie_sim.core.messages import Encoding, Frame
+
+if TYPE_CHECKING:
+    from genie_sim.data.trace import Trace
+    from genie_sim.data.truth_table import RecordedTruth, TruthTable
+
+SOURCES: dict[str, str] = {
+    "recorded": "genie_sim.data.sources:Recorded",
+    "live": "genie_sim.data.sources:Live",
+    "town": "genie_sim.worlds.town.source:InTown",
+    "traffic": "genie_sim.worlds.traffic.source:RecordedTraffic",
+}
+Progress = Callable[[float, float, str], None]
+Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
+
+
+class Drive(Protocol):
+    """What one car's cameras see: frames by recording, in order of time, in the scenario's
+    east-north-up frame.
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def frames(self) -> Mapping[str, Sequence[Frame]]: ...
+
+
+class Frames(Protocol):
+    """An open source. ``seeded``: another seed gives other frames."""
+
+    seeded: bool
+
+    def truth_of(self, drive: Any) -> Any:
+        """What is really there on a drive from here (``recording.scenes.DriveTruth``); ``None``
+        where nobody knows.
+        """
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
+        """What a car sees that starts at a time; ``trace`` is its route's. Raises ``UserError``."""
+
+    def digests(self) -> Mapping[str, str]:
+        """What decides the frames handed out so far, for the run's id: digests by name."""
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        """Where they come from, by name, for ``run.json``."""
+
+
+class MapDrive(Drive, Protocol):
+    """What one car sees on a map, where it can be anywhere at any time."""
+
+    @property
+    def duration_ns(self) -> int: ...
+
+    def position(self, t_ns: int) -> tuple[float, float]:
+        """East and north of the car [m], ``t_ns`` after it starts."""
+
+
+class MapFrames(Frames, Protocol):
+    """An open source that fleets can drive in. A source that has cars of its own, such as recorded
+    traffic, has a method ``starts_ns`` too: when each car starts [ns], by name.
+    """
+
+    @property
+    def extent_m(self) -> Extent: ...
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> MapDrive: ...
+
+
+class FrameSource(Protocol):
+    """The settings of a source. ``is_one_world`` says of its class that cars meet, ``is_map`` that
+    they drive on a map and replay no recording, ``has_cars`` that a fleet has no number of cars;
+    all are ``False`` where they are missing.
+    """
+
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
+        """The frames, placed around ``origin`` (``None``: the source's own). Raises UserError."""
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What the cameras show comes from a perception trace: a name or a path."""
+
+    trace: str = "kitti_0005"
+    """A trace by name or path. The shipped one is KITTI's drive 2011_09_26/0005."""
+
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: Progress | None = None
+    ) -> "Recordings":
+        from genie_sim.data.trace import read_trace
+
+        path = files.find(files.TRACE, self.trace)
+        return Recordings(read_trace(path), origin, path)
+
+
+@dataclass(frozen=True)
+class Live:
+    """The frames of a KITTI drive go through a detector while the scenario is prepared.
+
+    ``kitti`` may begin with an environment variable, ``drive`` is ``date/number``.
+    """
+
+    kitti: str = "$GENIE_SIM_KITTI"
+    """KITTI's root folder; variables such as `$GENIE_SIM_KITTI` are filled in."""
+
+    drive: str = "2011_09_26/0005"
+    """The drive, as date and number."""
+
+    cameras: tuple[str, ...] = ("02", "03")
+    """KITTI's numbers of the recorded cameras."""
+
+    detector: str = "yolox_nano"
+    """A detector's name, or an ONNX file."""
+
+    min_score: float = 0.3
+    """Detections with a lower score are left out."""
+
+    def __post_init__(self) -> None:
+        if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
+            raise ValueError(
+                "drive: must be a date and a number such as '2011_09_26/0005', "
+                f"not {short_repr(self.drive)}"
+            )
+        if not self.cameras:
+            raise ValueError("cameras: must not be empty")
+        if not 0 <= self.min_score <= 1:
+            raise ValueError(f"min_score: must be from 0 to 1, but is {self.min_score:g}")
+
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: Progress | None = None
+    ) -> "Recordings":
+        from genie_sim.data.detector import DetectorSettings
+        from genie_sim.data.perceive import DriveFrames, perceive
+
+        root = os.path.expandvars(self.kitti)
+        if root.startswith("$"):
+            raise UserError(
+                f"perception.kitti: {self.kitti}: the environment variable is not set; "
+                "set it to KITTI's folder"
+            )
+
+        def tell(done: int, total: int) -> None:
+            if progress is not None:
+                progress(done, total, "perceive")
+
+        frames = DriveFrames(self.drive, self.cameras)
+        detector = DetectorSettings(self.detector, min_score=self.min_score)
+        return Recordings(perceive(root, frames, detector, progress=tell), origin)
+
+
+@dataclass
+class Recordings:
+    """Traces around one origin: the scenario's, and those that single routes name. Beside the file
+    of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
+    if it has no file.
+    """
+
+    main: "Trace"
+    origin: Geodetic | None = None
+    path: Path | None = None
+    truth: "TruthTable | None" = None
+    seeded: bool = False
+    _read: "dict[str | None, Trace]" = field(default_factory=dict)
+    _truths: "dict[str, TruthTable]" = field(default_factory=dict)  # by the trace's digest
+    _known: "dict[str, RecordedTruth]" = field(default_factory=dict)  # of the same
+    _of_cars: dict[str, str | None] = field(default_factory=dict)
+    _encoded: "dict[tuple[str | None, Encoding], Trace]" = field(default_factory=dict)
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
+        from genie_sim.data.trace import read_trace
+        from genie_sim.data.truth_table import truth_beside
+
+        if trace not in self._read:
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            recording = self.main if trace is None or path is None else read_trace(path)
+            origin = self.main.origin if self.origin is None else self.origin
+            self._read[trace] = recording.rebased(origin)
+            truth = self.truth if trace is None else None
+            if path is not None:
+                truth = truth_beside(path, recording)
+            if truth is not None:
+                self._truths[self._read[trace].digest] = truth.rebased(origin)
+        self._of_cars[car] = trace
+        return self._read[trace]
+
+    def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
+        from genie_sim.data.truth_table import RecordedTruth
+
+        digest = drive.digest
+        if digest in self._truths and digest not in self._known:
+            self._known[digest] = RecordedTruth(self._truths[digest])
+        return self._known.get(digest)
+
+    def encoded(self, car: str, encoding: Encoding) -> "Trace":
+        """A car's drive with its pictures encoded and decoded. Raises ``UserError``."""
+        trace = self._of_cars[car]
+        if (trace, encoding) not in self._encoded:
+            path = self.path if trace is None else files.find(files.TRACE, trace)
+            self._encoded[trace, encoding] = encoded_beside(path, self._read[trace], encoding)
+        return self._encoded[trace, encoding]
+
+    def digests(self) -> Mapping[str, str]:
+        digests = {car: self._read[trace].digest for car, trace in self._of_cars.items()}
+        truths = {
+            f"truth of {car}": self._truths[digest].digest
+            for car, digest in digests.items()
+            if digest in self._truths
+        }
+        return digests | truths
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        about = {}
+        for name in self._of_cars.values():
+            trace = self._read[name]
+            about[trace.name] = dict(trace.provenance)
+        for table in self._truths.values():
+            about[f"truth of {table.provenance['trace']}"] = dict(table.provenance)
+        return about
+
+
+def encoded_beside(path: Path | None, trace: "Trace", encoding: Encoding) -> "Trace":
+    """The trace of the same pictures, encoded: the file ``NAME.jpeg80.parquet`` beside
+    ``NAME.parquet``.
+
+    Raises UserError where there is none, or where it is of other pictures.
+    """
+    if path is None:
+        raise UserError(f"image_encoding: {encoding} needs a trace in a file, {trace.name} is none")
+    beside = path.with_suffix(f".{encoding}{path.suffix}")
+    if not beside.is_file():
+        raise UserError(
+            f"image_encoding: {encoding}: {path.name} has no {beside.name} beside it; "
+            f"'genie-sim perceive --encoding {encoding} --out {beside}' makes it"
+        )
+    from genie_sim.data.trace import read_trace
+
+    encoded = read_trace(beside)
+    if encoded.provenance.get("parameters", {}).get("encoding") != encoding:
+        raise UserError(f"{beside}: is not of pictures encoded as {encoding}")
+    if _pictures(encoded) != _pictures(trace):
+        raise UserError(
+            f"{beside}: is not of the pictures of {path.name}; make it again, or take it away"
+        )
+    return encoded.rebased(trace.origin)
+
+
+def _pictures(trace: "Trace") -> list[tuple[str, int, str]]:
+    return [
+        (frame.camera, frame.stamp_ns, frame.digest)
+        for camera in sorted(trace.frames)
+        for frame in trace.frames[camera]
+    ]

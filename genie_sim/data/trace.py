@@ -1,0 +1,408 @@
+"""The perception trace: what each frame of a drive showed, and where its camera stood.
+
+A trace is all that a run needs of the real world: neither frames nor a GPU. One Parquet file holds
+one drive with all its cameras, one row per frame, and its provenance in the schema's metadata under
+``genie_sim``.
+"""
+
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from genie_sim.base import parquet
+from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.paths import remembered
+from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
+from genie_sim.core.messages import Box, CameraPose, Detection
+from genie_sim.data import world_table
+from genie_sim.data.world_table import in_range
+
+if TYPE_CHECKING:
+    import pyarrow
+
+SensorKind = Literal["camera", "lidar"]
+KINDS: tuple[SensorKind, ...] = get_args(SensorKind)
+FEATURE = "feature_"  # how the columns of features begin; a trace need not have any
+# columns, and fields
+PLAIN = ("camera", "index", "stamp_ns", "width", "height", "size_bytes", "digest", "dhash")
+BOX, PLACE = ("x1", "y1", "x2", "y2"), ("east_m", "north_m", "up_m")
+
+# sensor_msgs/Image in ROS 1, without the pixels: sequence number, stamp, frame_id, height, width,
+# encoding, endianness, step and length of the data.
+IMAGE_HEADER_BYTES = 4 + 8 + (4 + len("camera")) + 4 + 4 + (4 + len("bgr8")) + 1 + 4 + 4
+
+# Decimals kept in a trace, far below the detector's and the laser's own errors: the last bits of a
+# float differ between processors, and without them the same frames give the same trace on most
+# machines.
+POSITION_DECIMALS = 3
+SCORE_DECIMALS = 4
+PIXEL_DECIMALS = 2
+ANGLE_DECIMALS = 6
+
+MAX_HEADING_RAD = 2 * math.pi
+
+MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
+
+
+@dataclass(frozen=True, slots=True)
+class TraceFrame:
+    """One frame of a camera or a lidar: when it was taken and from where, the fingerprints of its
+    image, and what was found in it.
+
+    ``stamp_ns`` counts from the drive's first frame, ``size_bytes`` is that of a
+    ``sensor_msgs/Image``, or of the encoded picture in which things were found, ``digest`` the
+    sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image.
+    ``pose`` is the camera's centre in the trace's east-north-up frame with the heading of its
+    optical axis. ``features`` are short vectors by name, as ``core.caches.features`` packs them; a
+    trace may have none. A frame of ``kind`` ``lidar`` has no picture: width and height are 0,
+    ``size_bytes`` is that of its scan, and its field of view may be a whole turn.
+    """
+
+    camera: str
+    index: int
+    stamp_ns: int
+    width: int
+    height: int
+    size_bytes: int
+    digest: str
+    dhash: int
+    pose: CameraPose
+    horizontal_fov_rad: float
+    detections: tuple[Detection, ...]
+    features: Mapping[str, bytes] = field(default_factory=dict, hash=False)
+    kind: SensorKind = "camera"
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
+
+    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``sequence`` names the drive of
+    several cars that this recording is a part of: the stamps of all its recordings are on one
+    clock; ``None`` for a car that drove alone. ``digest`` is the sha256 of origin, frames and
+    sequence: it does not change with the name, the provenance or the Parquet version, nor with
+    the features, whose own digests are in the provenance.
+    """
+
+    name: str
+    origin: Geodetic
+    frames: Mapping[str, tuple[TraceFrame, ...]]
+    provenance: Mapping[str, Any]
+    sequence: str | None = None
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        rows = [_row(frame) for camera in sorted(self.frames) for frame in self.frames[camera]]
+        content = [[float(x) for x in self.origin], rows]
+        if self.sequence is not None:
+            content.append([self.sequence])
+        digest = world_table.content_digest(content)
+        object.__setattr__(self, "digest", digest)
+
+    def rebased(self, origin: Geodetic) -> "Trace":
+        """The same trace around another geodetic origin; drives with one origin share one world."""
+        if origin == self.origin:
+            return self
+        from genie_sim.data.geodesy import enu_SE3_enu
+
+        new_SE3_old = enu_SE3_enu(origin, self.origin)
+
+        def moved(frame: TraceFrame) -> TraceFrame:
+            pose = frame.pose
+            ahead = new_SE3_old[:3, :3] @ [
+                math.cos(pose.heading_rad),
+                math.sin(pose.heading_rad),
+                0.0,
+            ]
+            east_m, north_m, up_m = transform(new_SE3_old, pose[:3]).tolist()
+            detections = tuple(
+                d
+                if d.location is None
+                else replace(d, location=tuple(transform(new_SE3_old, d.location).tolist()))
+                for d in frame.detections
+            )
+            return replace(
+                frame,
+                pose=CameraPose(east_m, north_m, up_m, heading_of(ahead)),
+                detections=detections,
+            )
+
+        frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
+        return replace(self, origin=origin, frames=frames)
+
+    def at_least(self, min_score: float) -> "Trace":
+        """The same trace without the detections below a score."""
+
+        def kept(frame: TraceFrame) -> TraceFrame:
+            return replace(
+                frame, detections=tuple(d for d in frame.detections if d.score >= min_score)
+            )
+
+        frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
+        parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
+        provenance = {**self.provenance, "parameters": parameters}
+        return replace(self, frames=frames, provenance=provenance)
+
+
+def detection(
+    label: str, score: float, box: Box | None, location: Array | None, *, method: str
+) -> Detection:
+    """A detection as a trace keeps it.
+
+    Parameters
+    ----------
+    label : its class
+    score : in [0, 1]
+    box : left, top, right and bottom [pixels]; ``None`` where there is no picture
+    location : of the object's centre in the world, (3,) [m]
+    method : how it was placed
+    """
+    rounded_score = round(float(score), SCORE_DECIMALS)
+    return Detection(
+        label,
+        rounded_score,
+        box=None if box is None else _rounded(box, PIXEL_DECIMALS),
+        location=None if location is None else _rounded(location, POSITION_DECIMALS),
+        confidence=rounded_score,
+        method=method,
+    )
+
+
+def trace_frame(
+    *,
+    camera: str,
+    index: int,
+    stamp_ns: int,
+    size: tuple[int, int],
+    digest: str,
+    dhash: int,
+    world_SE3_camera: Array,
+    intrinsics: Array,
+    detections: Iterable[Detection] = (),
+    features: Mapping[str, bytes] | None = None,
+    size_bytes: int | None = None,
+) -> TraceFrame:
+    """A frame as a trace keeps it: ``TraceFrame``, with numbers rounded.
+
+    Parameters
+    ----------
+    size : width and height [pixels]
+    world_SE3_camera : where the camera is, (4, 4)
+    intrinsics : of the camera, (3, 3)
+    size_bytes : of the picture without its header; ``None``: of the raw pixels
+    camera, index, stamp_ns, digest, dhash, detections, features : as in ``TraceFrame``
+    """
+    width, height = size
+    east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
+    heading_rad = round(heading_of(world_SE3_camera[:3, 2]), ANGLE_DECIMALS)
+    picture_bytes = width * height * 3 if size_bytes is None else size_bytes
+    return TraceFrame(
+        camera=camera,
+        index=index,
+        stamp_ns=stamp_ns,
+        width=width,
+        height=height,
+        size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
+        digest=digest,
+        dhash=dhash,
+        pose=CameraPose(east_m, north_m, up_m, heading_rad),
+        horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, width), ANGLE_DECIMALS),
+        detections=tuple(detections),
+        features=features or {},
+    )
+
+
+def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
+    """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by
+    camera.
+    """
+    ordered = [frame for camera in sorted(frames) for frame in frames[camera]]
+    names = set.intersection(*(set(frame.features) for frame in ordered)) if ordered else set()
+    return {
+        name: {
+            "dimension": len(ordered[0].features[name]),
+            "sha256": hashlib.sha256(
+                b"".join(frame.features[name] for frame in ordered)
+            ).hexdigest(),
+        }
+        for name in sorted(names)
+    }
+
+
+def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
+    return tuple(round(float(x), decimals) for x in numbers)
+
+
+def write_trace(path: str | Path, trace: Trace) -> None:
+    """Writes a trace, whole or not at all; the same one gives the same bytes with the same pyarrow.
+    Raises UserError where the folder cannot be written.
+    """
+    import pyarrow as pa
+
+    frames = [frame for camera in sorted(trace.frames) for frame in trace.frames[camera]]
+    features = sorted(feature_facts(trace.frames))
+    schema = _schema()
+    for name in features:
+        schema = schema.append(pa.field(FEATURE + name, pa.binary(len(frames[0].features[name]))))
+    if any(frame.kind != KINDS[0] for frame in frames):
+        schema = schema.append(pa.field("kind", pa.string()))
+    rows = (
+        {"kind": KINDS[0]}
+        | _row(frame)
+        | {FEATURE + name: frame.features[name] for name in features}
+        for frame in frames
+    )
+    world_table.write(
+        Path(path),
+        schema,
+        rows,
+        origin=trace.origin,
+        digest=trace.digest,
+        provenance=trace.provenance,
+        name=trace.name,
+        **({} if trace.sequence is None else {"sequence": trace.sequence}),
+    )
+
+
+@remembered
+def read_trace(path: Path) -> Trace:
+    """Read a trace and check all of it.
+
+    Raises UserError, naming file and field, for a missing, truncated, altered or foreign file,
+    another format version, a missing column, time stamps out of order and poses that are not
+    numbers.
+    """
+    table, about = world_table.read(path, "trace", _schema(), "name")
+    with as_user_error(f"{path}: a row cannot be read", TypeError, ValueError):
+        frames = [_frame(row) for row in table.to_pylist()]
+    by_camera = checked(path, frames)
+    if not isinstance(about["provenance"].get("parameters", {}), dict):
+        raise UserError(f"{path}: metadata: provenance: 'parameters' is not a mapping")
+    sequence = _sequence(path, about)
+    trace = Trace(about["name"], about["origin"], by_camera, about["provenance"], sequence=sequence)
+    world_table.check_digest(path, trace.digest, about)
+    if "features" in trace.provenance and trace.provenance["features"] != feature_facts(by_camera):
+        raise UserError(
+            f"{path}: features do not match the digests in its own provenance: file was altered"
+        )
+    return trace
+
+
+def sequence_of(path: Path) -> str | None:
+    """The sequence that the trace in a file is of, read without its frames. Raises UserError."""
+    return _sequence(path, parquet.about(path, "trace"))
+
+
+def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
+    sequence = about.get("sequence")
+    if sequence is None or (isinstance(sequence, str) and sequence):
+        return sequence
+    raise UserError(f"{path}: metadata: sequence {sequence!r} is no name")
+
+
+def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+    """The frames by camera. Raises UserError, naming ``path``, if frames are out of order or have
+    impossible values.
+    """
+    by_camera: dict[str, list[TraceFrame]] = {}
+    for frame in frames:
+        where = f"{path}: camera {frame.camera!r}, frame {frame.index}"
+        earlier = by_camera.setdefault(frame.camera, [])
+        if earlier and frame.stamp_ns <= earlier[-1].stamp_ns:
+            raise UserError(
+                f"{where}: stamp_ns {frame.stamp_ns} does not follow {earlier[-1].stamp_ns}"
+            )
+        if frame.kind not in KINDS:
+            raise UserError(f"{where}: {unknown('kind of sensor', frame.kind, KINDS)}")
+        if frame.stamp_ns < 0 or frame.size_bytes <= 0:
+            raise UserError(f"{where}: stamp_ns and size_bytes must not be negative or zero")
+        pictured = frame.kind == "camera"
+        if pictured and min(frame.width, frame.height) <= 0:
+            raise UserError(f"{where}: width and height must not be negative or zero")
+        if not pictured and (frame.width, frame.height) != (0, 0):
+            raise UserError(f"{where}: a {frame.kind} has no picture: width and height must be 0")
+        if not (in_range(frame.pose[:3]) and in_range(frame.pose[3:], MAX_HEADING_RAD)):
+            raise UserError(
+                f"{where}: pose {tuple(frame.pose)} is no place on Earth [m] and a heading [rad]"
+            )
+        fov_rad = frame.horizontal_fov_rad
+        if pictured and not 0 < fov_rad < math.pi:
+            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and pi")
+        if not pictured and not 0 < fov_rad <= 2 * math.pi:
+            raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and 2 pi")
+        for detection in frame.detections:
+            numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
+            if not (in_range(numbers) and 0 <= detection.score <= 1):
+                raise UserError(
+                    f"{where}: a {detection.label} whose score, box or location is not a number "
+                    "in range"
+                )
+            if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
+                raise UserError(f"{where}: a detection without a label or a method")
+        earlier.append(frame)
+    if not by_camera:
+        raise UserError(f"{path}: the trace has no frames")
+    return {camera: tuple(sequence) for camera, sequence in by_camera.items()}
+
+
+def _schema() -> "pyarrow.Schema":
+    import pyarrow as pa
+
+    kinds = {"camera": pa.string(), "digest": pa.string(), "dhash": pa.uint64()}
+    detection = [
+        ("label", pa.string()),
+        *((name, pa.float64()) for name in ("score", *BOX, *PLACE)),
+        ("method", pa.string()),
+    ]
+    return pa.schema(
+        [
+            *((name, kinds.get(name, pa.int64())) for name in PLAIN),
+            *((name, pa.float64()) for name in (*CameraPose._fields, "horizontal_fov_rad")),
+            ("detections", pa.list_(pa.struct(detection))),
+        ]
+    )
+
+
+def _row(frame: TraceFrame) -> dict[str, Any]:
+    """One row of the file, without what is as usual: features, and a camera's kind.
+
+    A detection's confidence is not stored, it starts as its score.
+    """
+    detections = [
+        {"label": d.label, "score": d.score, "method": d.method}
+        | dict(zip(BOX, d.box or (None,) * 4, strict=True))
+        | dict(zip(PLACE, d.location or (None,) * 3, strict=True))
+        for d in frame.detections
+    ]
+    plain = {name: getattr(frame, name) for name in (*PLAIN, "horizontal_fov_rad")}
+    kind = {} if frame.kind == KINDS[0] else {"kind": frame.kind}
+    return plain | frame.pose._asdict() | {"detections": detections} | kind
+
+
+def _frame(row: Mapping[str, Any]) -> TraceFrame:
+    def several(of: Mapping[str, Any], names: Sequence[str]) -> Any:
+        return None if of[names[0]] is None else tuple(of[name] for name in names)
+
+    detections = tuple(
+        Detection(
+            d["label"],
+            d["score"],
+            box=several(d, BOX),
+            location=several(d, PLACE),
+            confidence=d["score"],
+            method=d["method"],
+        )
+        for d in row["detections"]
+    )
+    plain = {name: row[name] for name in (*PLAIN, "horizontal_fov_rad")}
+    features = {name.removeprefix(FEATURE): row[name] for name in row if name.startswith(FEATURE)}
+    return TraceFrame(
+        **plain,
+        pose=CameraPose(*(row[name] for name in CameraPose._fields)),
+        detections=detections,
+        features=features,
+        kind=row.get("kind", KINDS[0]),
+    )

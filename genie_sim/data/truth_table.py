@@ -1,0 +1,265 @@
+"""Truth tables: what really stood in view of each frame of a trace, computed from labels.
+
+One Parquet file beside the trace, ``NAME.truth.parquet`` beside ``NAME.parquet``: one row per frame
+and object, with the digests of the trace and of the labels in the schema's metadata. Labels
+themselves are not in it.
+"""
+
+import hashlib
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import remembered
+from genie_sim.core.classes import CANONICAL, GROUPS
+from genie_sim.core.geometry import Array, Geodetic, transform
+from genie_sim.core.matching import SAME_M
+from genie_sim.core.messages import Frame, Location
+from genie_sim.data import world_table
+from genie_sim.data.trace import POSITION_DECIMALS, Trace
+
+if TYPE_CHECKING:
+    import pyarrow
+
+SUFFIX = ".truth.parquet"
+RANGE_M = 40.0  # where KITTI's labels end
+RULER = {"reach_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
+MAX_RULER_M = 1000.0  # no sensor of a car sees farther
+
+
+class TruthRow(NamedTuple):
+    """One object in view of one frame. ``visible``: whoever is in that frame's place is expected to
+    know of it. With KITTI it counts in the benchmark (at least 25 pixels high, mostly in the
+    picture, and how hidden it is was judged).
+    """
+
+    camera: str
+    frame: int
+    stamp_ns: int
+    object: int
+    label: str
+    moving: bool
+    visible: bool
+    east_m: float
+    north_m: float
+    up_m: float
+
+    @property
+    def location(self) -> Location:
+        return self.east_m, self.north_m, self.up_m
+
+
+@dataclass(frozen=True, slots=True)
+class TruthTable:
+    """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
+    trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
+
+    An object that is held is right within ``reach_m`` of one in the rows; objects up to
+    ``range_m`` away from the sensor count, as far as the labels reach.
+    """
+
+    trace: str
+    origin: Geodetic
+    rows: tuple[TruthRow, ...]
+    provenance: Mapping[str, Any]
+    reach_m: float = SAME_M
+    range_m: float = RANGE_M
+    digest: str = field(init=False)
+
+    def __post_init__(self) -> None:
+        content = [self.trace, [float(x) for x in self.origin], self.rows]
+        if (self.reach_m, self.range_m) != (SAME_M, RANGE_M):
+            content.append([self.reach_m, self.range_m])
+        digest = world_table.content_digest(content)
+        object.__setattr__(self, "digest", digest)
+
+    def rebased(self, origin: Geodetic) -> "TruthTable":
+        """The same around another origin, as ``Trace.rebased``."""
+        if tuple(origin) == tuple(self.origin):
+            return self
+        from genie_sim.data.geodesy import enu_SE3_enu
+
+        new_SE3_old = enu_SE3_enu(origin, self.origin)
+        rows = []
+        for row in self.rows:
+            east_m, north_m, up_m = transform(new_SE3_old, row.location).tolist()
+            rows.append(row._replace(east_m=east_m, north_m=north_m, up_m=up_m))
+        return replace(self, origin=origin, rows=tuple(rows))
+
+
+class RecordedTruth:
+    """What is there on a recorded drive, for whoever judges."""
+
+    def __init__(self, table: TruthTable) -> None:
+        self.reach_m, self.range_m = table.reach_m, table.range_m
+        self._visible: dict[tuple[str, int], list[TruthRow]] = {}
+        places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
+        for row in table.rows:
+            if row.visible:
+                self._visible.setdefault((row.camera, row.frame), []).append(row)
+            of_class = places.setdefault((row.camera, row.frame, row.label), [])
+            of_class.append((row.east_m, row.north_m))
+        # of all, visible or not: east and north [m]; by camera, frame and class the first row and
+        # how many there are
+        self._places_m = np.array([place for of in places.values() for place in of]).reshape(-1, 2)
+        counts = [len(of_class) for of_class in places.values()]
+        begins = itertools.accumulate(counts, initial=0)
+        self._spans: dict[tuple[str, int], dict[str, tuple[int, int]]] = {}
+        for (camera, frame, label), begin, count in zip(places, begins, counts, strict=False):
+            self._spans.setdefault((camera, frame), {})[label] = begin, count
+
+    def knows(self, label: str) -> bool:
+        return label in CANONICAL
+
+    def visible(self, frame: Frame) -> Sequence[TruthRow]:
+        return self._visible.get(_key(frame), ())
+
+    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
+        place = np.array([east_m]), np.array([north_m])
+        return bool(self.are_there([frame], [label], *place)[0])
+
+    def are_there(
+        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        """``is_there`` of many places, each in its frame."""
+        spans: list[int] = []
+        last: Frame | None = None
+        of_frame: Mapping[str, tuple[int, int]] = {}
+        for frame, label in zip(frames, labels, strict=True):
+            if frame is not last:  # many are about one frame
+                last, of_frame = frame, self._spans.get(_key(frame), {})
+            spans += of_frame.get(label, (0, 0))
+        begins, counts = np.array(spans, dtype=np.int64).reshape(-1, 2).T
+        index = np.repeat(np.arange(len(counts)), counts)
+        row = np.arange(len(index)) + (begins - np.cumsum(counts) + counts)[index]
+        there_m = self._places_m[row]
+        away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
+        result = np.zeros(len(counts), dtype=bool)
+        result[index[away_m <= self.reach_m]] = True
+        return result
+
+
+def _key(frame: Any) -> tuple[str, int]:
+    return frame.camera, frame.index
+
+
+def make_truth(root: str | Path, drive: str, trace: Trace) -> TruthTable:
+    """The truth table of a trace from the labels of its drive, ``2011_09_26/0005`` or
+    ``tracking/0000``.
+
+    Raises UserError for labels that are missing or broken, and where they are not of this drive.
+    """
+    from genie_sim.data.labels import label_file
+    from genie_sim.data.truth import read_truth
+
+    truth = read_truth(root, drive, trace)
+    stamps_ns = {
+        (camera, frame.index): frame.stamp_ns
+        for camera in trace.frames
+        for frame in trace.frames[camera]
+    }
+    rows = []
+    for (camera, index), labels in sorted(truth.pictures.items()):
+        for label in sorted(labels):
+            if label.centre is not None and label.group in GROUPS:
+                east_m, north_m, up_m = (round(x, POSITION_DECIMALS) for x in label.centre)
+                rows.append(
+                    TruthRow(
+                        camera=camera,
+                        frame=index,
+                        stamp_ns=stamps_ns[camera, index],
+                        object=label.track,
+                        label=GROUPS[label.group][0],
+                        moving=label.track in truth.moving,
+                        visible=label.counts,
+                        east_m=east_m,
+                        north_m=north_m,
+                        up_m=up_m,
+                    )
+                )
+    if not rows:
+        raise UserError(f"{root}: no object of {drive} is in view of the trace {trace.name}")
+    provenance = {
+        "drive": drive,
+        "labels": truth.source,
+        "labels_sha256": hashlib.sha256(label_file(Path(root), drive).read_bytes()).hexdigest(),
+    }
+    return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
+
+
+def write_truth(path: Path, table: TruthTable) -> None:
+    """Writes a table; the same one gives the same bytes with the same pyarrow."""
+    world_table.write(
+        path,
+        _schema(),
+        (row._asdict() for row in table.rows),
+        origin=table.origin,
+        digest=table.digest,
+        provenance=table.provenance,
+        trace=table.trace,
+        **{name: getattr(table, name) for name in RULER},
+    )
+
+
+def path_beside(path: Path) -> Path:
+    """Where the truth table of a trace's file belongs."""
+    return path.with_name(path.name.removesuffix(".parquet") + SUFFIX)
+
+
+def truth_beside(path: Path, trace: Trace) -> TruthTable | None:
+    """The truth table beside a trace's file, ``None`` where there is none.
+
+    Raises UserError for one that cannot be read, was altered, or belongs to another trace.
+    """
+    beside = path_beside(path)
+    if not beside.is_file():
+        return None
+    table = read_truth_table(beside)
+    if table.trace != trace.digest:
+        raise UserError(
+            f"{beside}: belongs to the trace {table.trace[:12]!r}, {path.name} is "
+            f"{trace.digest[:12]}: make it again with 'genie-sim truth', or take it away"
+        )
+    return table
+
+
+@remembered
+def read_truth_table(path: Path) -> TruthTable:
+    """Reads a truth table and checks all of it. Raises UserError."""
+    columns, about = world_table.read(path, "truth table", _schema(), "trace")
+    if not isinstance(about["provenance"].get("trace"), str):
+        raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
+    rows = tuple(TruthRow(**row) for row in columns.select(_schema().names).to_pylist())
+    for row in rows:
+        if not world_table.in_range(row.location):
+            raise UserError(
+                f"{path}: camera {row.camera!r}, frame {row.frame}: object {row.object} at "
+                f"{row.location} is at no place on Earth [m]"
+            )
+    ruler = {name: about.get(name, default) for name, default in RULER.items()}
+    for name, value in ruler.items():
+        if not (world_table.in_range([value], MAX_RULER_M) and value > 0):
+            raise UserError(
+                f"{path}: metadata: {name} {value!r} is no length up to {MAX_RULER_M:g} [m]"
+            )
+    table = TruthTable(about["trace"], about["origin"], rows, about["provenance"], **ruler)
+    world_table.check_digest(path, table.digest, about)
+    return table
+
+
+def _schema() -> "pyarrow.Schema":
+    import pyarrow as pa
+
+    kinds = {
+        "camera": pa.string(),
+        "label": pa.string(),
+        "moving": pa.bool_(),
+        "visible": pa.bool_(),
+    }
+    whole = dict.fromkeys(("frame", "stamp_ns", "object"), pa.int64())
+    return pa.schema([(name, (kinds | whole).get(name, pa.float64())) for name in TruthRow._fields])

@@ -1,0 +1,106 @@
+"""Parquet files of rows that are placed around one geodetic origin: traces and truth tables.
+
+The metadata of such a file are the version of its format, the origin, the digest of its content,
+and where it comes from.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.base import parquet
+from genie_sim.base.errors import UserError
+from genie_sim.core.geometry import Geodetic
+
+if TYPE_CHECKING:
+    import pyarrow
+
+FORMAT_VERSION = 1
+# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
+MAX_M, MAX_ORIGIN = 4e7, (90.0, 180.0, 1e5)
+
+
+def content_digest(content: Sequence[Any]) -> str:
+    """The sha256 of numbers, texts, lists and mappings."""
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write(
+    path: Path,
+    schema: "pyarrow.Schema",
+    rows: Iterable[Mapping[str, Any]],
+    *,
+    origin: Geodetic,
+    digest: str,
+    provenance: Mapping[str, Any],
+    **more: str | float,
+) -> None:
+    """Writes a file, whole or not at all; the same content gives the same bytes with the same
+    pyarrow. Raises UserError where the folder cannot be written.
+
+    Parameters
+    ----------
+    path : where to write
+    schema : of the rows
+    rows : values by column
+    origin : latitude [deg], longitude [deg], altitude [m]
+    digest : ``content_digest`` of what the rows say
+    provenance : where the rows come from
+    more : more metadata, by name
+    """
+    about = {"origin": list(origin), "digest": digest, "provenance": provenance, **more}
+    parquet.write(path, schema, rows, {"format_version": FORMAT_VERSION, **about})
+
+
+def read(
+    path: Path, what: str, schema: "pyarrow.Schema", *texts: str
+) -> "tuple[pyarrow.Table, dict[str, Any]]":
+    """The table in a file and its metadata, of which ``texts`` names more than all files have.
+
+    Raises UserError, naming file and field, for a missing, truncated or foreign file, another
+    version of the format, broken metadata, and columns that are missing or have empty values.
+    """
+    table, about = parquet.read(path, what)
+    version = about.get("format_version")
+    if version != FORMAT_VERSION:
+        raise UserError(
+            f"{path}: format_version: {what} has version {version!r}, "
+            f"this genie-sim reads {FORMAT_VERSION}"
+        )
+    kinds = {"origin": list, "digest": str, "provenance": dict} | dict.fromkeys(texts, str)
+    for name, kind in kinds.items():
+        if not isinstance(about.get(name), kind):
+            raise UserError(f"{path}: metadata: {name!r} is missing or not a {kind.__name__}")
+    origin = about["origin"]
+    if not is_origin(origin):
+        raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
+    about["origin"] = tuple(origin)
+    parquet.check_columns(path, table, schema)
+    for name in schema.names:
+        if table.column(name).null_count:
+            raise UserError(f"{path}: column {name!r} has empty values")
+    return table, about
+
+
+def check_digest(path: Path, digest: str, about: Mapping[str, Any]) -> None:
+    """Raises UserError unless a file's content has the digest that its metadata give."""
+    if digest != about["digest"]:
+        raise UserError(
+            f"{path}: content does not match its own digest {about['digest'][:12]}: "
+            "file was altered"
+        )
+
+
+def is_origin(values: Sequence[Any]) -> bool:
+    """Whether values are the latitude [deg], longitude [deg] and altitude [m] of a place."""
+    return len(values) == len(MAX_ORIGIN) and all(
+        in_range([value], limit) for value, limit in zip(values, MAX_ORIGIN, strict=True)
+    )
+
+
+def in_range(values: Sequence[Any], limit: float = MAX_M) -> bool:
+    """Whether all values are numbers, neither infinite nor larger than ``limit``."""
+    return all(isinstance(value, (int, float)) and abs(value) <= limit for value in values)

@@ -1,0 +1,3 @@
+"""What was really there: what consumers hold, and answers, compared with the truth. It may import
+``base``, ``core`` and ``record``.
+"""

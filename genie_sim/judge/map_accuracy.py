@@ -1,0 +1,363 @@
+"""Judges the objects that consumers hold by what is really there.
+
+Each car is judged when its first camera, or any of them, takes a frame. What its consumer holds is
+compared with the truth of that very instant, not with that of the frames that its answers are
+about: a late answer counts as a wrong one (streaming accuracy; M. Li, Y. Wang, D. Ramanan, "Towards
+Streaming Perception", ECCV 2020).
+
+During the run scenes and answers are only noted; a window of them is judged at once.
+"""
+
+from collections.abc import Callable, Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.consumer import Consumer, Newest, Shown
+from genie_sim.core.messages import Detections, Image
+from genie_sim.judge.ages import NOT_YET_NS, FirstSeen, Given
+from genie_sim.judge.gospa import GOSPA_CUT_M, gospa_m
+from genie_sim.judge.held import Held, held
+from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
+from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
+from genie_sim.judge.objects import UNKNOWN, Codes, Objects, ShownColumns
+from genie_sim.judge.recent_places import RecentPlaces
+from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
+from genie_sim.record.columns import Columns, Text
+from genie_sim.record.records import CONSUMER, ZERO_DELAY
+from genie_sim.record.tables import Table
+
+WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
+
+JUDGEMENTS = ("right", "duplicate", "hidden", "moved_away", "never_there", "missed")
+RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS))
+
+
+class _Compared(NamedTuple):
+    """The objects that are held in view, and how each of them is judged.
+
+    What they are, the code of the label, the judgement, the age [s] and whether another car saw it
+    last; then the pairs with visible objects, scene by scene and nearest first, and which of them
+    match.
+    """
+
+    held: Held
+    label: Array
+    judgement: Array
+    age_s: Array
+    is_shared: Array
+    pairs: Pairs
+    is_match: Array
+
+
+class MapAccuracy:
+    """Judges what the consumers of one method hold.
+
+    Parameters
+    ----------
+    method : str
+        The name under which rows are written.
+    truths : mapping of str to DriveTruth
+        What is there on the drive of each car. Cars without are not judged.
+    table : Table
+        Gets a row of counts per instant (``records.HELD``).
+    judged_without_delay : collection of str
+        Cars for which the detector's own answer without any delay is judged already. It is the
+        same under every method.
+    make_consumer : callable
+        Makes the consumer of one car.
+    objects : Table, optional
+        Gets a row per object that is held or missed (``records.HELD_OBJECTS``).
+    all_streams : bool
+        Whether the frames of every stream of a car are instants at which it is judged, within their
+        fields of view, not only those of the first.
+    window : int, optional
+        How many scenes are judged at once; does not change results. By default as many as pay: some
+        of each car.
+
+    Attributes
+    ----------
+    objects : Objects
+        Numbers what answers show.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        truths: Mapping[str, DriveTruth],
+        table: Table,
+        judged_without_delay: Collection[str] = (),
+        make_consumer: Callable[[], Consumer] = Newest,
+        *,
+        objects: Table | None = None,
+        all_streams: bool = False,
+        window: int | None = None,
+    ) -> None:
+        self._method = method
+        self._truths = truths
+        self._table = table
+        self._judged_without_delay = judged_without_delay
+        self._all_streams = all_streams
+        self._window = window or max(WINDOW, WINDOW_OF_CAR * len(truths))
+        self._consumers = {car: make_consumer() for car in truths}
+        self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
+        self.objects = Objects()
+        self._cars, self._labels = self.objects.cars, self.objects.labels
+        self._cars.update((car, number) for number, car in enumerate(truths))
+        self._first_seen = FirstSeen()
+        self._recent_places = RecentPlaces()
+        self._judged = 0  # how many scenes are
+        self._spans: HeldSpans | None = None
+        if objects is not None:
+            self._spans = HeldSpans(
+                method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
+            )
+        # of this window: scenes, and answers in the consumers' hands
+        self._scenes: list[JudgedScene] = []
+        self._given: list[Given] = []
+
+    def answered(self, answer: Detections, now_ns: int) -> None:
+        """An answer is in the consumer's hands."""
+        consumer = self._consumers.get(answer.header.origin)
+        if consumer is not None:
+            consumer.on_answer(answer, now_ns)
+            car = self._cars[answer.header.origin]
+            self._given.append(Given(len(self._scenes), car, answer))
+
+    def published(self, image: Image) -> None:
+        """A camera took a frame; the car is judged unless only its first camera's frames count."""
+        now_ns, stream, car = image.header
+        truth = self._truths.get(car)
+        if truth is None:
+            return
+        consumer = self._consumers[car]
+        consumer.on_frame(image)
+        if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
+            return
+        self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))
+        if car not in self._judged_without_delay:
+            detections = (Shown(image.content.detections),)
+            self._scenes.append(JudgedScene(image, truth, detections, is_consumer=False))
+        if len(self._scenes) >= self._window:
+            self._judge()
+
+    def close(self) -> None:
+        """Nothing more happens: what is held now is held until the end."""
+        if self._scenes:
+            self._judge()
+        if self._spans is not None:
+            self._spans.close()
+
+    def _judge(self) -> None:
+        """Writes the rows of the window."""
+        self.objects.begin_window()
+        views = SceneViews.of(self._scenes, self._cars)
+        visible = Visible.of(self._scenes, self.objects, self._recent_places.codes)
+        visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
+        compared = self._compare(views, visible)
+        self._count(views, visible, compared)
+        if self._spans is not None:
+            self._follow(self._spans, views, visible, compared)
+        self._judged += len(self._scenes)
+        self._scenes, self._given = [], []
+
+    def _compare(self, views: SceneViews, visible: Visible) -> _Compared:
+        """Judges each object in view, of a class that the truth knows."""
+        objects = self.objects
+        shown = (scene.shown for scene in self._scenes)
+        items = held(objects, zip(views.now_ns.tolist(), shown, strict=True))
+        known = objects.columns().rows(items.number)
+        age_s = self._age_s(objects, views, items, known)
+        counts = views.see(items.scene, items.east_m, items.north_m)
+        counts &= self._knows(views.car[items.scene], known.label)
+        items, known, age_s = items.rows(counts), known.rows(counts), age_s[counts]
+
+        classes, reach_m = len(self._labels), views.reach_m[items.scene]
+        pairs = near(
+            GroupedPlaces(items.scene * classes + known.class_, items.east_m, items.north_m),
+            GroupedPlaces(
+                visible.scene * classes + visible.class_, visible.east_m, visible.north_m
+            ),
+            max(float(views.reach_m.max()), GOSPA_CUT_M),
+        )
+        scene = items.scene[pairs.ours]
+        pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
+        within = np.flatnonzero(pairs.distance_m2 <= (reach_m * reach_m)[pairs.ours])
+        is_match = np.zeros(len(pairs.ours), dtype=bool)
+        is_match[within[matches(pairs.rows(within))]] = True
+
+        judgement = np.full(len(items.scene), NEVER_THERE)
+        judgement[pairs.ours[within]] = DUPLICATE
+        judgement[pairs.ours[is_match]] = RIGHT
+        others = np.flatnonzero(judgement == NEVER_THERE)
+        places = GroupedPlaces(known.class_, items.east_m, items.north_m)
+        hidden = self._are_there(items.scene[others], places.rows(others))
+        judgement[others[hidden]] = HIDDEN
+        others = np.flatnonzero(judgement == NEVER_THERE)
+        moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
+        judgement[others[moved_away]] = MOVED_AWAY
+        is_shared = (known.seen_by != UNKNOWN) & (known.seen_by != views.car[items.scene])
+        return _Compared(
+            items,
+            label=known.label,
+            judgement=judgement,
+            age_s=age_s,
+            is_shared=is_shared,
+            pairs=pairs,
+            is_match=is_match,
+        )
+
+    def _age_s(
+        self, objects: Objects, views: SceneViews, items: Held, known: ShownColumns
+    ) -> Array:
+        """The time since the frame in which an object was seen: as a map that tracks says, else the
+        first one whose answer had an object of its label at exactly its place. What the detector
+        finds without delay has no age.
+        """
+        of_consumer = views.is_consumer[items.scene]
+        # An object that has moved on is at a place of no answer.
+        stays = (items.east_m == known.east_m) & (items.north_m == known.north_m)
+        rows = np.flatnonzero(of_consumer & stays)
+        scenes = np.flatnonzero(views.is_consumer)
+        of_scene = np.searchsorted(scenes, items.scene[rows])
+        seen_ns = np.full(len(items.scene), NOT_YET_NS)
+        seen_ns[rows] = self._first_seen.seen_ns(
+            objects,
+            self._given,
+            scenes=(scenes, views.car[scenes]),
+            held=(of_scene, items.number[rows]),
+        )
+        seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
+        age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
+        age_s[~of_consumer] = 0.0
+        return age_s
+
+    def _knows(self, car: Array, label: Array) -> Array:
+        """Which labels the truths of the cars know."""
+        truths, labels = list(self._truths.values()), list(self._labels)
+        codes = car * len(labels) + label
+        flags = np.zeros(len(truths) * len(labels), dtype=bool)
+        for code in np.flatnonzero(np.bincount(codes)).tolist():
+            flags[code] = truths[code // len(labels)].knows(labels[code % len(labels)])
+        result: Array = flags[codes]
+        return result
+
+    def _are_there(self, scene: Array, places: GroupedPlaces) -> Array:
+        """Whether anything of a class, visible or not, is at each place in its scene."""
+        result = np.zeros(len(scene), dtype=bool)
+        labels, codes = list(self._labels), Codes()
+        # Cars on one drive have one truth.
+        of_scene = np.array([codes[id(of.truth)] for of in self._scenes])
+        order = np.argsort(of_scene[scene], kind="stable")
+        for rows in np.split(order, np.flatnonzero(np.diff(of_scene[scene[order]])) + 1):
+            scenes = [self._scenes[at] for at in scene[rows].tolist()]
+            if scenes:
+                frames = [of.image.content for of in scenes]
+                of_rows = [labels[code] for code in places.group[rows].tolist()]
+                place = places.east_m[rows], places.north_m[rows]
+                result[rows] = are_there(scenes[0].truth, frames, of_rows, place)
+        return result
+
+    def _were_there(
+        self, views: SceneViews, visible: Visible, scene: Array, places: GroupedPlaces
+    ) -> Array:
+        """Whether anything of a class was visible at each place lately, before its scene."""
+        # What the consumer holds and what is found without delay are judged at one instant.
+        instant = np.cumsum(views.is_consumer) - 1
+        seen = visible.rows(views.is_consumer[visible.scene])
+        return self._recent_places.were_there(
+            places,
+            reach_m=views.reach_m[scene],
+            instant=instant[scene],
+            visible=np.stack([seen.place, instant[seen.scene]]),
+            now_ns=views.now_ns[views.is_consumer],
+        )
+
+    def _count(self, views: SceneViews, visible: Visible, compared: _Compared) -> None:
+        """Writes the rows of ``held``."""
+        items, judgement, pairs = compared.held, compared.judgement, compared.pairs
+        scenes = len(views.now_ns)
+
+        judged = [
+            _counts(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
+        ]
+        # What is there and cannot be seen is neither right nor wrong.
+        is_held = judgement != HIDDEN
+        held_ = _counts(items.scene, is_held, scenes)
+        of_pairs = items.scene[pairs.ours]
+        moving = visible.moving == 1
+        compares = (pairs.distance_m2 <= GOSPA_CUT_M**2) & is_held[pairs.ours]
+        found = np.zeros(len(moving), dtype=bool)
+        found[pairs.theirs[compared.is_match]] = True
+        errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
+        right = judged[RIGHT]
+        with np.errstate(invalid="ignore"):
+            age_s = (
+                np.bincount(items.scene[is_held], weights=compared.age_s[is_held], minlength=scenes)
+                / held_
+            )
+            error_m = (
+                np.bincount(of_pairs[compared.is_match], weights=errors_m, minlength=scenes) / right
+            )
+        columns = {
+            "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
+            "what": Text.of(np.where(views.is_consumer, 0, 1), [CONSUMER, ZERO_DELAY]),
+            "car": Text.of(views.car, list(self._cars)),
+            "stamp_ns": views.now_ns,
+            "held": held_,
+            "right": right,
+            "moved_away": judged[MOVED_AWAY],
+            "never_there": judged[NEVER_THERE],
+            "duplicate": judged[DUPLICATE],
+            "shared": _counts(items.scene, is_held & compared.is_shared, scenes),
+            "shared_right": _counts(items.scene, compared.is_shared & (judgement == RIGHT), scenes),
+            "hidden": judged[HIDDEN],
+            "visible_static": _counts(visible.scene, ~moving, scenes),
+            "found_static": _counts(visible.scene, found & ~moving, scenes),
+            "visible_moving": _counts(visible.scene, moving, scenes),
+            "found_moving": _counts(visible.scene, found & moving, scenes),
+            "gospa_m": gospa_m(
+                pairs.rows(compares),
+                of_pairs[compares],
+                held_ + _counts(visible.scene, moving | True, scenes),
+            ),
+            "age_s": age_s,
+            "error_m": error_m,
+        }
+        self._table.extend(Columns(columns))
+
+    def _follow(
+        self, spans: HeldSpans, views: SceneViews, visible: Visible, compared: _Compared
+    ) -> None:
+        """Notes since when each object is judged as it is."""
+        items, codes = compared.held, spans.cameras
+        is_held = views.is_consumer[items.scene] & (compared.judgement != HIDDEN)
+        is_missed = views.is_consumer[visible.scene]
+        is_missed[compared.pairs.theirs[compared.is_match]] = False
+        missed = visible.rows(is_missed)
+        scene = np.concatenate([items.scene[is_held], missed.scene])
+        camera = np.array(
+            [
+                codes[self._cars[scene.image.header.origin], scene.image.header.frame_id]
+                for scene in self._scenes
+            ]
+        )
+        instants = np.flatnonzero(views.is_consumer)
+        turn = np.zeros(len(camera), dtype=np.int64)
+        turn[instants] = turns(camera[instants])
+        judged = JudgedObjects(
+            camera=camera[scene],
+            turn=turn[scene],
+            order=np.arange(len(scene)),
+            label=np.concatenate([compared.label[is_held], missed.label]),
+            east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
+            north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
+            judgement=np.append(compared.judgement[is_held], np.full(len(missed.scene), MISSED)),
+        )
+        spans.add(judged, camera[instants], turn[instants], views.now_ns[instants])
+
+
+def _counts(scene: Array, selection: Array, scenes: int) -> Array:
+    """How many are selected in each scene."""
+    return np.bincount(scene[selection], minlength=scenes)

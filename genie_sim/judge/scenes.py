@@ -1,0 +1,164 @@
+"""What cars are judged by, many instants at once: who looks from where, and what is there."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from genie_sim.core.consumer import Shown
+from genie_sim.core.messages import Frame, Image, Location
+from genie_sim.judge.joins import Array
+from genie_sim.judge.objects import Codes, Objects
+
+BORDER_RAD = 1e-12  # what stands on the border of a picture is in view, however that is rounded
+
+
+class RealObject(Protocol):
+    """Something that is really there."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def location(self) -> Location: ...
+
+    @property
+    def moving(self) -> bool: ...
+
+
+class DriveTruth(Protocol):
+    """What is really there on one car's drive.
+
+    It is asked after the instants that it is asked about. One with a method ``are_there``, which
+    takes sequences of frames and labels and arrays of places [m] and returns an array of flags, is
+    asked about many objects at once.
+    """
+
+    @property
+    def reach_m(self) -> float:
+        """How far from an object one that is held may be and still be right."""
+
+    @property
+    def range_m(self) -> float:
+        """How far from the camera an object counts."""
+
+    def knows(self, label: str) -> bool:
+        """Whether objects of a class would be known if they were there."""
+
+    def visible(self, frame: Frame) -> Sequence[RealObject]:
+        """What the frame's camera can see."""
+
+    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
+        """Whether anything of a class, visible or not, is within ``reach_m`` of a place when the
+        frame is taken.
+        """
+
+
+def are_there(
+    truth: DriveTruth,
+    frames: Sequence[Frame],
+    labels: Sequence[str],
+    places: tuple[Array, Array],
+) -> Array:
+    """Whether anything of a class is within reach of each place, east and north [m], in its
+    frame.
+    """
+    at_once = getattr(truth, "are_there", None)
+    if at_once is not None:
+        flags: Array = at_once(frames, labels, *places)
+        return flags
+    asked = zip(frames, labels, *(column.tolist() for column in places), strict=True)
+    return np.array([truth.is_there(*of_one) for of_one in asked], dtype=bool)
+
+
+class JudgedScene(NamedTuple):
+    """What is judged at an instant: the camera's frame, what is there, and the objects that answers
+    show to a consumer, or else those that the detector finds without any delay.
+    """
+
+    image: Image
+    truth: DriveTruth
+    shown: Sequence[Shown]
+    is_consumer: bool
+
+
+class Visible(NamedTuple):
+    """What can be seen, scene by scene: the index of the scene, codes of the label, of the class
+    and of the place, whether it moves, and where it is [m].
+    """
+
+    scene: Array
+    label: Array
+    class_: Array
+    place: Array
+    moving: Array
+    east_m: Array
+    north_m: Array
+
+    @classmethod
+    def of(cls, scenes: Sequence[JudgedScene], objects: Objects, places: Codes) -> "Visible":
+        """All that can be seen in some scenes, in the field of view or not, with codes of labels
+        and classes, and of a class's code and a place.
+        """
+        rows: list[tuple[Any, ...]] = []
+        image: Image | None = None
+        things: list[tuple[Any, ...]] = []
+        for number, scene in enumerate(scenes):
+            if scene.image is not image:  # it is the same where two are judged at an instant
+                image, things = scene.image, []
+                for thing in scene.truth.visible(image.content):
+                    label, class_ = objects.classes[thing.label]
+                    east_m, north_m, _ = thing.location
+                    place = places[class_, east_m, north_m]
+                    things.append((label, class_, place, thing.moving, east_m, north_m))
+            rows += [(number, *thing) for thing in things]
+        columns = list(zip(*rows, strict=True)) or [()] * len(cls._fields)
+        kinds = [np.int64] * 5 + [np.float64] * 2
+        return cls(*(np.array(of, dtype=kind) for of, kind in zip(columns, kinds, strict=True)))
+
+    def rows(self, selection: Array) -> "Visible":
+        """Those of a mask."""
+        return Visible(*(column[selection] for column in self))
+
+
+class SceneViews(NamedTuple):
+    """Of each scene: its time [ns], the car's number, whether it is about a consumer, the camera's
+    place [m] and heading and half of its field of view [rad], and the truth's reach and range [m].
+    """
+
+    now_ns: Array
+    car: Array
+    is_consumer: Array
+    east_m: Array
+    north_m: Array
+    heading_rad: Array
+    half_fov_rad: Array
+    reach_m: Array
+    range_m: Array
+
+    @classmethod
+    def of(cls, scenes: Sequence[JudgedScene], cars: Codes) -> "SceneViews":
+        """Those of some scenes, with the numbers of cars."""
+        rows = []
+        for image, truth, _, _ in scenes:
+            pose, half_fov_rad = image.pose, image.horizontal_fov_rad / 2
+            camera = pose.east_m, pose.north_m, pose.heading_rad, half_fov_rad
+            rows.append((*camera, truth.reach_m, truth.range_m))
+        headers = [scene.image.header for scene in scenes]
+        return cls(
+            np.array([header.stamp_ns for header in headers]),
+            np.array([cars[header.origin] for header in headers]),
+            np.array([scene.is_consumer for scene in scenes]),
+            *np.array(rows, dtype=np.float64).T,
+        )
+
+    def see(self, scene: Array, east_m: Array, north_m: Array) -> Array:
+        """Which places are in the horizontal field of view of their scene, and near enough."""
+        away_east_m, away_north_m = east_m - self.east_m[scene], north_m - self.north_m[scene]
+        distance_m2 = away_east_m * away_east_m + away_north_m * away_north_m
+        turn_rad = np.arctan2(away_north_m, away_east_m) - self.heading_rad[scene]
+        turn_rad -= math.tau * np.rint(turn_rad / math.tau)
+        in_view: Array = np.abs(turn_rad) <= self.half_fov_rad[scene] + BORDER_RAD
+        in_view &= distance_m2 <= self.range_m[scene] * self.range_m[scene]
+        return in_view

@@ -1,0 +1,439 @@
+"""What happens in a run, written down row by row."""
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple, Protocol
+
+from genie_sim.core.header import Header
+from genie_sim.core.messages import (
+    Detection,
+    Detections,
+    Expired,
+    Forgotten,
+    Image,
+    ImageLookup,
+    LookEvent,
+    MapChange,
+    Message,
+    NewestLook,
+    ObjectLookups,
+    Observation,
+)
+from genie_sim.core.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
+from genie_sim.record.open_frame import OpenFrame
+from genie_sim.record.records import AttackRow, FaultRow, HostRow, LookRow, Tables
+from genie_sim.record.tables import Value
+
+# What an answer is called in the table of steps, by whether it is the first and the fresh one.
+_WHICH = {
+    (True, True): "both",
+    (True, False): "first",
+    (False, True): "fresh",
+    (False, False): "result",
+}
+# The rows of the table of answers about one, by whether it is the first one and a result.
+_COMPARED = {
+    (True, True): ("first", "result"),
+    (True, False): ("first",),
+    (False, True): ("result",),
+}
+
+
+class ComparedAnswer(NamedTuple):
+    """The objects of an answer to a frame, and those that the detector finds in it; ``which``
+    answer it is, perhaps two in one, and what produced it.
+    """
+
+    header: Header
+    which: Sequence[str]
+    source: str
+    served: Sequence[Detection]
+    detected: Sequence[Detection]
+
+
+class Answers(Protocol):
+    """Compares answers with the detector's (``judge.agreement``)."""
+
+    def add(self, answer: ComparedAnswer) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class Judge(Protocol):
+    """Compares what consumers hold with the truth (``judge.map_accuracy``)."""
+
+    def published(self, image: Image) -> None: ...
+
+    def answered(self, answer: Detections, now_ns: int) -> None: ...
+
+    def close(self) -> None: ...
+
+
+SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
+
+
+class Log:
+    """Writes the rows of one method's run; a ``monitor.Monitor``.
+
+    Rows of which there are many are plain tuples in the order of the columns (``records``): naming
+    the columns of each takes ten times as long.
+
+    A frame's row is found by its header and completed as the frame moves on. Then it goes into the
+    table, which is compact; if more becomes known after all, it is taken out again.
+
+    Parameters
+    ----------
+    method : str
+        The name under which rows are written.
+    tables : dict of str to Table
+        All tables of the run, by name: ``records.new_tables``.
+    record : collection of str
+        The tables that are written besides ``frames`` and ``resources``: ``lookups``, ``looks``,
+        ``steps``, and what a replay needs, ``poses`` and ``objects``.
+    samples : str
+        The resources that are sampled: ``all``, those of ``edges``, ``processors``, or ``none``.
+    answers : Answers, optional
+        Compares the answers with the detector's.
+    accuracy : Judge, optional
+        Judges what the consumers hold, where the truth is known.
+    posed : collection of str
+        Cars whose poses are written already.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        tables: Tables,
+        record: Collection[str] = ("lookups",),
+        *,
+        samples: Samples = "all",
+        answers: Answers | None = None,
+        accuracy: Judge | None = None,
+        posed: Collection[str] = (),
+    ) -> None:
+        self.method = method
+        self.samples: Samples = samples
+        self._accuracy = accuracy
+        self._posed = frozenset(posed)
+        self._frames = tables["frames"]
+        self._resources = tables["resources"]
+        self._hosts = tables["hosts"]
+        self._faults = tables["faults"]
+        self._attacks = tables["attacks"]
+        self._lookups = tables["lookups"] if "lookups" in record else None
+        self._looks = tables["looks"] if "looks" in record else None
+        self._poses = tables["poses"] if "poses" in record else None
+        self._objects = tables["objects"] if "objects" in record else None
+        self._answers = answers
+        self._steps = tables["steps"] if "steps" in record else None
+        self.wants_changes = self._objects is not None  # of object maps
+        self.wants_paths = self._steps is not None
+        self._open: dict[Header, OpenFrame] = {}  # in order of their stamps
+        self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map
+        self._object_counts: Counter[str] = Counter()  # by Genie
+        self.published_frames = 0
+
+    def published(self, image: Image, number: int, lap: int) -> None:
+        """A camera took a frame. See ``monitor.Monitor`` for this and what follows."""
+        header = image.header
+        frame = OpenFrame(self.method, header, number, lap)
+        self._open[header] = frame
+        self.published_frames += 1
+        if self._accuracy is not None:
+            self._accuracy.published(image)
+        if self._answers is not None:
+            frame.image = image
+        if self._poses is not None and header.origin not in self._posed:
+            pose = image.pose
+            row = (
+                self.method,
+                header.origin,
+                header.frame_id,
+                number,
+                header.stamp_ns,
+                pose.east_m,
+                pose.north_m,
+                pose.heading_rad,
+                image.horizontal_fov_rad,
+            )
+            self._poses.append(row)
+
+    def failed(self, spans: Sequence[FaultSpan]) -> None:
+        """Writes the faults that there were."""
+        for span in spans:
+            self._faults.append(FaultRow(self.method, *span))
+
+    def attacked(self, forgeries: Iterable[Forgery]) -> None:
+        """Writes what attackers added and left out."""
+        for forgery in forgeries:
+            self._attacks.append(AttackRow(self.method, *forgery))
+
+    def close(self, before_ns: int | None = None) -> None:
+        """Frames taken before this go into the table; ``None``: all do."""
+        settled: list[Header] = []
+        for header in self._open:
+            if before_ns is not None and header.stamp_ns >= before_ns:
+                break
+            settled.append(header)
+        values: list[Value] = []  # all rows at once
+        for header in settled:
+            frame = self._open.pop(header)
+            values += frame.values()
+        self._frames.append(values)
+        if before_ns is None:
+            if self._accuracy is not None:
+                self._accuracy.close()
+            if self._answers is not None:
+                self._answers.close()
+
+    def _frame(self, header: Header) -> OpenFrame | None:
+        """The row of a frame, taken out of the table if it is there already."""
+        if type(header) is not Header:  # of a car whose clock is wrong
+            header = header.original
+        frame = self._open.get(header)
+        if frame is None:
+            stamp_ns, stream, car = header
+            row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
+            if row is not None:
+                self._open[header] = frame = OpenFrame(self.method, header).update(row)
+        return frame
+
+    def received(self, header: Header, now_ns: int) -> None:
+        """The frame is in the queue of the first node that handles it."""
+        frame = self._frame(header)
+        assert frame is not None, "every frame is published first"
+        frame.received_ns = now_ns
+
+    def carried(self, column: str, message: Message) -> None:
+        """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or
+        ``bytes_down``.
+        """
+        frame = self._frame(message.header)
+        if frame is not None:
+            if column == "bytes_up":
+                frame.bytes_up += message.size_bytes
+            else:
+                frame.bytes_down += message.size_bytes
+
+    def answered(
+        self, answer: Detections, source: str, now_ns: int, path: Span | None = None
+    ) -> None:
+        """An answer is in the consumer's hands. One under a stale stamp is no answer to this
+        frame.
+        """
+        if self._accuracy is not None:
+            self._accuracy.answered(answer, now_ns)
+        frame = self._frame(answer.header)
+        if frame is None:
+            return
+        is_first = frame.first_answer_ns is None
+        is_fresh = answer.is_fresh and frame.fresh_answer_ns is None
+        is_result = answer.source != "map" and frame.result_answer_ns is None
+        looked_ns = answer.looked_ns
+        if looked_ns is not None and (frame.looked_ns is None or frame.looked_ns < looked_ns):
+            frame.looked_ns = looked_ns
+        if (is_first or is_result) and self._answers is not None and frame.image is not None:
+            noted = ComparedAnswer(
+                header=frame.image.header,
+                which=_COMPARED[is_first, is_result],
+                source=source,
+                served=answer.objects,
+                detected=frame.image.content.detections,
+            )
+            self._answers.add(noted)
+        if is_first or is_result or is_fresh:
+            self._note_steps(path, frame, is_first, is_fresh)
+        if is_first:
+            frame.first_answer_ns = now_ns
+            frame.first_looked_ns = looked_ns
+            frame.source = source
+            frame.served_by = answer.served_by
+            frame.objects_served = len(answer.objects)
+        if is_result:
+            frame.drop = frame.image = None
+            frame.result_answer_ns = now_ns
+            frame.objects_result = len(answer.objects)
+        if is_fresh:
+            frame.fresh_answer_ns = now_ns
+            frame.objects_fresh = len(answer.objects)
+
+    def _note_steps(
+        self, path: Span | None, frame: OpenFrame, is_first: bool, is_fresh: bool
+    ) -> None:
+        """Writes the steps from when the frame was received until the answer was there."""
+        if self._steps is None or path is None or frame.received_ns is None:
+            return
+        which = _WHICH[is_first, is_fresh]
+        values: list[Value] = []  # all rows at once
+        for (part, place), begin_ns, end_ns in path.since(frame.received_ns):
+            values += (
+                self.method,
+                frame.car,
+                frame.stream,
+                frame.stamp_ns,
+                which,
+                part,
+                place,
+                begin_ns,
+                end_ns,
+            )
+        self._steps.append(values)
+
+    def dropped(self, message: Message, where: str) -> None:
+        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no
+        result.
+        """
+        frame = self._frame(message.header)
+        if frame is not None and frame.result_answer_ns is None:
+            frame.drop = where
+
+    def observe(self, placement: Placement, node: str, record: Observation, now_ns: int) -> None:
+        """Writes what a Genie tells of its cache or map."""
+        if isinstance(record, ImageLookup):
+            self._note_image_lookup(placement, node, record, now_ns)
+        elif isinstance(record, ObjectLookups):
+            self._note_object_lookups(placement, node, record, now_ns)
+            self._note_changes(node, record.changes, now_ns)
+            self._note_changes(node, record.forgotten, now_ns, forgotten=True)
+        elif isinstance(record, Forgotten):
+            self._note_changes(node, record.objects, now_ns, forgotten=True)
+        elif isinstance(record, LookEvent):
+            self._note_look(node, record, now_ns)
+        elif isinstance(record, NewestLook):
+            event = LookEvent(record.header, "map", "answered")
+            self._note_look(node, event, now_ns, record.stamp_ns)
+        else:
+            self._note_expired(node, record)
+
+    def _note_look(
+        self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
+    ) -> None:
+        if self._looks is not None:
+            stamp_ns, stream, car = event.header.original
+            row = LookRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                car=car,
+                stream=stream,
+                stamp_ns=stamp_ns,
+                way=event.way,
+                outcome=event.outcome,
+                looked_ns=looked_ns,
+            )
+            self._looks.append(row)
+
+    def _note_image_lookup(
+        self, placement: Placement, genie: str, lookup: ImageLookup, now_ns: int
+    ) -> None:
+        hit = lookup.outcome == "hit"
+        if self._lookups is not None:
+            stamp_ns, stream, car = lookup.header.original
+            row = (
+                self.method,
+                now_ns,
+                genie,
+                placement,
+                "image",
+                lookup.requester,
+                car,
+                stream,
+                stamp_ns,
+                lookup.outcome,
+                1,  # request
+                int(hit),
+                0,  # objects changed
+                0.0,
+                lookup.entries,
+            )
+            self._lookups.append(row)
+        if placement == "car" and lookup.requester == "client":
+            frame = self._frame(lookup.header)
+            assert frame is not None, "every frame is published first"
+            frame.image_hit = hit
+            frame.coalesced = lookup.outcome == "coalesced"
+
+    def _note_object_lookups(
+        self, placement: Placement, genie: str, lookups: ObjectLookups, now_ns: int
+    ) -> None:
+        if self._lookups is None:
+            return
+        stamp_ns, stream, car = lookups.header.original
+        row = (
+            self.method,
+            now_ns,
+            genie,
+            placement,
+            lookups.kind,
+            None,  # nobody's request
+            car,
+            stream,
+            stamp_ns,
+            None,  # neither hit nor miss
+            lookups.requests,
+            lookups.hits,
+            lookups.updates,
+            lookups.boost_sum,
+            lookups.objects,
+        )
+        self._lookups.append(row)
+
+    def _note_changes(
+        self, genie: str, changes: Iterable[MapChange], now_ns: int, forgotten: bool = False
+    ) -> None:
+        """Objects of a Genie's map are new, have another confidence, or none any more."""
+        if self._objects is None:
+            return
+        numbers = self._open_objects
+        values: list[Value] = []  # all rows at once
+        for change in changes:
+            # A Genie that lost its state counts its objects from 0 again; the table goes on.
+            key = genie, change.number
+            number = numbers.get(key)
+            if number is None:
+                numbers[key] = number = self._object_counts[genie]
+                self._object_counts[genie] += 1
+            location = change.location
+            values += (
+                self.method,
+                now_ns,
+                genie,
+                number,
+                change.label,
+                location[0],
+                location[1],
+                None if forgotten else change.confidence,
+            )
+            if forgotten:
+                del numbers[key]
+        self._objects.append(values)
+
+    def _note_expired(self, genie: str, request: Expired) -> None:
+        """A client's request was forgotten before anybody answered it."""
+        frame = self._frame(request.header)
+        if frame is not None and frame.drop is None and frame.result_answer_ns is None:
+            frame.drop = f"{genie}:expired"
+
+    def used(self, usage: Iterable[HostUsage]) -> None:
+        """Writes what each host has used until the end of the run."""
+        for host in usage:
+            self._hosts.append(HostRow(self.method, **host._asdict()))
+
+    def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
+        """Writes the state of every device, link and queue at this instant."""
+        self.close(now_ns - SETTLED_NS)
+        values: list[Value] = []  # all rows at once: a fleet has thousands of resources
+        for resource in resources:
+            values += (
+                self.method,
+                now_ns,
+                resource.name,
+                resource.kind,
+                resource.capacity,
+                resource.busy_ns,
+                resource.queued,
+                resource.completed,
+                resource.drops,
+                resource.sent_bytes,
+            )
+        self._resources.append(values)

@@ -1,0 +1,284 @@
+"""The origin of a result (run id and ``run.json``), and result folders that are written
+atomically.
+"""
+
+import hashlib
+import json
+import os
+import platform
+import re
+import secrets
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from genie_sim.base.errors import UserError, as_user_error, short_repr
+from genie_sim.base.paths import PARTIAL, locked, read_text, sync_file, sync_folder, usable
+from genie_sim.record.tables import other_format
+from genie_sim.version import PACKAGE_FOLDER, VERSION
+
+RESULT_FORMAT = 4
+# Of run.json, required by every command; other fields are checked where they are used.
+REQUIRED: dict[str, tuple[type, str]] = {
+    "run_id": (str, "text"),
+    "facts.scenario": (dict, "a mapping"),
+    "facts.scenario.name": (str, "text"),
+    "facts.scenario.seed": (int, "a whole number"),
+    "facts.devices": (dict, "a mapping"),
+    "facts.traces": (dict, "a mapping"),
+    "facts.methods": (list, "a list"),
+}
+COMMIT_FILE = "commit.txt"  # of an installed package, written by hatch_build.py
+EARLIER = ".earlier"  # the name of a result while another takes its place
+_LEFTOVER = re.compile(
+    rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?"
+)
+PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib")
+
+
+def run_id(facts: Mapping[str, Any]) -> str:
+    """12 hex digits of the hash of everything that decides a run's outcome."""
+    text = json.dumps(facts, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
+    """sha256 of these files of a result folder, by name. Raises ``UserError`` for one that is not
+    there.
+    """
+    return {name: _digest(contained(folder, name)) for name in sorted(names)}
+
+
+def _digest(path: Path) -> str:
+    with as_user_error(f"{path}: cannot be read", OSError):
+        if not path.is_file():
+            raise UserError(f"{path}: no such file")
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def contained(folder: Path, name: str) -> Path:
+    """The path of a file of a result folder. Raises ``UserError`` where a link leads out of the
+    folder: its files may be anybody's, and nothing outside of it is read or written by its names.
+    """
+    path = folder / name
+    with as_user_error(f"{path}: cannot be read", OSError, RuntimeError):
+        inside = path.resolve().is_relative_to(folder.resolve())
+    if not inside:
+        raise UserError(f"{path}: a link out of the result folder, which is not followed")
+    return path
+
+
+def changed_files(folder: Path, known: object, names: Iterable[str]) -> tuple[str, ...]:
+    """Of the files of a result folder those whose bytes are not what the digests in ``known`` say.
+
+    Raises ``UserError`` for a file that is not there.
+    """
+    expected = known if isinstance(known, dict) else {}
+    found = digests(folder, names)
+    return tuple(name for name, digest in found.items() if expected.get(name) != digest)
+
+
+def warning(changed: Sequence[str]) -> str:
+    """A remark that names changed files, for what is made from them; empty for none."""
+    return f"CHANGED since the results were written: {', '.join(changed)}" if changed else ""
+
+
+def refuse_changed(folder: Path, changed: Sequence[str], allow_changed: bool) -> None:
+    """Raises ``UserError`` if files were changed since the results were written, unless that is
+    allowed.
+    """
+    if changed and not allow_changed:
+        raise UserError(
+            f"{folder}: changed since the results were written: {', '.join(changed)}; "
+            "--allow-changed reads them all the same"
+        )
+
+
+def environment() -> dict[str, Any]:
+    """What may differ between two runs of the same id: versions, machine, commit (``None``
+    where neither a checkout nor the installed package tells it).
+    """
+    return {
+        "genie_sim": VERSION,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "commit": _commit(),
+    }
+
+
+def check_writable(out: Path) -> None:
+    """Raises ``UserError`` unless ``out``, which need not exist, can hold result folders. Leaves
+    nothing behind.
+    """
+    with usable(out, "no results can be written there"):
+        existing = next(path for path in (out, *out.absolute().parents) if path.exists())
+        tempfile.TemporaryFile(dir=existing).close()
+
+
+def check_replaceable(final: Path) -> None:
+    """Raises ``UserError`` unless a result folder can take the place of ``final``: nothing else is
+    ever deleted.
+    """
+    with usable(final, "cannot be read"):
+        is_replaceable = not final.exists() or (
+            final.is_dir() and ((final / "run.json").is_file() or not any(final.iterdir()))
+        )
+    if not is_replaceable or not final.name:
+        raise UserError(
+            f"{final}: contains files that are not a genie-sim result; choose another --out"
+        )
+
+
+@contextmanager
+def result_folder(final: Path) -> Iterator[Path]:
+    """A folder to fill, which takes the place of ``final`` once it is complete and on the disk, and
+    vanishes if that fails. What killed processes have left beside it is cleared away.
+    """
+    check_replaceable(final)
+    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
+    try:
+        with usable(final), ExitStack() as locks:
+            final.parent.mkdir(parents=True, exist_ok=True)
+            with locked(final.parent):  # nobody clears the new folder away before its lock is held
+                _clear_away(final.parent)
+                partial.mkdir()
+                locks.enter_context(locked(partial))
+            yield partial
+            _sync(partial)
+            _take_place(partial, final)
+            sync_folder(final.parent)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _sync(folder: Path) -> None:
+    """Returns once every file in a folder is on the disk."""
+    for path in folder.rglob("*"):
+        if path.is_dir():
+            sync_folder(path)
+        elif path.is_file():
+            sync_file(path)
+    sync_folder(folder)
+
+
+def _take_place(partial: Path, final: Path) -> None:
+    """Renames ``partial`` to ``final``. An earlier ``final`` goes once that is done, and comes back
+    if it fails.
+    """
+    if not final.exists():
+        partial.rename(final)
+        return
+    earlier = partial.with_name(f"{partial.name}{EARLIER}")
+    with locked(final):
+        final.rename(earlier)
+        try:
+            partial.rename(final)
+        except BaseException:
+            earlier.rename(final)
+            raise
+        shutil.rmtree(earlier)
+
+
+def _clear_away(folder: Path) -> None:
+    """Removes folders of processes that were killed: nobody holds their locks. A result that one of
+    them was about to replace comes back.
+    """
+    for leftover in folder.glob(f".*{PARTIAL}*"):
+        name = _LEFTOVER.fullmatch(leftover.name)
+        if name is None:
+            continue
+        final = folder / name["name"]
+        with suppress(OSError), locked(leftover, wait=False):  # another process may still use it
+            if name["earlier"] and not final.exists():
+                leftover.rename(final)
+            else:
+                shutil.rmtree(leftover)
+
+
+def write_json(path: Path, value: object) -> None:
+    """JSON to read by eye and to compare by line."""
+    path.write_text(
+        json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+
+
+def read_json(path: Path) -> Any:
+    """What a file of JSON holds. Raises ``UserError``."""
+    with as_user_error(f"{path}: cannot be read", ValueError, RecursionError):
+        return json.loads(read_text(path))
+
+
+@contextmanager
+def of_this_version(folder: Path | None) -> Iterator[None]:
+    """While the results in a folder are put to use: what another version wrote there, or somebody
+    changed since, may lack anything. Raises ``UserError`` then; without a folder the fault is not
+    the results'.
+    """
+    try:
+        yield
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        if folder is None:
+            raise
+        raise UserError(
+            f"{folder}: not written by this version of genie-sim: {short_repr(error)}"
+        ) from error
+
+
+def read_run_json(folder: Path) -> dict[str, Any]:
+    """The provenance of a result folder. Raises ``UserError`` for anything else."""
+    path = contained(folder, "run.json")
+    if not path.exists():
+        runs = "; a run is a folder in its runs/" if (folder / "runs").is_dir() else ""
+        raise UserError(f"{folder}: not a result folder: it has no run.json{runs}")
+    run = read_json(path)
+    if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
+        version = run.get("format") if isinstance(run, dict) else None
+        raise UserError(other_format(path, version, RESULT_FORMAT))
+    for field, (kind, what) in REQUIRED.items():
+        value: Any = run
+        for name in field.split("."):
+            value = value.get(name) if isinstance(value, dict) else None
+        if not isinstance(value, kind):
+            raise UserError(f"{path}: {field}: missing, or not {what}")
+    return run
+
+
+def is_of_its_id(run: Mapping[str, Any]) -> bool:
+    """Whether the facts in a ``run.json`` are those that its run id stands for."""
+    try:
+        return run_id(run["facts"]) == str(run["run_id"])
+    except (TypeError, ValueError):  # numbers or keys that no run has
+        return False
+
+
+def _commit() -> str | None:
+    """The commit of a checkout, marked where files differ from it, or the one that an installed
+    package was built from.
+    """
+    root = PACKAGE_FOLDER.parent
+    if not (root / ".git").exists():
+        path = PACKAGE_FOLDER / "shipped" / COMMIT_FILE
+        return path.read_text(encoding="utf-8").strip() if path.is_file() else None
+    try:
+        git = [
+            "git",
+            "-C",
+            os.fspath(root),
+            "describe",
+            "--always",
+            "--abbrev=12",
+            "--dirty",
+            "--exclude=*",
+        ]
+        return subprocess.run(
+            git, capture_output=True, text=True, timeout=10, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
+        return None

@@ -1,0 +1,192 @@
+"""A finished run as plain data: its tables, its metrics and what decided it, also as read from a
+result folder.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import expanded, read_text
+from genie_sim.record import provenance
+from genie_sim.record.columns import Columns
+from genie_sim.record.records import SCHEMAS
+from genie_sim.record.tables import read
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
+    "verdicts.json": "a whole evaluation (read its verdicts.md)",
+    "sweep.json": "a sweep (read its table.csv)",
+    "search.json": "a search (read its designs.csv)",
+}
+
+
+MAX_LABEL = 60  # characters
+
+
+# The files that a run's results are read from, besides run.json.
+FILES = ("metrics.json", "scenario.resolved.yaml", *(f"{name}.parquet" for name in SCHEMAS))
+
+
+@dataclass(frozen=True, slots=True)
+class MethodInfo:
+    """A method that ran: its name in the scenario, its title in figures, and whether others are
+    compared with it.
+    """
+
+    name: str
+    title: str
+    baseline: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """One number of a run.
+
+    ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component``
+    is the name of a resource, for an improvement that of the baseline, else empty. ``value`` is
+    None where it is not defined; ``n`` counts what it was computed over: frames, requests, updates,
+    samples or runs. Shares have unit 1. What ``low`` and ``high`` mean: ``analysis.metrics``.
+    """
+
+    metric: str
+    method: str
+    placement: str
+    component: str
+    value: float | None
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    n: int = 0
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        """The values of its fields, in their order."""
+        return _row_of(self)
+
+
+METRIC_FIELDS = tuple(field.name for field in fields(Metric))
+_row_of = attrgetter(*METRIC_FIELDS)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One finished run.
+
+    ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting
+    written out; ``folder`` is ``None`` for a run that was not written down, and ``changed`` names
+    files in it that were changed since. ``label`` is what the user calls it, or empty.
+    ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
+    table that is made when it is first asked for: ``run.frames``. ``recording.records`` describes
+    the columns.
+    """
+
+    run_id: str
+    facts: Mapping[str, Any]
+    yaml: str
+    tables: Mapping[str, Columns]
+    measured: Sequence[Metric]
+    folder: Path | None = None
+    changed: Sequence[str] = ()
+    label: str = ""
+
+    def __getattr__(self, name: str) -> "pd.DataFrame":
+        if name not in SCHEMAS:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        frame = self.__dict__[name] = self.tables[name].to_frame()
+        return frame
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *SCHEMAS]
+
+    def __repr__(self) -> str:
+        where = self.folder if self.folder is not None else "not written to a folder"
+        return f"<Run {self.name}-{self.run_id}: {len(self.tables['frames']):,} frames, {where}>"
+
+    @property
+    def name(self) -> str:
+        """The scenario's name."""
+        return str(self.facts["scenario"]["name"])
+
+    @property
+    def title(self) -> str:
+        """What people read for it: its label, else the scenario's name."""
+        return self.label or self.name
+
+    @property
+    def runs(self) -> "Sequence[Run]":
+        """The run itself: functions that take runs of several seeds take it as well."""
+        return (self,)
+
+    @property
+    def seed(self) -> int:
+        """The root of all random streams."""
+        return int(self.facts["scenario"]["seed"])
+
+    @property
+    def methods(self) -> Sequence[MethodInfo]:
+        """The methods that ran, in the order of the scenario."""
+        return [MethodInfo(**method) for method in self.facts["methods"]]
+
+    @property
+    def footer(self) -> str:
+        """Which run it is, below a figure."""
+        which = f"{self.name}, run {self.run_id}, seed {self.seed}"
+        return ", ".join(filter(None, [self.label, which, self.warning]))
+
+    @property
+    def warning(self) -> str:
+        """Says which files were changed since the run wrote them; empty if none was."""
+        return provenance.warning(self.changed)
+
+
+def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
+    """The run in a result folder.
+
+    Raises ``UserError`` for anything else, for a folder that is not whole, and, unless they are
+    allowed, for files that were changed since the run wrote them.
+    """
+    folder = expanded(folder)
+    for name, what in NOT_ONE_RUN.items():
+        if (folder / name).is_file():
+            raise UserError(f"{folder}: holds {what}, not one run")
+    about = provenance.read_run_json(folder)
+    changed = changed_files(folder, about)
+    provenance.refuse_changed(folder, changed, allow_changed)
+    tables = {name: read(folder / f"{name}.parquet", schema) for name, schema in SCHEMAS.items()}
+    with provenance.of_this_version(folder):
+        measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
+    yaml = read_text(folder / "scenario.resolved.yaml")
+    return Run(
+        run_id=about["run_id"],
+        facts=about["facts"],
+        yaml=yaml,
+        tables=tables,
+        measured=measured,
+        folder=folder,
+        changed=changed,
+        label=checked_label(about.get("label", ""), f"{folder / 'run.json'}: label"),
+    )
+
+
+def checked_label(label: object, where: str = "label") -> str:
+    """A label, which may be empty; ``where`` it stands begins errors. Raises ``UserError``."""
+    if not isinstance(label, str) or not label.isprintable() or len(label) > MAX_LABEL:
+        raise UserError(
+            f"{where}: must be one line of at most {MAX_LABEL} characters, not {short_repr(label)}"
+        )
+    return label.strip()
+
+
+def changed_files(
+    folder: Path, about: Mapping[str, Any], names: Iterable[str] = FILES
+) -> tuple[str, ...]:
+    """Of the files of a run's result folder those that are not what the run wrote; ``about`` is its
+    ``run.json``. Raises ``UserError`` for one that is not there.
+    """
+    facts = () if provenance.is_of_its_id(about) else ("run.json",)
+    return (*facts, *provenance.changed_files(folder, about.get("digests"), names))

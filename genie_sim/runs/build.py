@@ -1,0 +1,324 @@
+"""From a scenario to what is simulated: the set-up of a world, and the methods that run in it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from typing import Any, Literal
+
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import Chosen, PlugIn, SettingError, chosen, join, own_arguments
+from genie_sim.core.caches.features import feature_of
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.messages import Encoding, Frame
+from genie_sim.data.detector_laws import detector_laws
+from genie_sim.data.sources import Drive, Frames
+from genie_sim.runs.own_classes import CheckedLinkModel, CheckedMedium, CheckedMethod
+from genie_sim.scenario.faults import check_faults, timed
+from genie_sim.scenario.methods import METHOD, MethodEntry
+from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS
+from genie_sim.scenario.profiles import DeviceProfile, KeyTime
+from genie_sim.scenario.scenario import Scenario, links_of
+from genie_sim.sim.encoding import ImageCodec
+from genie_sim.sim.interface import Interface
+from genie_sim.sim.link_models import LinkModel, Medium
+from genie_sim.sim.link_models.presets import LINK, LINKS
+from genie_sim.sim.method import Method
+from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
+from genie_sim.sim.service import Device, HopTime, ServiceTime
+from genie_sim.sim.settings import Car
+from genie_sim.sim.setup import Setup
+from genie_sim.sim.topology import ALL_SHARE, NEAREST
+
+DETECTOR = PlugIn("detector", {})
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario with everything it names: its open frame source, devices by name, and each car's
+    drive by its name.
+
+    ``expanded`` is the scenario with every car and edge of its fleet; ``encoded`` what the drives
+    are after their pictures were sent, by encoding and car.
+    """
+
+    scenario: Scenario
+    expanded: Scenario
+    devices: Mapping[str, DeviceProfile]
+    frames: Frames
+    drives: Mapping[str, Drive]
+    encoded: Mapping[tuple[str, str], Any]
+
+    @cached_property
+    def laws(self) -> DetectorLaws:
+        """The laws of the detector that looked at the drives, measured on other drives; the assumed
+        ones where none are known.
+        """
+        traces = [about for about in self.frames.provenance().values() if "detector" in about]
+        detectors = {str(about["detector"]) for about in traces}
+        return detector_laws(detectors, {str(about.get("drive")) for about in traces})
+
+
+def method(entry: MethodEntry) -> Method:
+    """The method of an entry. Raises ``UserError``."""
+    own: Method = METHOD.make(entry.method)
+    owner = plugins.own_label("method", entry.method.name)
+    return own if owner is None else CheckedMethod(own, owner)
+
+
+def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
+    """The scenario under one method's settings. Its link models and faults are new objects, which
+    no other method shares: classes of the user's own may keep state in them.
+    """
+    scenario = prepared.expanded
+    settings = scenario.under(entry)
+    cars = [_started(scenario, car) for car in scenario.cars]
+    devices = {
+        name: device(profile, settings.model, settings.spread)
+        for name, profile in prepared.devices.items()
+    }
+    freshness = settings.genie.object_map.freshness
+    # One model for all equal links: a fleet has one, and very many cars.
+    choices = {repr(car.link): car.link for car in scenario.cars if car.link is not None}
+    models = {key: link_model(choice) for key, choice in choices.items()}
+    return Setup(
+        seed=scenario.seed,
+        settings=settings,
+        cars=cars,
+        edges=scenario.edges,
+        cameras=scenario.cameras,
+        frames={car.name: prepared.drives[car.name].frames for car in scenario.cars},
+        devices=devices,
+        links={car.name: models[repr(car.link)] for car in scenario.cars if car.link is not None},
+        edge_network=link_model(settings.edge_network),
+        laws=ASSUMED if freshness.parameters.get("measured") is False else prepared.laws,
+        faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
+        codec=_codec(prepared, settings.image_encoding),
+        interfaces=_interfaces(scenario),
+        places={car.name: _place(scenario, car, prepared.drives[car.name]) for car in cars},
+    )
+
+
+def _interfaces(scenario: Scenario) -> dict[str, Interface]:
+    """The network interface of each car with an edge, where its kind is known."""
+    interfaces = {}
+    for car in scenario.cars:
+        if car.link is None:
+            continue
+        name = _interface_of(car.link) if scenario.interface == "auto" else scenario.interface
+        if name is not None:
+            interfaces[car.name] = Interface(name, INTERFACES[name].tail_time_ns)
+    return interfaces
+
+
+def _interface_of(link: Choice) -> str | None:
+    """The interface for a link: that of its model, or of the named link with its rates."""
+    rates = ("rate_up_bps", "rate_down_bps")
+    for name, interface in OF_LINKS.items():
+        preset = LINKS[name]
+        if link.name == preset.name and all(
+            link.parameters[rate] == preset.parameters[rate] for rate in rates
+        ):
+            return interface
+    return OF_MODELS.get(link.name)
+
+
+def _place(scenario: Scenario, car: Car, drive: Drive) -> Place:
+    """Where a car is at any time; ``car`` is one whose start is drawn."""
+    position = getattr(drive, "position", None)
+    if position is not None:
+        return DrivenPlace(position, car.route.start_ns, drive.duration_ns)  # type: ignore[attr-defined]
+    return RecordedPlace(car.route, drive.frames[scenario.cameras_of(car)[0].recording])
+
+
+def _started(scenario: Scenario, car: Car) -> Car:
+    """The car, with the random part of its start drawn."""
+    return replace(car, route=replace(car.route, start_ns=scenario.start_ns(car)))
+
+
+def _codec(prepared: Prepared, encoding: Encoding) -> ImageCodec | None:
+    """How pictures are sent; ``None``: as they are."""
+    if encoding == "raw":
+        return None
+    recorded: dict[str, dict[tuple[str, int], Frame]] = {}
+    for (name, car), drive in prepared.encoded.items():
+        if name == encoding:
+            frames = chain.from_iterable(drive.frames.values())
+            recorded[car] = {(frame.digest, frame.stamp_ns): frame for frame in frames}
+    return ImageCodec(encoding, recorded)
+
+
+def device(profile: DeviceProfile, model: str, spread: str = "default") -> Device:
+    """What the simulator needs of a device's profile. Raises ``UserError`` where the model does not
+    run there.
+    """
+    hop, genie = profile.hop, profile.genie_time
+    return Device(
+        name=profile.name,
+        cores=profile.cores.value,
+        hop=HopTime(hop.small.value_ns, hop.per_megabyte.value_ns),
+        message_time=ServiceTime(genie.median.value_ns, genie.spread.loc, genie.spread.sigma),
+        detector_time=detector_time(profile, model, spread),
+        keys={name: _key_time(profile, key, model) for name, key in profile.keys.items()},
+        codec_factor=profile.codec.value,
+        batch_fixed=profile.models[model].batch.fixed,
+    )
+
+
+def _key_time(
+    profile: DeviceProfile, key: KeyTime, model: str
+) -> tuple[Literal["cpu", "accelerator"], int]:
+    if key.of_detection is None:
+        assert key.median_ns is not None
+        return "cpu", key.median_ns
+    return "accelerator", round(key.of_detection * profile.median_ns(model))
+
+
+def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -> ServiceTime:
+    """The law of one detection of ``model``. Raises ``UserError`` where it is unknown or does not
+    fit into memory.
+    """
+    median_ns = profile.median_ns(model)
+    law = getattr(profile.spreads, spread)
+    return ServiceTime(median_ns, law.loc, law.sigma)
+
+
+def link_model(choice: Choice) -> LinkModel | Medium:
+    """The model of a link. Raises ``UserError``."""
+    own: Any = LINK.make(choice)
+    owner = plugins.own_label("link model", choice.name)
+    if owner is None:
+        model: LinkModel | Medium = own
+        return model
+    return CheckedMedium(own, owner) if hasattr(own, "radio") else CheckedLinkModel(own, owner)
+
+
+def link_digests(scenario: Scenario) -> dict[str, str]:
+    """Digests of the recordings that the links of a scenario replay."""
+    digests: dict[str, str] = {}
+    for _, link in links_of(scenario):
+        digests |= getattr(LINK.make(link), "digests", dict)()
+    return digests
+
+
+def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
+    """Of each method, in order: its name, what figures call it, and whether others are compared
+    with it.
+    """
+    facts = []
+    for index, entry in enumerate(scenario.methods):
+        with as_user_error(f"{scenario.name}: methods[{index}]", UserError):
+            instance = method(entry)
+        title = instance.title if entry.title is None else entry.title
+        usual = entry.title is not None or entry.name in (
+            entry.method.name,
+            entry.method.name.rpartition(":")[2],
+        )
+        facts.append(
+            {
+                "name": entry.name,
+                "title": title if usual else entry.name,
+                "baseline": bool(instance.baseline),
+            }
+        )
+    return facts
+
+
+def notes(scenario: Scenario) -> list[str]:
+    """What a reader of a run's results should know beforehand, a sentence each."""
+    silent = [
+        entry.title or entry.name
+        for entry in scenario.methods
+        if (looks := scenario.asked(entry).genie.looks) is not None
+        and looks.told == "auto"
+        and looks.edge == "beside"
+        and not scenario.is_one_world
+    ]
+    said = []
+    if silent:
+        why = "cars replay recordings at different times, so what one sees is not there for others"
+        said.append(f"{', '.join(silent)}: edges tell cars nothing, because {why}.")
+    unnamed = sum(edge.neighbours is None for edge in scenario.edges)
+    if unnamed and len(scenario.edges) > ALL_SHARE and scenario.edge_neighbours is None:
+        said.append(
+            f"Of {len(scenario.edges)} edges each shares with the {NEAREST} nearest; "
+            "edge_neighbours says with how many."
+        )
+    return said
+
+
+def check_faults_of(scenario: Scenario) -> None:
+    """Raises ``UserError`` for a fault whose target does not exist; a fleet's cars are generated
+    only now.
+    """
+    edges = [edge.name for edge in scenario.edges]
+    for field, text in check_faults(
+        scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True
+    ):
+        raise UserError(f"{scenario.name}: {field}: {text}")
+
+
+def check_features(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
+    """Raises ``UserError`` where a method needs a feature that a car's frames do not have."""
+    for index, entry in enumerate(scenario.methods):
+        name = getattr(method(entry), "feature", None)
+        if name is None:
+            continue
+        for car in scenario.cars:
+            drive = drives[car.name]
+            frame = drive.frames[scenario.cameras_of(car)[0].recording][0]
+            if feature_of(frame, name) is None:
+                where = f"{scenario.name}: methods[{index}].feature"
+                features = ", ".join(getattr(frame, "features", {})) or "none"
+                raise UserError(
+                    f"{where}: the frames of {drive.name} have no feature {name!r}, but "
+                    f"{features}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
+                    "features"
+                )
+
+
+def own_plugins(scenario: Scenario) -> list[Chosen]:
+    """The classes of the user's own that a scenario names, wherever it does."""
+    named = list(chosen(scenario))
+    for index, entry in enumerate(scenario.methods):
+        if entry.settings:
+            named += chosen(scenario.under(entry), f"methods[{index}]")
+    detector = Choice(str(scenario.perception.parameters.get("detector")))
+    named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
+    return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
+
+
+def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:
+    """The kind and the name of each class of the user's own, by both in one text."""
+    return {
+        f"{mark.what} {choice.name}": (mark.what, choice.name)
+        for _, mark, choice, _ in own_plugins(scenario)
+    }
+
+
+def check_own_plugins(scenario: Scenario) -> None:
+    """Raises ``UserError`` where a class of the user's own does not take the settings that the
+    scenario gives it. Imports the classes.
+    """
+    for path, mark, choice, name_alone in own_plugins(scenario):
+        if name_alone:
+            continue
+        cls = mark.resolve(choice.name)
+        try:
+            own_arguments(cls, choice)
+        except SettingError as error:
+            field = join(path, error.field)
+            where = scenario.read_from.of(field)
+            raise UserError(f"{where}: {field}: {error.message}") from error
+
+
+def plugin_digests(scenario: Scenario) -> dict[str, str]:
+    """sha256 of the module of each class of the user's own that the scenario names: its code
+    decides the outcome.
+    """
+    return {
+        title: plugins.code_digest(what, name)
+        for title, (what, name) in plugin_names(scenario).items()
+    }

@@ -1,0 +1,9 @@
+"""A generated town with ground truth, for fleets of thousands of cars; its detector is fitted on a
+real trace.
+"""
+
+from genie_sim.worlds.town.frames import TownFrame
+from genie_sim.worlds.town.rules import TownRules
+from genie_sim.worlds.town.town import Town, TownDrive
+
+__all__ = ["Town", "TownDrive", "TownFrame", "TownRules"]

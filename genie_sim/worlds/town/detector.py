@@ -1,0 +1,177 @@
+"""The town's detector: what the laws let a detector find of what a camera has in view."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
+from genie_sim.worlds.town.laws import (
+    MIDDLE,
+    STEPS_PER_Z,
+    VIEW_STEP_M,
+    Copula,
+    FittedLaws,
+    TransientLaw,
+    quantile,
+)
+from genie_sim.worlds.town.noise import NORMAL_MASK, SMOOTH_MASK, normals
+from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
+from genie_sim.worlds.town.streets import Ints
+from genie_sim.worlds.town.view import Bits, ViewPoses, VisibleObjects
+
+# Far apart in the gradual numbers, and other bits: these are not the score's.
+ALONG, ACROSS = 21 * 1021, 43 * 1021
+ALONG_BITS, ACROSS_BITS = np.uint64(12), np.uint64(24)
+
+
+class DetectedObjects(NamedTuple):
+    """What the detector finds from some poses, pose by pose: its class, and its score and place [m]
+    (n, 4); ``begins`` is where each pose's rows begin, and where the last one's end.
+    """
+
+    begins: list[int]
+    label: Array
+    placed: Array
+
+    def of(self, pose: int) -> list[Detection]:
+        """What it finds from one pose, in the order of the view."""
+        rows = slice(self.begins[pose], self.begins[pose + 1])
+        return [
+            Detection(label, score, box=None, location=(x, y, z), confidence=score, method="town")
+            for label, (score, x, y, z) in zip(
+                self.label[rows].tolist(), self.placed[rows].tolist(), strict=True
+            )
+        ]
+
+
+class _Looks(NamedTuple):
+    """On what the random numbers depend of each object that is seen from a pose, as columns: the
+    group of its laws, its range in whole metres, the step of its view, and 64 bits of its own.
+    """
+
+    group: Ints
+    range_m: Ints
+    step: Ints
+    bits: Bits
+
+
+class SyntheticDetector:
+    """Samples detections, misses and false positives from the fitted laws, for a camera that stands
+    anywhere in a scene.
+    """
+
+    def __init__(self, objects: ObjectColumns, laws: FittedLaws, *, on_grid: bool = True) -> None:
+        """``objects`` are all that may be in view; ``on_grid``: streets lead east and north, as a
+        town's, and not anywhere.
+        """
+        self._objects, self._laws, self._on_grid = objects, laws, on_grid
+        self._normals = np.array(normals())
+        self._prone = np.array([group.prone for group in laws.groups])
+
+    def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
+        """What the detector finds of the objects in view from some poses."""
+        objects, laws = self._objects, self._laws
+        looks = self._looks(visible, poses)
+        score = self._drawn(laws.score, objects.score_z[visible.row], looks)
+        found = np.flatnonzero(score)
+        pose, row = visible.pose[found], visible.row[found]
+        range_m = visible.range_m[found]
+        looks = _Looks._make(column[found] for column in looks)
+        along = _Looks(looks.group, looks.range_m, looks.step + ALONG, looks.bits >> ALONG_BITS)
+        across = _Looks(looks.group, looks.range_m, looks.step + ACROSS, looks.bits >> ACROSS_BITS)
+        # Errors as shares of the range, so that the line of sight need not be of length 1.
+        behind = self._drawn(laws.along, objects.along_z[row], along) / range_m
+        left = self._drawn(laws.across, objects.across_z[row], across) / range_m
+        east_m, north_m = visible.east_m[found], visible.north_m[found]
+        dx, dy = east_m - poses.east_m[pose], north_m - poses.north_m[pose]
+        placed = np.empty((len(found), 4))
+        placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
+        # in whole millimetres
+        placed[:, 1] = np.floor((east_m + behind * dx - left * dy) * 1000.0 + 0.5) / 1000.0
+        placed[:, 2] = np.floor((north_m + behind * dy + left * dx) * 1000.0 + 0.5) / 1000.0
+        begins = np.searchsorted(pose, np.arange(len(poses.key) + 1)).tolist()
+        return DetectedObjects(begins, self._labels(row, looks), placed)
+
+    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
+        objects, pose, row = self._objects, visible.pose, visible.row
+        if self._on_grid:
+            gone_m, quarter = _gone(poses)
+            step = ((visible.range_m - gone_m[pose]) / VIEW_STEP_M).astype(np.int64)
+            step += objects.offset[row] + quarter[pose]
+        else:
+            # How far the camera has gone past the object: on a straight street the same but for a
+            # number that stays with each object, and in a bend without a jump.
+            dx, dy = visible.east_m - poses.east_m[pose], visible.north_m - poses.north_m[pose]
+            ahead_m = dx * poses.cos[pose] + dy * poses.sin[pose]
+            step = ((visible.range_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
+            step += objects.offset[row]
+        bits = (objects.key[row] ^ poses.key[pose]) * np.uint64(0xBF58476D1CE4E5B9)
+        bits ^= bits >> np.uint64(32)
+        rounded_m = (visible.range_m + 0.5).astype(np.int64)
+        return _Looks(group=objects.group[row], range_m=rounded_m, step=step, bits=bits)
+
+    def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks) -> Array:
+        """The values of a copula's table for the sum of what stays with each object, of its view
+        and of its look.
+        """
+        group = looks.group
+        normal = self._normals[(looks.bits & np.uint64(NORMAL_MASK)).astype(np.int64)]
+        z = lasting_z + copula.view_weight[group] * copula.views[group, looks.step & SMOOTH_MASK]
+        z += copula.look_weight[group] * normal
+        column = (z * STEPS_PER_Z + MIDDLE).astype(np.int64)
+        values: Array = copula.table[group, looks.range_m, column]
+        return values
+
+    def _labels(self, row: Ints, looks: _Looks) -> Any:
+        """What the detector calls some objects."""
+        labels = self._objects.label[row]
+        share = (self._objects.key[row] >> np.uint64(52)).astype(np.int64)
+        prone = np.flatnonzero(share < self._prone[looks.group])
+        draws = (looks.bits[prone] >> np.uint64(40) & np.uint64(0xFFFF)).tolist()
+        for place, draw in zip(prone.tolist(), draws, strict=True):
+            for limit, name in self._laws.groups[looks.group[place]].names:
+                if draw < limit:
+                    labels[place] = name
+                    break
+        return labels
+
+
+def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
+    """How far [m] a camera has gone along its street, and where the gradual numbers of its
+    direction begin.
+
+    The view changes as the camera goes on and the range shrinks; turning into another street is
+    another view.
+    """
+    x, y, c, s = poses[:4]
+    on_east = np.abs(c) > np.abs(s)
+    gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
+    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * 16411
+    return gone_m, quarter
+
+
+def transient(
+    law: TransientLaw, bits: int, pose: CameraPose, direction: tuple[float, float]
+) -> Detection:
+    """A false positive that is seen once, anywhere in view of a camera, by 64 random bits.
+
+    ``direction`` are cosine and sine of the camera's heading.
+    """
+    c, s = direction
+    range_m = quantile(law.range_m, (bits >> 16 & 0xFFFF) / 0x10000)
+    angle = ((bits >> 32 & 0xFFFF) / 0x10000 - 0.5) * HORIZONTAL_FOV_RAD
+    score = round(quantile(law.scores, (bits >> 48) / 0x10000), SCORE_DECIMALS)
+    ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
+    east_m, north_m = (
+        pose.east_m + ahead_m * c - left_m * s,
+        pose.north_m + ahead_m * s + left_m * c,
+    )
+    location = (
+        round(east_m, POSITION_DECIMALS),
+        round(north_m, POSITION_DECIMALS),
+        MIDDLES_M[law.label],
+    )
+    return Detection(law.label, score, box=None, location=location, confidence=score, method="town")

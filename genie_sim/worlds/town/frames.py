@@ -1,0 +1,248 @@
+"""The frames of a car's cameras in a scene of objects, such as a town: poses, and what a detector
+finds of what is in view.
+"""
+
+import functools
+import math
+from collections.abc import Iterator, Sequence
+from operator import attrgetter
+from typing import Any, Protocol
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
+from genie_sim.worlds.town.detector import DetectedObjects, SyntheticDetector, transient
+from genie_sim.worlds.town.laws import FittedLaws
+from genie_sim.worlds.town.noise import mix
+from genie_sim.worlds.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
+from genie_sim.worlds.town.surrogate import surrogates
+from genie_sim.worlds.town.view import ViewPoses, VisibleObjects
+
+CAMERA_UP_M = 1.65
+# Of a camera, whose views are computed at once: a frame costs half as much as in batches of 16.
+BATCH_FRAMES = 64
+BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
+_score = attrgetter("score")
+
+
+class SceneVisibility(Protocol):
+    """What any camera in a scene has in view: not hidden, in its field of view, near enough."""
+
+    def visible(self, poses: ViewPoses) -> VisibleObjects:
+        """Of all poses together; fastest if they are near each other."""
+
+
+class Scene(Protocol):
+    """Objects, where they are, and how a detector sees them. ``seed`` is that of the surrogates of
+    features.
+    """
+
+    @property
+    def seed(self) -> int: ...
+
+    @property
+    def laws(self) -> FittedLaws: ...
+
+    @property
+    def detector(self) -> SyntheticDetector: ...
+
+    @property
+    def visibility(self) -> SceneVisibility: ...
+
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
+        """The objects that are visible from some poses, as they are at each pose's time [s]; a
+        ghost is ``None``.
+        """
+
+
+class SceneDrive(Protocol):
+    """One car's drive through a scene; ``start_ns`` is of the scene's clock, the rest as in
+    ``TownDrive``. ``is_judged``: what is really in view will be asked for, frame by frame.
+    """
+
+    name: str
+    start_ns: int
+    interval_ns: int
+    picture_prefix: str
+    car_key: int
+    is_judged: bool
+
+    @property
+    def scene(self) -> Scene: ...
+
+    @property
+    def course(self) -> "CarMotion": ...
+
+
+class CarMotion(Protocol):
+    """Where a car is at any time of its drive."""
+
+    def at(self, t_s: float) -> tuple[float, ...]:
+        """East and north [m], heading [rad], its cosine and sine, and the speed [m/s]."""
+
+
+class FrameBatch:
+    """Some frames of one camera, some seconds at most: their poses, and what is in view and
+    detected, computed for all of them when it is first asked for.
+    """
+
+    def __init__(self, drive: SceneDrive, camera: str, indices: Sequence[int]) -> None:
+        self.drive, self.camera = drive, camera
+        keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
+        rows = []
+        headings = []
+        left_m = BASELINES_M[camera]
+        for index in indices:
+            t_s = (drive.start_ns + index * drive.interval_ns) * 1e-9
+            east_m, north_m, heading, c, s, _ = drive.course.at(t_s)
+            east_m = round(east_m - left_m * s, POSITION_DECIMALS)
+            north_m = round(north_m + left_m * c, POSITION_DECIMALS)
+            heading = round(math.remainder(heading, math.tau), ANGLE_DECIMALS)
+            headings.append(heading)
+            rows.append((east_m, north_m, c, s, t_s))
+        # As columns: of every car of a fleet some batch is in memory at any time.
+        self._view_poses = ViewPoses._make((*np.array(rows).T, np.array(keys, dtype=np.uint64)))
+        self._headings = np.array(headings)
+
+    def key(self, place: int) -> int:
+        """64 random bits of one of the frames."""
+        return self._view_poses.key.item(place)
+
+    def pose(self, place: int) -> CameraPose:
+        """Where the camera is in one of the frames."""
+        east_m = self._view_poses.east_m.item(place)
+        north_m = self._view_poses.north_m.item(place)
+        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings.item(place))
+
+    @functools.cached_property
+    def _visible(self) -> VisibleObjects:
+        return self.drive.scene.visibility.visible(self._view_poses)
+
+    @functools.cached_property
+    def _detected(self) -> DetectedObjects:
+        detected = self.drive.scene.detector.detect(self._visible, self._view_poses)
+        if not self.drive.is_judged:
+            del self._visible  # which takes more memory than what is detected of it
+        return detected
+
+    def detections(self, place: int) -> tuple[Detection, ...]:
+        """What the detector finds in one of the frames, best score first."""
+        detections, key, poses = self._detected.of(place), self.key(place), self._view_poses
+        draw = (key >> 48) / 0x10000
+        for law in self.drive.scene.laws.transient:
+            if 0.0 <= draw < law.per_frame:
+                direction = poses.cos.item(place), poses.sin.item(place)
+                detections.append(transient(law, mix(key), self.pose(place), direction))
+            draw -= law.per_frame
+        detections.sort(key=_score, reverse=True)
+        return tuple(detections)
+
+    def truth(self, place: int) -> tuple[TownObject, ...]:
+        """What is really in view in one of the frames."""
+        begin, end = self._visible.pose.searchsorted((place, place + 1)).tolist()
+        visible = VisibleObjects._make(column[begin:end] for column in self._visible)
+        objects = self.drive.scene.truth(visible, self._view_poses.t_s)
+        return tuple(item for item in objects if item is not None)
+
+
+class TownFrame:
+    """One camera frame of a town or of traffic: has what a ``TraceFrame`` has, but no boxes.
+
+    ``digest`` names the scene, the car, the camera and the frame: no two frames are byte for byte
+    the same picture. ``dhash`` are bits of their own for each frame, so that pictures are never
+    similar by it, however near their poses. ``detections`` are made when they are first asked for,
+    from the scene's seed, the car and the frame alone.
+    """
+
+    __slots__ = (
+        "_batch",
+        "_detections",
+        "_place",
+        "camera",
+        "dhash",
+        "digest",
+        "index",
+        "pose",
+        "stamp_ns",
+    )
+
+    kind = "camera"
+    width = WIDTH
+    height = HEIGHT
+    size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
+    horizontal_fov_rad = HORIZONTAL_FOV_RAD
+
+    def __init__(self, batch: FrameBatch, place: int, index: int) -> None:
+        drive = batch.drive
+        self._batch, self._place = batch, place
+        self.camera, self.index = batch.camera, index
+        self.stamp_ns = index * drive.interval_ns
+        self.dhash, self.pose = batch.key(place), batch.pose(place)
+        self.digest = f"{drive.picture_prefix}{self.camera}{index:014x}"
+        self._detections: tuple[Detection, ...] | None = None
+
+    @property
+    def detections(self) -> tuple[Detection, ...]:
+        """What the detector finds in this frame, best score first."""
+        if self._detections is None:
+            self._detections = self._batch.detections(self._place)
+        return self._detections
+
+    def truth(self) -> tuple[TownObject, ...]:
+        """What is really in view: in the field of view, not hidden, not too far away, and at least
+        25 pixels high in the picture, as KITTI's labels that count.
+        """
+        return self._batch.truth(self._place)
+
+    @property
+    def scene_ns(self) -> int:
+        """When it is taken, on the clock of the scene."""
+        return self._batch.drive.start_ns + self.stamp_ns
+
+    @property
+    def features(self) -> dict[str, bytes]:
+        """Surrogates, by name: there are no pictures."""
+        seed = self._batch.drive.scene.seed
+        return {
+            name: surrogate.at(self.pose, self.dhash)
+            for name, surrogate in surrogates(seed).items()
+        }
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, TownFrame) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        return f"<TownFrame {self._batch.drive.name} {self.camera} {self.index}>"
+
+
+class TownFrames(Sequence[TownFrame]):
+    """All frames of one camera of a drive; made anew each time they are asked for."""
+
+    __slots__ = ("_camera", "_count", "_drive")
+
+    def __init__(self, drive: SceneDrive, camera: str, count: int) -> None:
+        self._drive, self._camera, self._count = drive, camera, count
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[TownFrame]:
+        return self._frames(range(self._count))
+
+    def __getitem__(self, index: Any) -> Any:
+        indices = range(self._count)[index]
+        if isinstance(indices, range):
+            return tuple(self._frames(indices))
+        return next(self._frames((indices,)))
+
+    def _frames(self, indices: Sequence[int]) -> Iterator[TownFrame]:
+        for begin in range(0, len(indices), BATCH_FRAMES):
+            batch_indices = indices[begin : begin + BATCH_FRAMES]
+            batch = FrameBatch(self._drive, self._camera, batch_indices)
+            for place, index in enumerate(batch_indices):
+                yield TownFrame(batch, place, index)

@@ -1,0 +1,221 @@
+"""The laws of a detector: how likely it misses an object, its score, and where it places it.
+
+They are read from ``laws.json``, fitted on a real trace (``benchmarks/town_fit``). A Gaussian
+copula ties the looks at one object together: each look has a standard normal number
+
+    z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)
+
+of which the first part stays with the object, the second changes gradually as camera and object
+move, and the third is new each time. The object is missed where z falls below the quantile of the
+miss probability at its range; above it, the score rises with z through the quantiles of the scores
+seen at that range. Two such numbers of their own place it, along the line of sight and across.
+"""
+
+import functools
+import json
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from itertools import accumulate
+from statistics import NormalDist
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.classes import GROUPS, VEHICLES
+from genie_sim.core.geometry import Array
+from genie_sim.data.trace import SCORE_DECIMALS
+from genie_sim.worlds.town.noise import smooth_normals
+from genie_sim.worlds.town.rules import MAX_VIEW_M
+
+# tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
+STEPS_PER_Z, MIDDLE = 32.0, 32 * 7
+VIEW_STEP_M = 0.25
+PLACE_DECIMALS = 6
+PRONE = 1 << 12
+RANGES = MAX_VIEW_M + 2  # rows of a table, one a metre
+
+
+class Copula(NamedTuple):
+    """How the score, or one of the errors of a place, is drawn and what the drawn number means.
+
+    By group: the weights of what stays with the object, of what changes with the view and of what
+    is new at each look, each (groups,); the normal numbers of the views in steps of
+    ``VIEW_STEP_M``, (groups, 65,536); and the value for each range and z, (groups, RANGES, steps).
+    """
+
+    object_weight: Array
+    view_weight: Array
+    look_weight: Array
+    views: Array
+    table: Array
+
+
+class GroupLaws(NamedTuple):
+    """What one group's objects have of the laws: the ``place`` of the group in the copulas, and the
+    weights of what stays with an object in its score and in its errors along and across.
+
+    Of ``PRONE`` objects so many are ``prone`` to get another label at times: ``names`` are the
+    running shares of 65,536 looks, and the names.
+    """
+
+    place: int
+    score_weight: float
+    along_weight: float
+    across_weight: float
+    prone: int = 0
+    names: tuple[tuple[int, str], ...] = ()
+
+
+class TransientLaw(NamedTuple):
+    """False positives that are seen once: how many per frame; quantiles of their ranges [m] and of
+    their scores.
+    """
+
+    label: str
+    per_frame: float
+    range_m: tuple[float, ...]
+    scores: tuple[float, ...]
+
+
+class FittedLaws:
+    """All laws: of real objects, of ghosts that stand at places where nothing is, and of transient
+    ones. A score of 0 is a miss.
+    """
+
+    def __init__(self, fitted: Mapping[str, Any]) -> None:
+        self.provenance: Mapping[str, Any] = fitted["provenance"]
+        # given when they were fitted; it seeds what towns draw from them
+        self.digest = str(fitted.get("digest", ""))
+        real = fitted["groups"]
+        lasting = {name: ghosts for name, ghosts in fitted["ghosts"].items() if ghosts["places"]}
+        groups = [*real.values(), *lasting.values()]
+        self.score = _copula(
+            [group["score_correlation"] for group in groups],
+            [_score_table(group["found"]) for group in groups],
+        )
+        self.along, self.across = (
+            _copula(
+                [group[f"{name}_correlation"] for group in groups],
+                [_place_table(group["place"], f"{name}_m") for group in groups],
+            )
+            for name in ("along", "across")
+        )
+        smooth_normals.cache_clear()  # the copulas have their rows by now, and they are large
+        self.groups = [self._group(place) for place in range(len(groups))]
+        vehicles = list(real).index("vehicles")
+        self.groups[vehicles] = _renamed(self.groups[vehicles], fitted["vehicle_names"])
+        self._real: dict[str, GroupLaws] = dict(zip(real, self.groups, strict=False))
+        self._ghosts: dict[str, GroupLaws] = dict(
+            zip(lasting, self.groups[len(real) :], strict=True)
+        )
+        ghosts = [(GROUPS[name][0], group) for name, group in sorted(fitted["ghosts"].items())]
+        self.ghosts_per_100m = {
+            label: float(group["per_100m"]) for label, group in ghosts if group["places"]
+        }
+        self.transient = tuple(
+            TransientLaw(
+                label,
+                group["fleeting_a_frame"],
+                tuple(group["fleeting_range_m"]),
+                tuple(group["fleeting_scores"]),
+            )
+            for label, group in ghosts
+        )
+
+    def _group(self, place: int) -> GroupLaws:
+        return GroupLaws(
+            place=place,
+            score_weight=float(self.score.object_weight[place]),
+            along_weight=float(self.along.object_weight[place]),
+            across_weight=float(self.across.object_weight[place]),
+        )
+
+    def of(self, label: str, real: bool = True) -> GroupLaws:
+        """The laws for a class. Lights, signs, furniture and bicycles have no labels in KITTI that
+        the detector could be judged by: they follow the laws of persons, which is assumed.
+        """
+        group = "vehicles" if label in VEHICLES else "persons"
+        return (self._real if real else self._ghosts)[group]
+
+
+def _renamed(vehicles: GroupLaws, fitted: Mapping[str, Any]) -> GroupLaws:
+    """The laws of vehicles, some of which get other names at times."""
+    running = accumulate(round(share * 0x10000) for _, share in fitted["names"])
+    names = tuple(
+        (share, str(name)) for share, (name, _) in zip(running, fitted["names"], strict=True)
+    )
+    return vehicles._replace(prone=round(fitted["prone"] * PRONE), names=names)
+
+
+@functools.cache
+def detector_laws() -> FittedLaws:
+    """The laws that come with genie-sim."""
+    path = resources.files(__package__) / "laws.json"
+    return FittedLaws(json.loads(path.read_text(encoding="utf-8")))
+
+
+def _copula(correlations: Sequence[Mapping[str, float]], tables: Sequence[Array]) -> Copula:
+    """The copula of all groups, from the fitted shares of the variance and the table of each."""
+    weights = []
+    for fitted in correlations:
+        rest = max(0.0, 1.0 - fitted["object"] - fitted["view"])
+        weights.append([share**0.5 for share in (fitted["object"], fitted["view"], rest)])
+    of_object, of_view, of_look = np.array(weights).T
+    views = [smooth_normals(VIEW_STEP_M / fitted["smooth_m"]) for fitted in correlations]
+    return Copula(
+        object_weight=of_object,
+        view_weight=of_view,
+        look_weight=of_look,
+        views=np.stack(views),
+        table=np.stack(tables),
+    )
+
+
+def quantile(quantiles: Sequence[float], u: float) -> float:
+    """The value below which a share ``u`` in [0, 1) lies, of evenly spaced quantiles."""
+    place = u * (len(quantiles) - 1)
+    i = int(place)
+    return quantiles[i] + (quantiles[i + 1] - quantiles[i]) * (place - i)
+
+
+def _by_range(centres_m: Sequence[float], values: Sequence[float]) -> Array:
+    """Values at every metre, in straight lines between the middles of the bins."""
+    values_at: Array = np.interp(np.arange(RANGES), centres_m, values)
+    return values_at
+
+
+def _quantiles_by_range(centres_m: Sequence[float], rows: Sequence[Sequence[float]]) -> Array:
+    """Quantiles (RANGES, n) at every metre."""
+    return np.array([_by_range(centres_m, column) for column in zip(*rows, strict=True)]).T
+
+
+def _score_table(fitted: Mapping[str, Any]) -> Array:
+    """Scores (RANGES, steps of z) from the fitted probabilities of a miss and quantiles."""
+    miss = _by_range(fitted["range_m"], fitted["miss"])[:, None]
+    quantiles = _quantiles_by_range(fitted["range_m"], fitted["scores"])
+    share = (_share(0.5) - miss) / (1.0 - miss)
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    scores = np.array([np.interp(u, levels, row) for u, row in zip(share, quantiles, strict=True)])
+    return _table(np.where(_share(0.5) > miss, scores, 0.0), SCORE_DECIMALS)
+
+
+def _place_table(fitted: Mapping[str, Any], name: str) -> Array:
+    """Errors of a place (RANGES, steps of z) from the fitted quantiles."""
+    quantiles = _quantiles_by_range(fitted["range_m"], fitted[name])
+    levels = np.linspace(0.0, 1.0, quantiles.shape[1])
+    return _table(
+        np.array([np.interp(_share(0.5), levels, row) for row in quantiles]), PLACE_DECIMALS
+    )
+
+
+def _share(step: float) -> Array:
+    """The share of z below each column of a table, or so many steps above it."""
+    columns = np.arange(2 * MIDDLE + 2)
+    return np.array(
+        [NormalDist().cdf(z) for z in ((columns + step - MIDDLE) / STEPS_PER_Z).tolist()]
+    )
+
+
+def _table(values: Array, decimals: int) -> Array:
+    rounded: Array = np.round(values, decimals)
+    return rounded

@@ -1,0 +1,148 @@
+"""The frame source of a generated town: every car drives its own way, and what is really there is
+known.
+"""
+
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
+from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.worlds.town.objects import TownObject
+from genie_sim.worlds.town.rules import TownRules
+
+if TYPE_CHECKING:
+    from genie_sim.data.sources import Extent, Progress
+    from genie_sim.worlds.town.frames import TownFrame
+    from genie_sim.worlds.town.town import Town, TownDrive
+
+# Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before
+# any message appears.
+MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
+
+
+@dataclass(frozen=True)
+class InTown:
+    """Every car drives its own way through a generated town.
+
+    Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and
+    "03". An object that a car's consumer holds is right if one of its class really is within
+    ``tolerance_m`` of it; objects up to ``range_m`` away count. Both are a ruler, the same whatever
+    a Genie is told. The town is made from ``town`` and the scenario's seed.
+    """
+
+    is_one_world: ClassVar[bool] = True  # cars meet: what one sees is there for the others
+    is_map: ClassVar[bool] = True  # cars drive in it, alone or as a fleet
+
+    duration_ns: int = 60 * NS_PER_S
+    """How long every car drives."""
+
+    interval_ns: int = 100 * NS_PER_MS
+    """Time between two frames of a camera."""
+
+    tolerance_m: float = 2.0
+    """How far an answer may be from the truth and still count as right."""
+
+    range_m: float = 50.0
+    """Objects up to this distance are judged."""
+
+    town: TownRules = field(default_factory=TownRules)
+    """How the town is built. Densities are assumed; they give frames as many objects as KITTI's."""
+
+    def __post_init__(self) -> None:
+        for name, value, text in (
+            ("duration", self.duration_ns, duration_text(self.duration_ns)),
+            ("interval", self.interval_ns, duration_text(self.interval_ns)),
+            ("range", self.range_m, length_text(self.range_m)),
+        ):
+            if value <= 0:
+                raise ValueError(f"{name}: must be more than zero, but is {text}")
+        if self.duration_ns / self.interval_ns > MAX_FRAMES:
+            raise ValueError(
+                f"interval: makes more than {MAX_FRAMES:,} frames of "
+                f"{duration_text(self.duration_ns)}"
+            )
+        if self.town.block_m > MAX_BLOCK_M:
+            raise ValueError(
+                f"town.block: must be at most {MAX_BLOCK_M / 1000:g} km, "
+                f"but is {self.town.block_m:g} m"
+            )
+
+    def cells(self, cell_m: float) -> float:
+        """About how many cells of that size the town has."""
+        return math.prod(
+            max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks
+        )
+
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
+    ) -> "TownDrives":
+        from genie_sim.worlds.town.town import Town
+
+        return TownDrives(Town(self.town, seed), self)
+
+
+@dataclass(frozen=True)
+class TownDrives:
+    """A town with the drives through it. A car sees the town at the time that the simulation has
+    then, but for the phases of its cameras.
+    """
+
+    town: "Town"
+    settings: InTown
+    seeded: bool = True
+
+    @property
+    def extent_m(self) -> "Extent":
+        return 0.0, 0.0, *self.town.size_m
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> "TownDrive":
+        return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)
+
+    def truth_of(self, drive: "TownDrive") -> "TownTruth":
+        drive.is_judged = True
+        return self._truth
+
+    @functools.cached_property
+    def _truth(self) -> "TownTruth":
+        """One for all drives, so that it is asked about objects of many cars at once."""
+        return TownTruth(self.town, self.settings.tolerance_m, self.settings.range_m)
+
+    def digests(self) -> Mapping[str, str]:
+        return {self.town.name: self.town.digest}
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        return {self.town.name: dict(self.town.provenance)}
+
+
+@dataclass(frozen=True)
+class TownTruth:
+    """What is there on all drives through a town."""
+
+    town: "Town"
+    reach_m: float
+    range_m: float
+
+    def knows(self, label: str) -> bool:
+        return True
+
+    def visible(self, frame: Any) -> Sequence[TownObject]:
+        truth: Sequence[TownObject] = frame.truth()
+        return truth
+
+    def is_there(self, frame: "TownFrame", label: str, east_m: float, north_m: float) -> bool:
+        place = np.array([east_m]), np.array([north_m])
+        return bool(self.are_there([frame], [label], *place)[0])
+
+    def are_there(
+        self, frames: Sequence["TownFrame"], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        """``is_there`` of many places, each in its frame."""
+        t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
+        return self.town.real_places.are_there(
+            labels, east_m, north_m, t_s=t_s, range_m=self.reach_m
+        )

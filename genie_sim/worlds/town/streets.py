@@ -1,0 +1,322 @@
+"""Static and moving objects of every street, indexed by place and time.
+
+Everything belongs to one street and is kept in the order of its place along it, so what a camera
+may see is a few slices: of the streets that it stands on, and of those that cross them. Houses fill
+the blocks and hide the rest.
+
+Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their
+speed and their distances, stop for nobody, and leave at one end of the town as others enter at its
+other end. So where they are at any time is one sum.
+"""
+
+from __future__ import annotations
+
+import functools
+from array import array
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.core.geometry import Array
+from genie_sim.worlds.town.laws import FittedLaws
+from genie_sim.worlds.town.objects import TownObject, town_object
+from genie_sim.worlds.town.rules import (
+    CLEAR_M,
+    GHOST_BESIDE_M,
+    JUNCTION_M,
+    LANE_M,
+    SLOT_M,
+    TownRules,
+)
+
+PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
+# assumed; FLOW is the share of the speed limit that traffic drives
+WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
+FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
+STREAM_BITS = 32
+ROUNDING_M = 1e-6
+
+
+class VehicleStream(NamedTuple):
+    """One kind of traffic in one direction of one street: places along it at time 0, in order.
+
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person;
+    ``labels`` says which. ``speed_mps`` is negative for those who come back along the street.
+    """
+
+    labels: frozenset[str]
+    movers: list[tuple[TownObject, ...]]
+    beside_m: float
+    speed_mps: float
+    length_m: float
+    starts_m: array[float]
+
+
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+
+
+class StreetObjects(NamedTuple):
+    """Objects of a street that may be seen: the row of the pose that they are seen from, the row of
+    the object among the town's, how much its number is lower because it has begun anew, and its
+    east and north [m].
+    """
+
+    pose: Ints
+    row: Ints
+    number_offset: Ints
+    east_m: Array
+    north_m: Array
+
+    def of_poses(self, poses: Ints) -> StreetObjects:
+        """The same, where the poses are some of a longer list: those at the rows ``poses``."""
+        return self._replace(pose=poses[self.pose])
+
+
+NO_OBJECTS = StreetObjects._make([np.zeros(0, np.int64)] * 3 + [np.zeros(0)] * 2)
+
+
+class _Movers(NamedTuple):
+    """All that moves along a street, stream by stream, as columns."""
+
+    stream: Ints
+    start_m: Array
+    speed_mps: Array
+    beside_m: Array
+    stream_size: Ints  # how many places its stream has
+
+
+class Street:
+    """One street: what stands on it in the order of its place along it, and what moves along it.
+
+    ``first`` is the row of the first of its objects among those of the town.
+    """
+
+    def __init__(
+        self,
+        northbound: bool,
+        middle_m: float,
+        length_m: float,
+        standing: list[TownObject],
+        streams: list[VehicleStream],
+    ) -> None:
+        self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
+        self.streams = [stream for stream in streams if stream.starts_m]
+        self.standing = sorted(
+            standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number)
+        )
+        self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
+        self.first = 0
+
+    @functools.cached_property
+    def objects(self) -> list[TownObject]:
+        """All that stands and then all that moves, in the order of the columns."""
+        moving = (mover for stream in self.streams for movers in stream.movers for mover in movers)
+        return [*self.standing, *moving]
+
+    @functools.cached_property
+    def _columns(self) -> tuple[Array, Array, _Movers]:
+        """Of what stands its places along the street and across, and what moves."""
+        beside_m = np.array([s.east_m if self.northbound else s.north_m for s in self.standing])
+        rows = [
+            (number, start_m, stream.speed_mps, stream.beside_m, len(stream.starts_m))
+            for number, stream in enumerate(self.streams)
+            for start_m, movers in zip(stream.starts_m, stream.movers, strict=True)
+            for _ in movers
+        ]
+        columns = np.array(rows).reshape(-1, 5).T
+        stream, start_m, speed_mps, mover_beside_m, count = columns
+        movers = _Movers(
+            stream=stream.astype(np.int64),
+            start_m=start_m,
+            speed_mps=speed_mps,
+            beside_m=mover_beside_m,
+            stream_size=count.astype(np.int64),
+        )
+        return np.array(self.places_m), beside_m, movers
+
+    def seen(self, low_m: Array, high_m: Array, t_s: Array) -> StreetObjects:
+        """All that is between two places along the street at a time, for each of some poses."""
+        places_m, beside_m, movers = self._columns
+        low_m, high_m = np.maximum(low_m, 0.0), np.minimum(high_m, self.length_m)
+        least_m, most_m = float(low_m.min()), float(high_m.max())
+        stand = np.arange(*np.searchsorted(places_m, (least_m, max(least_m, most_m))))
+        gone_m = np.multiply.outer((float(t_s.min()), float(t_s.max())), movers.speed_mps)
+        lap = np.ceil((least_m - ROUNDING_M - gone_m.max(axis=0) - movers.start_m) / self.length_m)
+        farthest_m = most_m + ROUNDING_M - gone_m.min(axis=0) - movers.start_m
+        moves, laps = [], []
+        while len(move := np.flatnonzero(lap * self.length_m <= farthest_m)):
+            moves.append(move)
+            laps.append(lap[move])
+            lap += 1.0
+        move = np.concatenate([*moves, np.zeros(0, np.int64)])
+        lap = np.concatenate([*laps, np.zeros(0)])
+        order = np.lexsort((movers.start_m[move] + lap * self.length_m, movers.stream[move]))
+        move, lap = move[order], lap[order]
+        moved_m = movers.start_m[move] + (
+            movers.speed_mps[move] * t_s[:, None] + lap * self.length_m
+        )
+        along_m = np.concatenate(
+            [np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1
+        )
+        pose, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
+        there_m = along_m[pose, column]
+        aside_m = np.concatenate([beside_m[stand], movers.beside_m[move]])[column]
+        row = np.concatenate([stand, move + len(places_m)])[column] + self.first
+        number_offset = np.concatenate(
+            [np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.stream_size[move]]
+        )[column]
+        east_m, north_m = (aside_m, there_m) if self.northbound else (there_m, aside_m)
+        return StreetObjects(
+            pose=pose, row=row, number_offset=number_offset, east_m=east_m, north_m=north_m
+        )
+
+
+class Layout(NamedTuple):
+    """What all streets of a town are made from; ``seed_key`` are 64 bits of the town's seed."""
+
+    rules: TownRules
+    laws: FittedLaws
+    seed_key: int
+
+
+def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Generator) -> Street:
+    """The ``index``-th street of a direction with all that is on it, and the places where the
+    detector sees what is not there.
+    """
+    rules, laws, seed_key = layout
+    crossings = rules.blocks[1] if northbound else rules.blocks[0]
+    length_m, middle_m = crossings * rules.block_m, index * rules.block_m
+    base = _first_number(northbound, index)
+    standing: list[TownObject] = []
+
+    def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
+        place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
+        number = base + len(standing)
+        standing.append(
+            town_object(laws.of(label, real), seed_key, number, label, place=place, real=real)
+        )
+
+    for side in (-1, 1):
+        for along_m, is_truck in _parked(rules, crossings, random):
+            stand("truck" if is_truck else "car", along_m, side * PARKED_M)
+    for label, density, beside_m, real in (
+        ("bicycle", rules.parked_bicycles_per_100m, PAVEMENT_M - 1.0, True),
+        ("person", rules.standing_people_per_100m, PAVEMENT_M, True),
+        *(
+            (label, rules.furniture_per_100m * share, PAVEMENT_M + 1.0, True)
+            for label, share in FURNITURE
+        ),
+        *(
+            (label, density, GHOST_BESIDE_M, False)
+            for label, density in laws.ghosts_per_100m.items()
+        ),
+    ):
+        for along_m, side in _scattered(density, length_m, random):
+            stand(label, along_m, side * beside_m, real)
+    for crossing in range(crossings + 1):
+        other = rules.main(crossing)
+        if not other:
+            continue
+        sign = "traffic light" if rules.main(index) else "stop sign"
+        for direction in (-1, 1):
+            along_m = crossing * rules.block_m - direction * JUNCTION_M
+            if 0.0 <= along_m <= length_m:
+                # On the right of those who come along: right of the heading east is south.
+                stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
+    return Street(
+        northbound=northbound,
+        middle_m=middle_m,
+        length_m=length_m,
+        standing=standing,
+        streams=_streams(layout, northbound, index, random),
+    )
+
+
+def _first_number(northbound: bool, index: int) -> int:
+    """The lowest number of an object of a street; no two streets share a number."""
+    return (index * 2 + northbound) << (STREAM_BITS + 4)
+
+
+def _streams(
+    layout: Layout, northbound: bool, index: int, random: np.random.Generator
+) -> list[VehicleStream]:
+    """Traffic in both directions of a street."""
+    rules, laws, seed_key = layout
+    base = _first_number(northbound, index)
+    length_m = (rules.blocks[1] if northbound else rules.blocks[0]) * rules.block_m
+    streams: list[VehicleStream] = []
+    for labels, density, off_m, speed_mps in (
+        (("car",), rules.moving_cars_per_100m, LANE_M, FLOW * rules.limit_mps(index)),
+        (("bicycle", "person"), rules.cyclists_per_100m, BIKE_M, CYCLE_MPS),
+        (("person",), rules.walkers_per_100m, PAVEMENT_M, WALK_MPS),
+    ):
+        for direction in (-1, 1):
+            starts_m = array(
+                "d", np.sort(random.random(random.poisson(density / 2 * length_m / 100)) * length_m)
+            )
+            # on their right
+            beside_m = index * rules.block_m + direction * off_m * (1 if northbound else -1)
+            number = base + ((2 * len(streams) + 1) << STREAM_BITS) + (1 << STREAM_BITS - 1)
+            movers = []
+            for k in range(len(starts_m)):
+                numbers = (number + k + (kind << STREAM_BITS) for kind in range(len(labels)))
+                movers.append(
+                    tuple(
+                        town_object(laws.of(label), seed_key, own_number, label, moving=True)
+                        for label, own_number in zip(labels, numbers, strict=True)
+                    )
+                )
+            streams.append(
+                VehicleStream(
+                    labels=frozenset(labels),
+                    movers=movers,
+                    beside_m=beside_m,
+                    speed_mps=direction * speed_mps,
+                    length_m=length_m,
+                    starts_m=starts_m,
+                )
+            )
+    return streams
+
+
+def _parked(
+    rules: TownRules, crossings: int, random: np.random.Generator
+) -> Iterator[tuple[float, bool]]:
+    """Place along one side of a street, and whether it is a truck, of each parked car; some blocks
+    have none.
+    """
+    slots = rules.parking_slots
+    busy = rules.parked_cars_per_100m / 200 * rules.block_m / slots
+    for block in range(crossings):
+        share = random.beta(2 * busy, 2 * (1 - busy)) if 0 < busy < 1 else busy
+        slot = np.flatnonzero(random.random(slots) < share)
+        places_m = (
+            block * rules.block_m + CLEAR_M + (slot + 0.4 + 0.2 * random.random(len(slot))) * SLOT_M
+        )
+        yield from zip(
+            places_m.tolist(), (random.random(len(slot)) < rules.truck_share).tolist(), strict=True
+        )
+
+
+def _scattered(
+    per_100m: float, length_m: float, random: np.random.Generator
+) -> Iterator[tuple[float, int]]:
+    """Place along a street and side (-1 or 1) of objects that stand anywhere."""
+    count = random.poisson(per_100m * length_m / 100)
+    places_m = random.random(count) * length_m
+    yield from zip(
+        places_m.tolist(), np.where(random.random(count) < 0.5, -1, 1).tolist(), strict=True
+    )
+
+
+class Streets:
+    """All streets of a town, and what can be seen of them from where."""
+
+    def __init__(self, rules: TownRules, east: list[Street], north: list[Street]) -> None:
+        self.block_m, self.half_m = rules.block_m, rules.street_half_m
+        self.east, self.north = east, north  # by number from the south, and from the west
+        count = 0
+        for street in (*east, *north):
+            street.first = count
+            count += len(street.objects)

@@ -1,0 +1,105 @@
+"""The frame source of recorded traffic: some of its vehicles are cars with cameras, the others are
+objects that these see.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+
+from genie_sim.base import files
+from genie_sim.base.settings import Bounds, OneOf, SettingError
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.geometry import Geodetic
+from genie_sim.worlds.town.rules import MAX_VIEW_M
+
+if TYPE_CHECKING:
+    from genie_sim.data.sources import Progress
+    from genie_sim.worlds.traffic.traffic import TrafficDrives
+
+MAX_FRAMES = 100_000_000  # as a town's
+LONGEST_M = 70.0  # of a vehicle: of a train
+
+
+@dataclass(frozen=True)
+class TypeRules:
+    """What vehicles of one type are."""
+
+    label: Literal["car", "truck", "bus", "train", "motorcycle", "bicycle"]
+    """Their class, as a detector calls it."""
+
+    length_m: Annotated[float, Bounds(above=0, maximum=LONGEST_M)] = 5.0
+    """Their length: SUMO tells where the front bumper is."""
+
+    width_m: Annotated[float, Bounds(above=0, maximum=LONGEST_M)] = 1.8
+    """Their width."""
+
+
+@dataclass(frozen=True)
+class RecordedTraffic:
+    """Cars drive with recorded traffic, such as floating-car data of SUMO.
+
+    All vehicles of the file are there, for cars to see and to be hidden by; those that are
+    equipped are cars of the scenario. Each takes a frame every ``interval_ns`` from when it appears
+    to when it leaves; recordings are "02" and "03". An object that a car's consumer holds is right
+    if one of its class really is within ``tolerance_m`` of it; objects up to ``range_m`` away
+    count.
+    """
+
+    is_one_world: ClassVar[bool] = True
+    is_map: ClassVar[bool] = True
+    has_cars: ClassVar[bool] = True
+
+    fcd: str = "sumo_grid"
+    """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
+    genie-sim."""
+
+    begin_ns: int | None = None
+    """The time in the file at which the simulation begins; by default its first time step."""
+
+    duration_ns: int = 60 * NS_PER_S
+    """How long the traffic is simulated from then on."""
+
+    interval_ns: int = 100 * NS_PER_MS
+    """Time between two frames of a camera."""
+
+    tolerance_m: float = 2.0
+    """How far an answer may be from the truth and still count as right."""
+
+    range_m: Annotated[float, Bounds(above=0)] = 50.0
+    """Objects up to this distance are judged."""
+
+    view_m: Annotated[float, Bounds(above=0, maximum=MAX_VIEW_M)] = 60.0
+    """How far a camera's detector looks."""
+
+    equipped: Annotated[
+        Annotated[float, Bounds(above=0, maximum=1)] | tuple[str, ...],
+        OneOf("a share from 0 to 1 or a list of ids"),
+    ] = 1.0
+    """Which vehicles have cameras and a computer: a share of them, or those with these ids. A
+    vehicle that a small share equips is equipped by every larger one."""
+
+    types: Mapping[str, TypeRules] = field(default_factory=dict)
+    """What vehicles of a type in the file are. A type that is not named here is recognised by a
+    word in its name, such as `bus`, `truck` or `bicycle`, and is a car otherwise."""
+
+    def __post_init__(self) -> None:
+        for name, value in (("duration", self.duration_ns), ("interval", self.interval_ns)):
+            if value <= 0:
+                raise SettingError(name, "must be more than zero")
+        if self.duration_ns / self.interval_ns > MAX_FRAMES:
+            raise SettingError("interval", f"makes more than {MAX_FRAMES:,} frames of a car")
+        if self.equipped == ():
+            raise SettingError("equipped", "must not be empty")
+        if isinstance(self.equipped, tuple) and len(set(self.equipped)) < len(self.equipped):
+            raise SettingError("equipped", "names a vehicle twice")
+
+    def open(
+        self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
+    ) -> "TrafficDrives":
+        from genie_sim.worlds.traffic.fcd import read_fcd
+        from genie_sim.worlds.traffic.traffic import Traffic, TrafficDrives
+
+        path = files.find(files.TRAFFIC, self.fcd)
+        begin_s = None if self.begin_ns is None else self.begin_ns / NS_PER_S
+        rows = read_fcd(path, begin_s, self.duration_ns / NS_PER_S)
+        return TrafficDrives(Traffic(rows, self, path, seed))

@@ -1,0 +1,349 @@
+"""Recorded traffic as a scene: cameras see its vehicles, and some of these carry cameras."""
+
+import functools
+import hashlib
+import itertools
+import json
+import logging
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.seeds import stream
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.classes import MOVING_MPS, VEHICLES
+from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.worlds.town.detector import SyntheticDetector
+from genie_sim.worlds.town.frames import BASELINES_M, BATCH_FRAMES, TownFrame, TownFrames
+from genie_sim.worlds.town.laws import detector_laws
+from genie_sim.worlds.town.objects import ObjectColumns, TownObject, town_object
+from genie_sim.worlds.town.surrogate import LAWS
+from genie_sim.worlds.town.view import VisibleObjects
+from genie_sim.worlds.traffic.fcd import VehicleRows
+from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType
+from genie_sim.worlds.traffic.view import TrafficView
+
+if TYPE_CHECKING:
+    from genie_sim.data.sources import Extent
+    from genie_sim.worlds.traffic.source import RecordedTraffic
+
+STREAM = "traffic"
+# The plane of a network is as wherever it lies: some place must be written down, no result depends
+# on which.
+ORIGIN: Geodetic = (0.0, 0.0, 0.0)
+SHORTEST_S = 1.0  # a vehicle that is there for less carries no cameras
+# Which classes such a file knows all of: what else a detector reports is not judged.
+BASELINE_M = 1.0  # more than a camera is beside the middle of its car
+KNOWN = (*VEHICLES, "train", "motorcycle", "bicycle")
+
+PREFIX, LONGEST_NAME = "veh_", 100
+NO_NAME = re.compile(r"[^A-Za-z0-9_.-]", re.ASCII)  # what no name may hold
+
+log = logging.getLogger(__name__)
+
+
+class Neighbour(NamedTuple):
+    """A vehicle near a place at a time: its class, and where it is [m]."""
+
+    label: str
+    east_m: float
+    north_m: float
+
+
+class Traffic:
+    """Vehicles as a scene for cameras. Its clock begins where the simulation does.
+
+    ``digest`` is the sha256 of what decides what cameras see: the rows of the file that were read,
+    the settings, the seed and the detector's laws.
+    """
+
+    name = "traffic"
+
+    def __init__(
+        self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
+    ) -> None:
+        self.seed, self.settings, self.path = seed, settings, path
+        begin_s = rows.times_s[0] if settings.begin_ns is None else settings.begin_ns / NS_PER_S
+        own_types = {
+            name: VehicleType(kind.label, kind.length_m, kind.width_m)
+            for name, kind in settings.types.items()
+        }
+        self.end_s = min(settings.duration_ns / NS_PER_S, float(rows.times_s[-1] - begin_s))
+        self.vehicles = Vehicles(rows, float(begin_s), own_types)
+        self.laws = detector_laws()
+        content = hashlib.sha256()
+        for column in (rows.times_s, rows.step, rows.vehicle, rows.x_m, rows.y_m, rows.angle_deg):
+            content.update(column.tobytes())
+        content.update(json.dumps([rows.ids, rows.types]).encode())
+        self.content = content.hexdigest()
+        text = json.dumps([self.content, asdict(settings) | {"fcd": ""}, seed, self.laws.digest])
+        self.digest = hashlib.sha256(text.encode()).hexdigest()
+        key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
+        self.objects = ObjectColumns(
+            [
+                town_object(self.laws.of(kind.label), key, number, kind.label, moving=True)
+                for number, kind in enumerate(self.vehicles.types)
+            ]
+        )
+        self.detector = SyntheticDetector(self.objects, self.laws, on_grid=False)
+        self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
+        self.reach_m = settings.range_m + settings.tolerance_m + BASELINE_M
+        self.persons = rows.persons
+        if self.vehicles.jumps.any():
+            some = f"{(self.vehicles.jumps > 0).sum():,} of {len(self.vehicles):,}"
+            log.warning(
+                "%s: %s vehicles teleport, %d times in all: each drives its longest stretch",
+                path,
+                some,
+                self.vehicles.jumps.sum(),
+            )
+
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
+        """The vehicles that are visible from some poses, as they are at each pose's time [s]."""
+        stretches = self.vehicles.stretch(visible.row, t_s[visible.pose])
+        speeds = self.vehicles.at(stretches, t_s[visible.pose]).speed_mps
+        objects = self.objects.rows
+        columns = (visible.row, visible.east_m, visible.north_m, speeds > MOVING_MPS)
+        return [
+            objects[row]._replace(east_m=east_m, north_m=north_m, moving=moving)
+            for row, east_m, north_m, moving in zip(*(c.tolist() for c in columns), strict=True)
+        ]
+
+    def neighbours(self, around: Array, t_s: Array) -> list[list[Neighbour]]:
+        """The vehicles within ``reach_m`` of each of some places (n, 2) [m] at its time (n,)."""
+        reach_m, vehicles = self.reach_m, self.vehicles
+        west_m, south_m = (around.min(axis=0) - reach_m).tolist()
+        east_m, north_m = (around.max(axis=0) + reach_m).tolist()
+        stretches = vehicles.near(west_m, south_m, east_m, north_m, times_s=t_s)
+        places = vehicles.at(stretches, t_s[:, None])
+        dx, dy = places.east_m - around[:, :1], places.north_m - around[:, 1:]
+        place, column = np.nonzero(places.there & (dx * dx + dy * dy <= reach_m * reach_m))
+        labels = self.objects.label[vehicles.vehicle[stretches[column]]].tolist()
+        neighbours = [
+            Neighbour(*row)
+            for row in zip(
+                labels,
+                places.east_m[place, column].tolist(),
+                places.north_m[place, column].tolist(),
+                strict=True,
+            )
+        ]
+        begins = np.searchsorted(place, np.arange(len(t_s) + 1)).tolist()
+        return [neighbours[begin:end] for begin, end in itertools.pairwise(begins)]
+
+    @property
+    def provenance(self) -> Mapping[str, object]:
+        """Where it comes from, for ``run.json``."""
+        types = {name: kind._asdict() for name, kind in sorted(self.vehicles.types_by_name.items())}
+        return {
+            "source": "traffic",
+            "file": self.path.name,
+            "content_sha256": self.content,
+            "vehicles": len(self.vehicles),
+            "teleports": int(self.vehicles.jumps.sum()),
+            "vehicles_that_teleport": int((self.vehicles.jumps > 0).sum()),
+            "persons_passed_over": self.persons,
+            "types": types,
+            "seed": self.seed,
+            "laws": dict(self.laws.provenance),
+            "laws_digest": self.laws.digest,
+            "features": dict.fromkeys(LAWS, "surrogate"),
+        }
+
+
+class _Way:
+    """Where one vehicle is during one stretch."""
+
+    def __init__(self, vehicles: Vehicles, stretch: int) -> None:
+        self._times_s, self._east_m, self._north_m, self._heading = vehicles.rows_of(stretch)
+
+    def at(self, t_s: float) -> tuple[float, float, float, float, float, float]:
+        """East, north [m], heading [rad], its cosine and sine, and speed [m/s]."""
+        times_s = self._times_s
+        last = len(times_s) - 1
+        k = min(max(int(times_s.searchsorted(t_s, side="right")) - 1, 0), max(last - 1, 0))
+        following = min(k + 1, last)
+        begin_s = times_s.item(k)
+        whole_s = (times_s.item(following) - begin_s) or 1.0
+        share = min(max((t_s - begin_s) / whole_s, 0.0), 1.0)
+        east_m, north_m = self._east_m.item(k), self._north_m.item(k)
+        dx, dy = self._east_m.item(following) - east_m, self._north_m.item(following) - north_m
+        heading = self._heading.item(k)
+        heading += share * math.remainder(self._heading.item(following) - heading, math.tau)
+        return (
+            east_m + share * dx,
+            north_m + share * dy,
+            heading,
+            math.cos(heading),
+            math.sin(heading),
+            math.hypot(dx, dy) / whole_s,
+        )
+
+
+class TrafficDrive:
+    """What the cameras of one vehicle see from ``start_ns`` of the scene's clock until it leaves:
+    has the frames of a ``Trace``.
+    """
+
+    is_judged = False
+
+    def __init__(
+        self, traffic: Traffic, car: str, stretch: int, *, start_ns: int, end_ns: int
+    ) -> None:
+        self.scene, self.car, self.start_ns = traffic, car, start_ns
+        self.interval_ns = traffic.settings.interval_ns
+        self.duration_ns = end_ns - start_ns
+        self.name = f"traffic_{car}"
+        self.origin: Geodetic = ORIGIN
+        text = json.dumps([traffic.digest, car, start_ns, self.interval_ns])
+        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
+        self.car_key = int(self.picture_prefix[:16], 16)
+        self.course = _Way(traffic.vehicles, stretch)
+        count = self.duration_ns // self.interval_ns + 1
+        self.frames: Mapping[str, Sequence[TownFrame]] = {
+            name: TownFrames(self, name, count) for name in BASELINES_M
+        }
+
+    def position(self, t_ns: int) -> tuple[float, float]:
+        """East and north of the car [m], ``t_ns`` after the drive's first frame."""
+        east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
+        return east_m, north_m
+
+
+def car_names(path: Path, ids: Sequence[str]) -> list[str]:
+    """The names of cars by the ids of their vehicles: what a name may not hold becomes ``_``.
+
+    Raises UserError where two get one name.
+    """
+    names: dict[str, str] = {}
+    for vehicle in ids:
+        name = (PREFIX + NO_NAME.sub("_", vehicle))[:LONGEST_NAME]
+        if name in names:
+            raise UserError(
+                f"{path}: vehicles {short_repr(names[name])} and {short_repr(vehicle)} would both "
+                f"be called {name}: rename one"
+            )
+        names[name] = vehicle
+    return list(names)
+
+
+class TrafficDrives:
+    """Traffic with the drives of its equipped vehicles."""
+
+    seeded = True
+
+    def __init__(self, traffic: Traffic) -> None:
+        self.traffic = traffic
+        vehicles, end_s = traffic.vehicles, traffic.end_s
+        self._names = car_names(traffic.path, vehicles.ids)
+        # Of each car: its stretch, and when it begins and ends.
+        self._stretches: dict[str, tuple[int, int, int]] = {}
+        for number, name in enumerate(self._names):
+            begin_s, last_s, stretch = vehicles.longest(number, end_s)
+            if last_s - begin_s >= SHORTEST_S:
+                span_ns = math.ceil(begin_s * 1e9), math.floor(last_s * 1e9)
+                self._stretches[name] = (stretch, *span_ns)
+
+    @property
+    def extent_m(self) -> "Extent":
+        return self.traffic.vehicles.extent_m
+
+    def starts_ns(self) -> dict[str, int]:
+        """When each equipped vehicle appears [ns], by its car's name. Raises ``UserError`` where
+        there is none.
+        """
+        vehicles = self.traffic.vehicles
+        equipped = self._equipped()
+        starts_ns = {name: self._stretches[name][1] for name in equipped if name in self._stretches}
+        if not starts_ns:
+            raise UserError(
+                f"{self.traffic.path}: perception.equipped: none of {len(vehicles):,} vehicles is "
+                f"equipped and there for {SHORTEST_S:g} s; raise the share or 'duration'"
+            )
+        left_out = len(equipped) - len(starts_ns)
+        if left_out:
+            log.warning(
+                "%s: %d equipped vehicles are there for less than %g s: they carry no cameras",
+                self.traffic.path,
+                left_out,
+                SHORTEST_S,
+            )
+        return starts_ns
+
+    def _equipped(self) -> list[str]:
+        """The names of the equipped vehicles, in the order in which they appear."""
+        equipped, ids = self.traffic.settings.equipped, self.traffic.vehicles.ids
+        if isinstance(equipped, tuple):
+            numbers = {vehicle: number for number, vehicle in enumerate(ids)}
+            for vehicle in equipped:
+                if vehicle not in numbers:
+                    what = unknown("vehicle", vehicle, ids)
+                    raise UserError(f"{self.traffic.path}: perception.equipped: {what}")
+            return [self._names[numbers[vehicle]] for vehicle in equipped]
+        return [
+            name
+            for name, vehicle in zip(self._names, ids, strict=True)
+            if equipped == 1.0
+            or stream(self.traffic.seed, STREAM, "equipped", vehicle).random() < equipped
+        ]
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> TrafficDrive:
+        if car not in self._stretches:
+            what = unknown("vehicle", car, self._stretches)
+            raise UserError(f"{self.traffic.path}: {what}")
+        stretch, begin_ns, end_ns = self._stretches[car]
+        if not begin_ns <= start_ns <= end_ns:
+            raise UserError(
+                f"{self.traffic.path}: {car} starts at {start_ns / 1e9:g} s, but is there from "
+                f"{begin_ns / 1e9:g} to {end_ns / 1e9:g} s: see 'route.start' and 'start_jitter'"
+            )
+        return TrafficDrive(self.traffic, car, stretch, start_ns=start_ns, end_ns=end_ns)
+
+    def truth_of(self, drive: TrafficDrive) -> "TrafficTruth":
+        drive.is_judged = True
+        return TrafficTruth(self.traffic, drive)
+
+    def digests(self) -> Mapping[str, str]:
+        return {self.traffic.name: self.traffic.digest}
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        return {self.traffic.name: dict(self.traffic.provenance)}
+
+
+class TrafficTruth:
+    """What is there on the drive of a car."""
+
+    def __init__(self, traffic: Traffic, drive: TrafficDrive) -> None:
+        self._traffic, self._drive = traffic, drive
+        self.reach_m, self.range_m = traffic.settings.tolerance_m, traffic.settings.range_m
+        self._of_frames = functools.lru_cache(1)(self._neighbours)
+
+    def knows(self, label: str) -> bool:
+        return label in KNOWN
+
+    def visible(self, frame: Any) -> Sequence[TownObject]:
+        truth: Sequence[TownObject] = frame.truth()
+        return truth
+
+    def is_there(self, frame: Any, label: str, east_m: float, north_m: float) -> bool:
+        batch, place = divmod(frame.index, BATCH_FRAMES)
+        labels = VEHICLES if label in VEHICLES else (label,)
+        return any(
+            neighbour.label in labels
+            and math.hypot(neighbour.east_m - east_m, neighbour.north_m - north_m) <= self.reach_m
+            for neighbour in self._of_frames(batch)[place]
+        )
+
+    def _neighbours(self, batch: int) -> list[list[Neighbour]]:
+        """The vehicles around the car at each of some frames: nothing farther away is judged."""
+        first = batch * BATCH_FRAMES
+        times_ns = [self._drive.interval_ns * index for index in range(first, first + BATCH_FRAMES)]
+        around = np.array([self._drive.position(t_ns) for t_ns in times_ns])
+        t_s = np.array([(self._drive.start_ns + t_ns) * 1e-9 for t_ns in times_ns])
+        return self._traffic.neighbours(around, t_s)

@@ -1,0 +1,324 @@
+"""Scenarios, device profiles and traces are found by path or by name; what a stranger wrote is read
+with care.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.base import files
+from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.paths import atomic_write, remembered
+from genie_sim.record.provenance import result_folder
+from genie_sim.scenario.yaml_input import dump, parse, read_mapping
+
+
+def refusal(data: bytes, tmp_path: Path) -> str:
+    """What ``read_mapping`` says of a file with these bytes, without the folder's name."""
+    path = tmp_path / "x.yaml"
+    path.write_bytes(data)
+    with pytest.raises(UserError) as error:
+        read_mapping(path)
+    assert "\n" not in str(error.value)
+    return str(error.value).replace(f"{tmp_path}/", "")
+
+
+def test_what_a_library_says_is_told_in_one_line_of_so_many_letters() -> None:
+    with (
+        pytest.raises(UserError, match=r"^x\.bag: broken: abc$"),
+        as_user_error("x.bag: broken", ValueError, most=3),
+    ):
+        raise ValueError("abcdef\nand more")
+    with (
+        pytest.raises(UserError, match=r"^x: No such file or directory$"),
+        as_user_error("x", OSError),
+    ):
+        Path("nowhere").read_bytes()
+    with pytest.raises(KeyError), as_user_error("x", ValueError):
+        raise KeyError("another kind is nobody's input")
+
+
+def test_a_shipped_file_is_found_by_name_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert files.find(files.SCENARIO, "3car_hetero").name == "3car_hetero.yaml"
+    assert files.find(files.DEVICE, "jetson_tx2").name == "jetson_tx2.yaml"
+
+
+def test_the_current_folder_comes_before_the_shipped_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = tmp_path / "device_profiles" / "jetson_tx2.yaml"
+    own.parent.mkdir()
+    own.touch()
+    monkeypatch.chdir(tmp_path)
+    assert files.find(files.DEVICE, "jetson_tx2").resolve() == own
+    assert "agx_xavier" in files.available(files.DEVICE)
+
+
+def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine.yaml").touch()
+    monkeypatch.chdir(tmp_path)
+    for path in ("mine.yaml", "./mine.yaml", str(tmp_path / "mine.yaml"), tmp_path / "mine.yaml"):
+        assert files.find(files.SCENARIO, path).resolve() == tmp_path / "mine.yaml"
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nowhere/x.yaml", "nowhere/x.yaml: no such file"),
+        ("x.yaml", "x.yaml: no such file"),
+        ("folder/", "unknown trace 'folder/'; known: "),
+        ("./folder.d", "./folder.d: is a folder, not a file"),
+        ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
+        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
+        ("", "unknown trace ''; known: "),
+        ("~nobody-lives-here/x.yaml", "~nobody-lives-here/x.yaml: no such file"),
+        ("y" * 100, f"unknown trace '{'y' * 56}...; known: "),
+    ],
+)
+def test_what_is_not_there(
+    name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "folder.d").mkdir()
+    (tmp_path / "scenarios/traces").mkdir(parents=True)
+    (tmp_path / "scenarios/traces/kitti.parquet").touch()
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UserError) as error:
+        files.find(files.TRACE, name)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("data", "message"),
+    [
+        (b"", "x.yaml: is empty; expected a mapping such as 'name: value'"),
+        (b"- a\n- b\n", "x.yaml: is a list; expected a mapping such as 'name: value'"),
+        (
+            b"hello\n",
+            "x.yaml: is the single value 'hello'; expected a mapping such as 'name: value'",
+        ),
+        (b"a: 1\nb: [1\n", "x.yaml: line 3: expected ',' or ']', but got '<stream end>'"),
+        (b"a: 1\nb: c: d\n", "x.yaml: line 2: mapping values are not allowed here"),
+        (b"a: 1\nb: 2\na: 3\n", "x.yaml: line 3: duplicate key 'a'"),
+        (b"a:\n\tb: 1\n", "x.yaml: line 2: a tab stands where YAML allows only spaces"),
+        (b"a: 1\nb: \x00\n", "x.yaml: line 2: holds the character '\\x00'"),
+        (b'a: "\\0"\n', "x.yaml: line 1: holds the character '\\x00'"),
+        (b'a: "\\uD800"\n', "x.yaml: line 1: holds the character '\\ud800'"),
+        (b"a: 1\nb: \xff\xfe\n", "x.yaml: line 2: is not UTF-8 text"),
+        (b"1: a\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
+        (
+            b"a: 1\n---\nb: 1\n",
+            "x.yaml: line 2: expected a single document in the stream but found another document",
+        ),
+        (b"a: *b\n", "x.yaml: line 1: found undefined alias 'b'"),
+        (
+            b"a: !!python/object/apply:os.system [ls]\n",
+            (
+                "x.yaml: line 1: tags such as 'tag:yaml.org,2002:python/object/apply:os.system' are"
+                " not allowed"
+            ),
+        ),
+        (
+            b"a: !!binary aGk=\n",
+            "x.yaml: line 1: tags such as 'tag:yaml.org,2002:binary' are not allowed",
+        ),
+        (b"a: !mine x\n", "x.yaml: line 1: tags such as '!mine' are not allowed"),
+        (b"a: " + b"[" * 100_000, "x.yaml: line 1: nested more than 40 deep"),
+        (b"a: &a [*a]\n", "x.yaml: line 1: nested more than 40 deep"),
+        (
+            b"a: " + b"x" * 1_000_000,
+            "x.yaml: is larger than 1000000 bytes; a file of settings is smaller",
+        ),
+    ],
+)
+def test_yaml_that_is_no_scenario(data: bytes, message: str, tmp_path: Path) -> None:
+    assert refusal(data, tmp_path) == message
+
+
+def test_a_billion_laughs(tmp_path: Path) -> None:
+    lines = ["a0: &a0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10)]
+    told = refusal("\n".join(lines).encode(), tmp_path)
+    assert told == "x.yaml: holds more than 100000 values once its aliases are written out"
+
+
+def test_a_missing_file_is_told_as_such(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match=r"gone\.yaml: cannot be read: No such file or directory"):
+        read_mapping(tmp_path / "gone.yaml")
+
+
+def test_no_surprises_of_old_yaml() -> None:
+    text = (
+        "{no: no, loss: 1e-3, camera: 02, drive: 2011_09_26, time: 1:30, day: 2011-09-26, none: ~,"
+        " yes: true}"
+    )
+    assert parse(text, "text") == {
+        "no": "no",
+        "loss": 0.001,
+        "camera": "02",
+        "drive": "2011_09_26",
+        "time": "1:30",
+        "day": "2011-09-26",
+        "none": None,
+        "yes": True,
+    }
+
+
+readable = st.text(st.characters(codec="utf-8", exclude_categories=("Cc", "Cs")), max_size=30)
+plain = st.none() | st.booleans() | st.integers(-(10**17), 10**17) | st.floats(1e-9, 1e9) | readable
+texts = st.sampled_from(
+    [
+        "no",
+        "1e-3",
+        "02",
+        "0x1",
+        "1_000",
+        "null",
+        "~",
+        "",
+        "1:30",
+        "2011-09-26",
+        ".5",
+        "=",
+        "<<",
+        "-",
+    ]
+)
+
+
+@given(
+    st.recursive(
+        plain | texts,
+        lambda inner: st.lists(inner) | st.dictionaries(readable | texts, inner),
+        max_leaves=20,
+    )
+)
+@pytest.mark.slow
+def test_what_is_written_is_read_back(value: object) -> None:
+    assert parse(dump(value), "text") == value
+
+
+@given(st.text(max_size=60) | st.text("[]{}&*!|>'\"%@`:,-? \n\t#ab12", max_size=60))
+def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
+    try:
+        parse(text, "text")
+    except UserError as error:
+        assert str(error).startswith("text: ") and "\n" not in str(error)
+
+
+def test_a_file_that_is_not_there_but_comes_with_genie_sim_is_named():
+    with pytest.raises(
+        UserError,
+        match=r"^3car_hetero\.yaml: no such file; the scenario '3car_hetero' needs no path$",
+    ):
+        files.find(files.SCENARIO, "3car_hetero.yaml")
+
+
+def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(
+    caplog: pytest.LogCaptureFixture,
+):
+    Path("device_profiles").mkdir()
+    Path("device_profiles/jetson_tx2.yaml").write_text("mine")
+    files._tell_of_two.cache_clear()
+    with caplog.at_level("WARNING"):
+        assert {files.find(files.DEVICE, "jetson_tx2") for _ in range(3)} == {
+            Path("device_profiles/jetson_tx2.yaml")
+        }
+    said = "device_profiles/jetson_tx2.yaml is used, not what comes with genie-sim under this name"
+    assert [one.replace("\\", "/") for one in caplog.messages] == [said]
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), RuntimeError("mine")])
+def test_a_file_that_is_not_finished_is_not_there(tmp_path: Path, error: Exception):
+    def write() -> None:
+        with atomic_write(tmp_path / "x.csv") as beside:
+            beside.write_text("half")
+            raise error
+
+    with pytest.raises(
+        UserError if isinstance(error, OSError) else RuntimeError, match=r"No space left|mine"
+    ):
+        write()
+    assert not list(tmp_path.iterdir())
+
+
+class DiskLog:
+    """The order in which names of files are synced to the disk, and get their final names."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.events: list[tuple[str, str]] = []
+        fsync, replace, rename = os.fsync, Path.replace, Path.rename
+
+        def logged_fsync(descriptor: int) -> None:
+            name = Path(f"/proc/self/fd/{descriptor}").readlink().name
+            self.events.append(("sync", name))
+            fsync(descriptor)
+
+        def logged_replace(source: Path, target: Path) -> Path:
+            self.events.append(("name", target.name))
+            return replace(source, target)
+
+        def logged_rename(source: Path, target: Path) -> Path:
+            self.events.append(("name", target.name))
+            return rename(source, target)
+
+        monkeypatch.setattr(os, "fsync", logged_fsync)
+        monkeypatch.setattr(Path, "replace", logged_replace)
+        monkeypatch.setattr(Path, "rename", logged_rename)
+
+
+needs_proc = pytest.mark.skipif(not Path("/proc/self/fd").is_dir(), reason="needs /proc")
+
+
+@needs_proc
+def test_a_file_is_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = DiskLog(monkeypatch)
+    with atomic_write(tmp_path / "table.csv") as partial:
+        partial.write_text("a,b\n")
+    assert disk.events == [("sync", partial.name), ("name", "table.csv"), ("sync", tmp_path.name)]
+
+
+@needs_proc
+def test_all_files_of_a_result_are_on_the_disk_before_it_has_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disk = DiskLog(monkeypatch)
+    with result_folder(tmp_path / "run") as partial:
+        (partial / "figures").mkdir()
+        (partial / "figures" / "cdf.svg").write_text("<svg/>")
+        (partial / "frames.parquet").write_text("frames")
+    named = disk.events.index(("name", "run"))
+    before = {name for _, name in disk.events[:named]}
+    assert before == {"cdf.svg", "figures", "frames.parquet", partial.name}
+    assert disk.events[named + 1 :] == [("sync", tmp_path.name)]
+
+
+def test_a_file_that_is_as_it_was_is_not_read_again(tmp_path: Path) -> None:
+    reads = []
+
+    @remembered
+    def length(path: Path) -> int:
+        reads.append(path.name)
+        return len(path.read_bytes())
+
+    first, second = tmp_path / "first", tmp_path / "second"
+    first.write_bytes(b"abc")
+    second.write_bytes(b"ab")
+    assert [length(first), length(second), length(str(first))] == [3, 2, 3]
+    assert reads == ["first", "second"]
+    os.utime(first, ns=(1, 1))
+    assert length(first) == 3 and len(reads) == 3, "its time tells that it was written again"
+    first.write_bytes(b"abcd")
+    assert length(first) == 4
+    second.unlink()
+    with pytest.raises(FileNotFoundError):
+        length(second)

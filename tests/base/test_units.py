@@ -1,0 +1,189 @@
+"""Text with units becomes exact numbers, and back."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.base import units
+
+
+@pytest.mark.parametrize(
+    ("text", "ns"),
+    [
+        ("30 ms", 30_000_000),
+        ("1.5 s", 1_500_000_000),
+        ("2 min", 120_000_000_000),
+        ("1 h", 3_600_000_000_000),
+        ("250 us", 250_000),
+        ("250 µs", 250_000),
+        ("250 μs", 250_000),  # Greek mu
+        ("8ns", 8),
+        ("1e-3 s", 1_000_000),
+        ("-3 s", -3_000_000_000),
+        (0, 0),
+        ("0", 0),
+    ],
+)
+def test_durations(text: object, ns: int) -> None:
+    assert units.duration_ns(text) == ns
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("1.4 MB", 1_400_000),
+        ("4 MiB", 4 * 2**20),
+        ("465.8 kB", 465_800),
+        ("1397297 B", 1_397_297),
+        ("1 KiB", 1024),
+    ],
+)
+def test_sizes(text: str, size: int) -> None:
+    assert units.size_bytes(text) == size
+
+
+@pytest.mark.parametrize(
+    ("text", "bps"), [("1 Gbit/s", 10**9), ("100 Mbit/s", 10**8), ("0.5 kbit/s", 500)]
+)
+def test_rates_count_bits(text: str, bps: int) -> None:
+    assert units.rate_bps(text) == bps
+
+
+def test_lengths_and_angles() -> None:
+    assert units.length_m("1 m") == 1.0
+    assert units.length_m("50 cm") == 0.5
+    assert units.angle_rad("15 deg") == math.radians(15)
+    assert units.angle_rad("0.5 rad") == 0.5
+
+
+def test_arithmetic_is_exact_where_floats_are_not() -> None:
+    assert units.duration_ns("0.1 s") + units.duration_ns("0.2 s") == units.duration_ns("0.3 s")
+    assert units.duration_ns("4.35 us") == 4350
+
+
+@pytest.mark.parametrize(
+    ("read", "value", "message"),
+    [
+        (units.duration_ns, 30, "duration 30 has no unit; write for example '30 ms'"),
+        (units.duration_ns, "30", "duration '30' has no unit; write for example '30 ms'"),
+        (
+            units.duration_ns,
+            True,
+            "duration True is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            None,
+            "duration None is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "soon",
+            "duration 'soon' is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "nan s",
+            "duration 'nan s' is not a number with a unit; write for example '30 ms'",
+        ),
+        (
+            units.duration_ns,
+            "3 days",
+            "duration '3 days' has an unknown unit 'days'; known: ns, us, µs, ms, s, min, h",
+        ),
+        (units.duration_ns, "0.5 ns", "duration '0.5 ns' is not a whole number of nanoseconds"),
+        (units.duration_ns, "1e99 s", "duration '1e99 s' is too large"),
+        (
+            units.duration_ns,
+            "1e999999 s",
+            "duration '1e999999 s' is not a number with a unit; write for example '30 ms'",
+        ),
+        (units.size_bytes, "0.5 B", "size '0.5 B' is not a whole number of bytes"),
+        (
+            units.rate_bps,
+            "1 GB/s",
+            "rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s, kbit/s, Mbit/s, Gbit/s",
+        ),
+        (
+            units.rate_bps,
+            "1 gbit/s",
+            "rate '1 gbit/s' has an unknown unit 'gbit/s'; known: bit/s, kbit/s, Mbit/s, Gbit/s",
+        ),
+        (units.length_m, 1.0, "length 1.0 has no unit; write for example '1 m'"),
+        (units.angle_rad, "15 m", "angle '15 m' has an unknown unit 'm'; known: deg, rad"),
+        (
+            units.duration_ns,
+            "7" * 1000,
+            f"duration '{'7' * 56}... is not a number with a unit; write for example '30 ms'",
+        ),
+    ],
+)
+def test_what_cannot_be_read_says_what_to_write(read: object, value: object, message: str) -> None:
+    with pytest.raises(ValueError) as error:
+        read(value)  # type: ignore[operator]
+    assert str(error.value) == message
+
+
+@given(st.integers(-(2**63) + 1, 2**63 - 1))
+def test_durations_are_written_exactly(ns: int) -> None:
+    assert units.duration_ns(units.duration_text(ns)) == ns
+
+
+@given(st.integers(0, 2**63 - 1))
+def test_sizes_and_rates_are_written_exactly(number: int) -> None:
+    assert units.size_bytes(units.size_text(number)) == number
+    assert units.rate_bps(units.rate_text(number)) == number
+
+
+@given(st.just(0.0) | st.floats(1e-12, 1e12))
+def test_lengths_are_written_exactly(metres: float) -> None:
+    assert units.length_m(units.length_text(metres)) == metres
+    assert units.watts(units.watts_text(metres)) == metres
+
+
+def test_watts() -> None:
+    assert [units.drift_ppm(text) for text in ("20 ppm", "-0.5 ppm", "0")] == [20.0, -0.5, 0.0]
+    assert units.drift_ppm(units.drift_text(-12.5)) == -12.5
+    assert [units.watts(text) for text in ("3 W", "450 mW", "1.5 kW", "0")] == [3.0, 0.45, 1500, 0]
+    with pytest.raises(ValueError, match="unknown unit 'w'"):
+        units.watts("3 w")
+
+
+@given(st.floats(1e-12, 10))
+def test_angles_are_written_exactly(radians: float) -> None:
+    assert units.angle_rad(units.angle_text(radians)) == radians
+
+
+@pytest.mark.slow
+@given(st.one_of(st.text(), st.integers(), st.floats(), st.none(), st.booleans()))
+def test_nothing_but_value_errors(value: object) -> None:
+    for read in (
+        units.duration_ns,
+        units.size_bytes,
+        units.rate_bps,
+        units.length_m,
+        units.angle_rad,
+    ):
+        try:
+            read(value)
+        except ValueError as error:
+            assert "\n" not in str(error)
+
+
+def test_exact_texts_are_readable() -> None:
+    assert units.duration_text(1_500_000_000) == "1.5 s"
+    assert units.duration_text(123_456_789) == "123.456789 ms"
+    assert units.duration_text(0) == "0 s"
+    assert units.size_text(465_800) == "465.8 kB"
+    assert units.rate_text(10**9) == "1 Gbit/s"
+    assert units.angle_text(math.radians(15)) == "15 deg"
+
+
+def test_whole_numbers_are_written_as_such_below_a_million_billions() -> None:
+    assert units.watts_text(999_999_999_999_999.0) == "999999999999999 W"
+    assert units.watts_text(1e15) == "1000000000000000.0 W"
+    assert units.watts_text(2.5) == "2.5 W" and units.watts_text(3.0) == "3 W"

@@ -1,0 +1,376 @@
+"""How the command line feels: where to begin, how it reads in any window, how soon it is there,
+what it completes.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import select
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from genie_sim.cli import terminal
+from genie_sim.cli.main import main
+from tests.checkout import REPOSITORY
+
+SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
+COMMAND = [sys.executable, "-m", "genie_sim"]
+HEAVY = {
+    "numpy",
+    "pandas",
+    "pyarrow",
+    "matplotlib",
+    "yaml",
+    "simpy",
+    "cv2",
+    "onnxruntime",
+    "scipy",
+    "rich",
+}
+
+
+def on_a_terminal(*arguments: str, columns: int = 80, **env: str) -> str:
+    """What ``genie-sim`` shows on a terminal of that width."""
+    import fcntl
+    import pty
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, columns, 0, 0))
+    surroundings = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("COLUMNS", "NO_COLOR", "GENIE_SIM_PROGRESS")
+    }
+    shown = b""
+    with subprocess.Popen(
+        [*COMMAND, *arguments],
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        env={**surroundings, "PYTHONPATH": str(REPOSITORY), "TERM": "xterm-256color", **env},
+    ) as process:
+        os.close(theirs)
+        until = time.monotonic() + 120
+        while time.monotonic() < until:
+            if select.select([ours], [], [], 0.2)[0]:
+                try:
+                    part = os.read(ours, 1 << 16)
+                except OSError:  # the terminal is gone with its last process
+                    break
+                if not part:
+                    break
+                shown += part
+            elif process.poll() is not None:
+                break
+    os.close(ours)
+    return shown.decode().replace("\r\n", "\n")
+
+
+def plain(shown: str) -> str:
+    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
+
+
+def test_genie_sim_alone_tells_what_to_do_next(capsys):
+    assert main([]) == 0
+    said = capsys.readouterr().out
+    assert "What to do next:" in said
+    assert "genie-sim run 3car_hetero" in said
+    assert "report.html" not in said
+
+
+def test_it_points_to_the_latest_report(capsys):
+    for age, name in ((1, "first"), (3, "second"), (2, "also")):
+        page = Path("results") / name / terminal.PAGE
+        page.parent.mkdir(parents=True)
+        page.touch()
+        os.utime(page, (age, age))
+    assert main([]) == 0
+    assert "results/second/report.html" in capsys.readouterr().out
+
+
+def test_every_first_step_is_a_command_that_exists(run_cli):
+    for line, _ in terminal.FIRST_STEPS:
+        command = line.split()[1]
+        assert command == "--help" or run_cli(command, "--help").returncode == 0
+
+
+def test_help_shows_three_examples_and_every_command(capsys):
+    assert main(["--help"]) == 0
+    usage, _, *lines = capsys.readouterr().out.splitlines()
+    assert usage.startswith("Usage: genie-sim")
+    assert [line.split()[0] for line in lines[:3]] == ["genie-sim"] * 3
+    assert lines[3] == ""
+    cut = [line for line in lines if line.endswith("...")]
+    assert not cut, f"say it in fewer words: {cut}"
+
+
+def test_the_examples_of_help_are_right():
+    """Their commands and options exist and their scenario loads; running them is the README's
+    test.
+    """
+    from genie_sim.scenario.scenario import load_scenario
+
+    assert (
+        load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
+    )
+    assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
+
+
+@pytest.mark.process
+@pytest.mark.unix
+@pytest.mark.parametrize("columns", [30, 80])
+def test_every_screen_fits_its_window(columns):
+    """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by
+    its library.
+    """
+    for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
+        room = max(columns, 50) if "--help" in arguments else columns
+        for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
+            assert len(line) <= room or " --set " in line or len(line.split()) <= 3, (
+                f"{arguments}: {line!r}"
+            )
+
+
+def test_a_list_has_one_line_a_name_for_other_programs(run_process):
+    """Whatever the window: ``genie-sim list scenarios | grep``."""
+    from genie_sim.base import files
+
+    lines = run_process("list", "scenarios", env={"COLUMNS": "30"}).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(files.available(files.SCENARIO))
+
+
+@pytest.mark.process
+@pytest.mark.unix
+def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
+    shown = on_a_terminal(*SHORT, columns=100)
+    bars = [line for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
+    assert bars
+    words = r"(local|remote|genie), [\d,]+ frames/s, \d+ MB .* [\d.]+ of [\d.]+ s"
+    assert re.search(words, bars[-1])
+    assert max(map(len, bars)) <= 100
+    assert "Results: results/1car_hetero-" in plain(shown)
+
+
+@pytest.mark.process
+@pytest.mark.unix
+def test_the_bar_fits_a_narrow_window():
+    shown = on_a_terminal(*SHORT, columns=48)
+    bars = [line.strip() for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
+    assert bars
+    assert max(map(len, bars)) <= 48
+
+
+def test_without_a_terminal_there_is_no_bar_and_no_colour(run_process):
+    done = run_process(*SHORT)
+    assert done.returncode == 0
+    assert done.stderr == ""
+    assert "\x1b" not in done.stdout
+    assert "frames/s" not in done.stdout
+
+
+def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch, capsys):
+    monkeypatch.setattr(terminal, "LINE_EVERY_S", 0.02)
+    monkeypatch.setenv("GENIE_SIM_PROGRESS", "off")
+    with terminal.Progress() as progress:
+        progress(1.5, 90.0, "genie, 400 frames/s")
+        time.sleep(0.2)
+    assert capsys.readouterr().err == ""
+    monkeypatch.delenv("GENIE_SIM_PROGRESS")
+    with terminal.Progress() as progress:
+        progress(1.5, 90.0, "genie, 400 frames/s")
+        time.sleep(0.5)
+    lines = capsys.readouterr().err.splitlines()
+    assert 3 <= len(lines) <= 26
+    assert set(lines) <= {
+        "genie-sim: preparing",
+        "genie-sim: 1.5 of 90.0 s, genie, 400 frames/s",
+    }
+    assert lines[-1].endswith("frames/s")
+    time.sleep(0.2)
+    assert capsys.readouterr().err == "", "the end is the end"
+
+
+def test_show_and_copy_give_what_is_shipped(capsys):
+    from genie_sim.base import files
+
+    for name, kind in (("3car_hetero", files.SCENARIO), ("jetson_tx2", files.DEVICE)):
+        text = files.find(kind, name).read_text(encoding="utf-8")
+        assert main(["show", name]) == 0
+        assert capsys.readouterr().out == text
+        assert main(["copy", name]) == 0
+        assert capsys.readouterr().out.startswith(f"{name}.yaml (from ")
+        assert Path(f"{name}.yaml").read_text(encoding="utf-8") == text
+    capsys.readouterr()
+    assert main(["copy", "3car_hetero"]) == 1
+    assert "3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
+    Path("mine").mkdir()
+    assert main(["copy", "3car_hetero", "mine"]) == 0 and Path("mine/3car_hetero.yaml").is_file()
+    Path("link.yaml").symlink_to("nowhere.yaml")
+    assert main(["copy", "3car_hetero", "link.yaml"]) == 1 and not Path("nowhere.yaml").exists()
+    capsys.readouterr()
+    assert main(["show", "baselines"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert (
+        line == "genie-sim: 'baselines' is a scenario and a sweep: say which with --kind scenario"
+    )
+    assert main(["show", "baselines", "--kind", "sweep"]) == 0
+    assert "axes:" in capsys.readouterr().out
+    assert main(["show", "3car_heter"]) == 1
+    assert "did you mean '3car_hetero'?" in capsys.readouterr().err
+
+
+@pytest.mark.process
+@pytest.mark.unix
+def test_colour_can_be_switched_off():
+    shown = on_a_terminal(*SHORT, columns=100, NO_COLOR="1")
+    assert "frames/s" in shown
+    assert not re.search(r"\x1b\[[0-9;]*(3[0-7]|9[0-7]|38;[0-9;]*)m", shown)
+
+
+@pytest.mark.unix
+def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_process):
+    piped = run_process(*SHORT, env={"COLUMNS": "90"}).stdout
+    shown = plain(on_a_terminal(*SHORT, columns=90))
+    assert [line.rstrip() for line in piped.splitlines() if line.strip()][-5:] == [
+        line.rstrip() for line in shown.splitlines() if line.strip()
+    ][-5:]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message", "status"),
+    [
+        (["rnu"], "unknown command 'rnu' (did you mean 'run'?)", 2),
+        (["reprot", "results"], "did you mean 'report'?", 2),
+        (["run", "3car_hetero", "--sed", "3"], "--seed", 2),
+        (["run", "3car_heter"], "did you mean '3car_hetero'?", 1),
+        (["run", "3car_hetero", "--set", "genei.eviction=lru"], "did you mean 'genie'?", 1),
+        (
+            ["run", "3car_hetero", "--set", "duration=60 s"],
+            "did you mean 'perception.duration'?",
+            1,
+        ),
+        (["run", "3car_hetero", "--set", "eviction=lru"], "did you mean 'genie.eviction'?", 1),
+        (["run", "3car_hetero", "--set", "edge=[]"], "did you mean 'edges'?", 1),
+        (["run", "3car_hetero", "--set", "genie.eviction=lur"], "did you mean 'lru'?", 1),
+        (["run", "3car_hetero", "--set", "cars[0].device=orin"], "did you mean", 1),
+        (["list", "evictoins"], "did you mean 'evictions'?", 1),
+    ],
+)
+def test_the_nearest_name_is_suggested(arguments, message, status, capsys):
+    assert main(arguments) == status
+    assert message in capsys.readouterr().err
+
+
+def completed(*words: str) -> list[str]:
+    """What a shell is offered for the last of these words."""
+    told = subprocess.run(
+        COMMAND,
+        env={
+            **os.environ,
+            "PYTHONPATH": str(REPOSITORY),
+            "_GENIE_SIM_COMPLETE": "bash_complete",
+            "COMP_WORDS": " ".join(("genie-sim", *words)),
+            "COMP_CWORD": str(len(words)),
+        },
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    return [line.removeprefix("plain,") for line in told.stdout.split()]
+
+
+@pytest.mark.process
+def test_the_shell_completes_commands_names_and_settings():
+    assert "report" in completed("rep")
+    assert {"3car_hetero", "3car_homo", "3car_laps", "3car_recommended"} == set(
+        completed("run", "3car")
+    )
+    assert completed("list", "evi") == ["evictions"]
+    assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == [
+        "genie.object_map.threshold=",
+        "genie.object_map.threshold.percentile=",
+    ]
+    assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
+    assert "where_it_pays" in completed("sweep", "where")
+    assert completed("figures", "x", "--format", "svg,p") == ["svg,png", "svg,pdf"]
+    assert completed("table", "x", "--format", "l") == ["latex"]
+    assert {"baselines", "jetson_tx2"} <= {*completed("show", "ba"), *completed("copy", "jet")}
+
+
+@pytest.mark.process
+@pytest.mark.unix
+def test_bash_itself_completes(tmp_path):
+    """Its own completion, by the line that the documentation gives."""
+    (tmp_path / "genie-sim").write_text(f'#!/bin/sh\nexec {" ".join(COMMAND)} "$@"\n')
+    (tmp_path / "genie-sim").chmod(0o755)
+    asked = (
+        'eval "$(_GENIE_SIM_COMPLETE=bash_source genie-sim)"; COMP_WORDS=(genie-sim run 3car_het);'
+        " COMP_CWORD=2; $(complete -p genie-sim | grep -o '_genie[a-z_]*') genie-sim; echo"
+        " ${COMPREPLY[@]}"
+    )
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(REPOSITORY),
+        "PATH": f"{tmp_path}:{os.environ['PATH']}",
+    }
+    told = subprocess.run(
+        ["bash", "-c", asked], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert told.stdout.split() == ["3car_hetero"], told.stderr
+
+
+@pytest.mark.process
+def test_every_completed_setting_is_one():
+    """Each may be given: the scenario knows it and says nothing of an unknown field."""
+    from genie_sim.base.errors import UserError
+    from genie_sim.scenario.scenario import load_scenario
+
+    offered = completed("run", "3car_hetero", "--set", "")
+    assert len(offered) > 30
+    for path in offered:
+        try:
+            load_scenario("3car_hetero", [f"{path}nonsense"])
+        except UserError as error:
+            assert "unknown field" not in str(error), path
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    "arguments", [["--help"], ["run", "--help"], ["--version"], []], ids=" ".join
+)
+def test_help_is_there_before_anything_heavy(arguments):
+    """Under 0.2 s: little is loaded besides the library that reads the arguments."""
+    code = (
+        f"import sys; from genie_sim.cli.main import main; main({arguments}); print(*sys.modules)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = set(told.stdout.splitlines()[-1].split())
+    assert not loaded & HEAVY
+    ours = {name for name in loaded if name.startswith("genie_sim.")}
+    command_line = ("arguments", "compare", "completion", "imports", "links", "main", "perceive")
+    command_line += ("ros", "search", "shipped", "terminal")
+    assert ours <= {
+        "genie_sim.version",
+        *(f"genie_sim.base{part}" for part in ("", ".errors", ".paths", ".plugins", ".removed")),
+        "genie_sim.base.text",
+        *(f"genie_sim.core{part}" for part in ("", ".header", ".messages")),
+        *(f"genie_sim.cli{part}" for part in ("", *(f".{part}" for part in command_line))),
+    }
+    bare = subprocess.run(
+        [sys.executable, "-c", "import sys, click; print(*sys.modules)"], capture_output=True
+    )
+    added = loaded - set(bare.stdout.decode().split()) - ours
+    assert len(added) < 40, added

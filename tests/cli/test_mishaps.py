@@ -1,0 +1,315 @@
+"""What goes wrong around the program: results that somebody changed, full disks, odd paths, readers
+that go away.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import typing
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim import __main__ as program
+from genie_sim.base.errors import UserError
+from genie_sim.base.paths import atomic_write
+from genie_sim.cli.arguments import PATH
+from genie_sim.cli.main import app, main
+from genie_sim.scenario.scenario import MAX_DAYS, load_scenario
+from tests.checkout import REPOSITORY
+
+SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result folder of a short run."""
+    folder = gs.run("1car_homo", SHORT, out=tmp_path_factory.mktemp("results")).folder
+    assert folder is not None
+    return folder
+
+
+@pytest.fixture
+def folder(made: Path) -> Path:
+    """A copy, to be spoilt."""
+    return Path(shutil.copytree(made, "result"))
+
+
+def one_line(said: str, message: str) -> None:
+    assert message in said
+    assert said.count("\n") == 1, said
+    assert "Traceback" not in said
+
+
+# Results that somebody changed, or that another version wrote
+
+
+@pytest.mark.parametrize("command", ["report", "export", "rerun"])
+@pytest.mark.parametrize("text", ["", "[]", "3", "{}", "\udc80", "[" * 100_000, '{"format": 1}'])
+def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
+    (folder / "run.json").write_bytes(text.encode("utf-8", "surrogatepass"))
+    assert main([command, str(folder)]) == 1
+    one_line(capsys.readouterr().err, "result/run.json: ")
+
+
+@pytest.mark.parametrize("command", ["report", "export"])
+@pytest.mark.parametrize(
+    "name", ["frames.parquet", "poses.parquet", "metrics.json", "scenario.resolved.yaml"]
+)
+def test_a_folder_or_nothing_in_the_place_of_a_file_gets_one_line(command, name, folder, capsys):
+    (folder / name).unlink()
+    assert main([command, str(folder)]) == 1
+    one_line(capsys.readouterr().err, f"result/{name}: ")
+    (folder / name).mkdir()
+    assert main([command, str(folder)]) == 1
+    one_line(capsys.readouterr().err, f"result/{name}: ")
+
+
+def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
+    import pyarrow.parquet as pq
+
+    path = folder / "frames.parquet"
+    table = pq.ParquetFile(path).read()
+    pq.write_table(table.drop_columns(["bytes_up"]), path)
+    assert main(["report", str(folder), "--allow-changed"]) == 1
+    one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
+
+
+def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
+    folder = gs.run("1car_homo", {**SHORT, "record": ["lookups"]}, out="bare").folder
+    assert main(["export", str(folder)]) == 1
+    one_line(capsys.readouterr().err, "no poses")
+    assert not list(folder.glob("*mcap*")) + list(folder.glob(".*"))
+
+
+# Paths
+
+
+def test_every_path_is_taken_in_one_way():
+    """``~`` and what cannot be shown are dealt with in ``arguments``, for every option and
+    argument.
+    """
+    found = 0
+    for command in app.commands.values():
+        for name, hint in typing.get_type_hints(command.callback).items():
+            if Path in (hint, *typing.get_args(hint)):
+                (about,) = (one for one in command.params if one.name == name)
+                assert about.type is PATH, f"{command.name}: {name}"
+                found += 1
+    assert found >= 20
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["report", "~/nothing"],
+        ["rerun", "~/nothing"],
+        ["export", "~/nothing"],
+        ["run", "~/nothing.yaml"],
+        ["sweep", "~/nothing.yaml"],
+        ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
+        ["perceive", "--bag=~/nothing.bag", "--out=~/t.parquet"],
+        ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
+        ["run", "1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
+    ],
+    ids=lambda arguments: " ".join(arguments[:2]),
+)
+def test_home_is_found_wherever_a_path_may_stand(arguments, capsys, monkeypatch):
+    monkeypatch.setenv("HOME", str(Path("home").absolute()))
+    monkeypatch.setenv("GENIE_SIM_WEIGHTS", os.environ.get("GENIE_SIM_WEIGHTS", "~/nothing"))
+    Path("~").mkdir()
+    assert main(arguments) == 1
+    said = capsys.readouterr().err
+    one_line(said, "nothing")
+    assert str(Path("home").absolute()) in said or "~/nothing.yaml: no such file" in said
+    assert not list(Path("~").iterdir())
+
+
+@pytest.mark.parametrize("variable", ["GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS"])
+def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
+    monkeypatch.setenv("HOME", "/somebodys/home")
+    for name in ("GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS"):
+        monkeypatch.setenv(name, "~/data")
+    other = ["--kitti=."] if variable == "GENIE_SIM_WEIGHTS" else ["--weights=."]
+    assert main(["perceive", "--drive=2011_09_26/0005", "--out=t.parquet", *other]) == 1
+    assert "~" not in capsys.readouterr().err
+
+
+def test_the_library_finds_home_too(monkeypatch):
+    monkeypatch.setenv("HOME", str(Path("home").absolute()))
+    run = gs.run("1car_homo", SHORT, out="~/lab")
+    assert run.folder.is_relative_to(Path("home").absolute())
+    assert gs.load(f"~/lab/{run.folder.name}").report("~/page.html").is_file()
+    assert not Path("~").exists()
+
+
+@pytest.mark.parametrize("character", ["\udcff", "\n", "\x1b"])
+def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
+    assert main(["run", "1car_homo", f"--out=a{character}b"]) == 1
+    one_line(
+        capsys.readouterr().err, f"--out: {f'a{character}b'!r} holds the character {character!r}"
+    )
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["s3://bucket", "file:", "a=1"])
+def test_a_folder_may_be_called_like_an_address(name, made, capsys):
+    """Nothing is looked up in a network, and nothing is read from elsewhere."""
+    sweep = (
+        "scenario: 1car_homo\nset: {'cars[0].route.window': [0 s, 1 s], methods:"
+        " [genie]}\nseeds: 1\n"
+    )
+    Path("s.yaml").write_text(sweep + "axes: {a: {set: genie.eviction, list: [lru, lfu]}}\n")
+    assert main(["sweep", "s.yaml", "--jobs=1", "--out", name]) == 0
+    folder = shutil.copytree(made, Path(name) / "run")
+    for command in (
+        ["report", str(folder)],
+        ["rerun", str(folder)],
+        ["report", str(Path(name) / "s")],
+    ):
+        assert main(command) == 0, capsys.readouterr().err
+
+
+def test_whatever_a_name_holds_the_error_is_one_line(capsys):
+    assert main(["run", "1car_homo", "--set", "a\n\x1b[31mb"]) == 1
+    one_line(capsys.readouterr().err, "--set a\\n\\x1b[31mb: must be path=value")
+
+
+@pytest.mark.parametrize("what", ["folder", "pipe"])
+def test_only_a_file_is_replaced_by_a_file(what):
+    """``--out=/dev/null`` would otherwise be the last of it, for a user who may rename there."""
+    path = Path("there")
+    path.mkdir() if what == "folder" else os.mkfifo(path)
+    with pytest.raises(UserError, match="there: cannot be written"), atomic_write(path):
+        raise AssertionError("nothing is written")
+    assert [one.name for one in Path().iterdir()] == ["there"]
+    assert not path.is_file()
+
+
+# Disks, screens, readers
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "arguments", [["list"], ["--help"], ["schema", "scenario"], ["run", "--help"]], ids=" ".join
+)
+def test_a_full_device_for_the_output_gets_one_line(arguments):
+    with Path("/dev/full").open("w") as full:
+        done = genie_sim(*arguments, stdout=full)
+    assert done.returncode == 1
+    assert done.stderr == "genie-sim: No space left on device\n"
+
+
+@pytest.mark.process
+def test_a_reader_that_goes_away_ends_it_quietly():
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = genie_sim("list", stdout=writing)
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("closed", ["stdout", "stderr"])
+def test_a_closed_output_is_no_reason_to_fail(closed):
+    code = f"import sys; sys.{closed} = None; from genie_sim.cli.main import main; main(['list'])"
+    done = genie_sim(code=code)
+    assert done.returncode == 0
+    assert done.stderr == ""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("backend", ["foo", "tkagg"])
+def test_figures_need_no_window(backend):
+    short = "--set=cars[0].route.window=[0 s, 1 s]"
+    done = genie_sim("run", "1car_homo", short, "--no-report", "--figures", MPLBACKEND=backend)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list(Path("results").glob("*/figures/latency_cdf.svg"))
+
+
+def genie_sim(
+    *arguments: str, stdout: object = subprocess.PIPE, code: str = "", **env: str
+) -> typing.Any:
+    command = ["-c", code] if code else ["-m", "genie_sim", *arguments]
+    surroundings = {**os.environ, "PYTHONPATH": str(REPOSITORY), **env}
+    return subprocess.run(
+        [sys.executable, *command],
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        env=surroundings,
+        text=True,
+        timeout=120,
+    )
+
+
+# Time
+
+
+@pytest.mark.parametrize(
+    ("scenario", "setting"),
+    [
+        ("1car_homo", "cars[0].route.laps=999999999999999999"),
+        ("1car_homo", "cars[0].route.start=2000000 h"),
+        ("1car_homo", "start_jitter=2000000 h"),
+        ("1car_homo", "cars[0].route={laps: 3, pause: 1000 h}"),
+        ("1car_homo", "cameras=[{name: a, recording: '02', phase: 2000000 h}]"),
+        ("fleet_30", "perception.duration=1000 h"),
+        ("fleet_30", "start_jitter=2000000 h"),
+    ],
+)
+def test_years_of_simulated_time_get_one_line(scenario, setting, capsys):
+    assert main(["run", scenario, "--set", setting]) == 1
+    one_line(capsys.readouterr().err, f"days; at most {MAX_DAYS} are simulated")
+    assert not Path("results").exists()
+
+
+def test_a_month_is_not_too_long():
+    scenario = load_scenario("1car_homo", ["cars[0].route={laps: 2, pause: 719 h}"])
+    scenario.check_time("route", scenario.cars[0].route, 15 * 10**9)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("fleet.cars=100000000000", "fleet.cars: must be from 1 to 1,000,000, not 100000000000"),
+        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
+        ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
+        ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
+        (
+            "perception.town={block: 1e30 km}",
+            "perception.town.block: must be at most 10 km, but is 1",
+        ),
+    ],
+)
+def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):
+    assert main(["run", "fleet_30", "--set", setting]) == 1
+    one_line(capsys.readouterr().err, message)
+
+
+def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
+    fleet = {
+        "cars": 1,
+        "devices": {"jetson_tx2": 0.7, "orin_nano": 0.3},
+        "edge_device": "agx_xavier",
+    }
+    perception = {"source": "town", "duration": "1 s"}
+    run = gs.run({"fleet": fleet, "perception": perception, "methods": ["local"]})
+    assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")
+
+
+def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, capsys):
+    class Interrupting:
+        def find_spec(self, name: str, *_: object) -> None:
+            if name == "genie_sim.cli.main":
+                raise KeyboardInterrupt
+
+    monkeypatch.delitem(sys.modules, "genie_sim.cli.main")
+    monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
+    assert program.main() == 130
+    assert capsys.readouterr().err == "genie-sim: interrupted; nothing was written\n"

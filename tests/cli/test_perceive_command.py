@@ -1,0 +1,201 @@
+"""Options of ``genie-sim perceive`` and ``truth``: what they ask of perception, and what does not
+go together.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from genie_sim.base import files
+from genie_sim.cli import perceive as cli_perceive
+from genie_sim.cli.main import main
+from genie_sim.data import evaluation, perceive, trace, truth, truth_table, v2v4real
+from genie_sim.ros import bags
+
+DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
+
+
+class Trace:
+    """A trace of three frames that notes from which score on it is kept."""
+
+    digest = "0123456789abcdef"
+    frames = {  # noqa: RUF012 - never changed
+        "02": [SimpleNamespace(detections=(1, 2)), SimpleNamespace(detections=())],
+        "03": [SimpleNamespace(detections=(3,))],
+    }
+    provenance = {"scatter_m": 0.5, "frames": (3, 9), "partner": 7}  # noqa: RUF012
+    truth = "the truth"
+
+    def __init__(self, from_score: float | None = None) -> None:
+        self.from_score = from_score
+
+    @property
+    def trace(self) -> Trace:
+        return self
+
+    def at_least(self, score: float) -> Trace:
+        return Trace(score)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What perception and evaluation are asked for, by name."""
+    told: dict[str, Any] = {}
+
+    def noting(name: str, answer: Any = None) -> Any:
+        def call(*arguments: Any, **named: Any) -> Any:
+            told.setdefault(name, []).append((arguments, named))
+            return answer
+
+        return call
+
+    monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
+    monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
+    monkeypatch.setattr(trace, "write_trace", noting("write"))
+    monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
+    monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
+    monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
+    monkeypatch.setattr(bags, "perceive_bag", noting("bag", Trace()))
+    monkeypatch.setattr(v2v4real, "folder", lambda root: root)
+    monkeypatch.setattr(v2v4real, "recordings", noting("pair", {"ego": Trace(), "cav1": Trace()}))
+    monkeypatch.setattr(truth_table, "write_truth", noting("write truth"))
+    return told
+
+
+def test_a_drive_with_what_holds_unless_it_is_said(asked, capsys):
+    assert main([*DRIVE, "--out", "t.parquet"]) == 0
+    (((root, selection, settings), _),) = asked["perceive"]
+    assert root == Path("usual")
+    assert (selection.drive, selection.cameras) == ("2011_09_26/0005", ["02", "03"])
+    assert selection.origin is None and not selection.allow_missing_scans
+    assert (settings.name, settings.weights, settings.size) == ("yolox_nano", None, None)
+    assert (settings.min_score, settings.threads, settings.batch) == (0.3, 1, 1)
+    assert settings.providers == ["CPUExecutionProvider"] and settings.encoding == "raw"
+    (((path, written), _),) = asked["write"]
+    assert path == Path("t.parquet") and written.from_score == 0.3
+    assert capsys.readouterr().out == "t.parquet: 3 frames, 3 detections, content 0123456789ab\n"
+    assert {*asked} == {"perceive", "write"}
+
+
+def test_every_option_of_a_drive_is_heard(asked):
+    line = (
+        "--out t.parquet --kitti /k --cameras 02 --detector nanodet_m_416 --weights /w --size 8x4"
+    )
+    line += " --providers CUDAExecutionProvider,CPUExecutionProvider --threads 4 --batch 2"
+    line += " --min-score 0.2 --origin 49,8,112 --allow-missing-scans --encoding jpeg-q75"
+    encodings = cli_perceive.get_args(cli_perceive.Encoding)
+    line = line.replace("jpeg-q75", encodings[-1])
+    assert main([*DRIVE, *line.split()]) == 0
+    (((root, selection, settings), _),) = asked["perceive"]
+    assert root == Path("/k") and selection.cameras == ["02"]
+    assert selection.origin == (49.0, 8.0, 112.0) and selection.allow_missing_scans
+    assert (settings.name, settings.weights) == ("nanodet_m_416", Path("/w"))
+    assert (settings.size, settings.threads, settings.batch) == ((8, 4), 4, 2)
+    assert settings.providers == ["CUDAExecutionProvider", "CPUExecutionProvider"]
+    assert (settings.min_score, settings.encoding) == (0.2, encodings[-1])
+
+
+@pytest.mark.parametrize(("score", "lowest"), [(0.3, perceive.LOWEST_SCORE), (0.0, 0.0)])
+def test_evaluation_sees_weak_detections_that_the_trace_leaves_out(asked, capsys, score, lowest):
+    assert main([*DRIVE, "--evaluate", "--min-score", str(score), "--labels", "tracking/0000"]) == 0
+    (((_, _, settings), _),) = asked["perceive"]
+    assert (settings.min_score, settings.place_from) == (lowest, score)
+    (((_, drive, whole), _),) = asked["labels"]
+    assert drive == "tracking/0000" and whole.from_score is None
+    (((whole, labels, from_score), _),) = asked["evaluate"]
+    assert whole.from_score is None and (labels, from_score) == ("labels", score)
+    assert "write" not in asked and capsys.readouterr().out == "the table\n"
+
+
+def test_labels_are_those_of_the_drive_itself(asked):
+    assert main([*DRIVE, "--evaluate"]) == 0
+    (((_, drive, _), _),) = asked["labels"]
+    assert drive == "2011_09_26/0005"
+
+
+def test_a_bag_with_its_own_detections(asked):
+    bag = ["perceive", "--bag", "b.bag", "--out", "t.parquet"]
+    assert main([*bag, "--detections", "/found", "--topic", "left=/l", "--origin", "1,2,3"]) == 0
+    (((path,), asked_for),) = asked["bag"]
+    assert path == Path("b.bag") and asked_for["detector"] is None
+    assert asked_for["cameras"] == ("left=/l",) and asked_for["detections"] == "/found"
+    assert asked_for["origin"] == (1.0, 2.0, 3.0) and asked_for["min_score"] == 0.3
+
+
+def test_a_pair_of_real_cars(asked, capsys):
+    line = ["perceive", "--format", "v2v4real", "/root", "--sequence", "train/0012", "--out", "o"]
+    assert main(line) == 0
+    assert main([*line, "--partner", "7", "--min-score", "0"]) == 0
+    (first, usual), (_, chosen) = asked["pair"]
+    assert first == (Path("/root"), "train/0012")
+    assert usual == {"partner": None, "min_score": v2v4real.LOWEST_SCORE}
+    assert chosen == {"partner": 7, "min_score": 0.0}
+    assert [path for (path, _), _ in asked["write"][:2]] == [
+        Path("o/ego.parquet"),
+        Path("o/cav1.parquet"),
+    ]
+    assert [path for (path, _), _ in asked["write truth"][:2]] == [
+        Path("o/ego.truth.parquet"),
+        Path("o/cav1.truth.parquet"),
+    ]
+    assert "scatters by 0.50 m; frames 3 to 9, the other car is label 7" in capsys.readouterr().out
+
+
+PAIR = ["--format", "v2v4real"]
+BAG = ["--bag", "b.bag", "--out", "t.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "give either --drive, --bag or --format"),
+        (["--drive", "a", "--bag", "b"], "give either --drive, --bag or --format"),
+        (["--drive", "a", *PAIR], "give either --drive, --bag or --format"),
+        ([*PAIR, "--sequence", "s"], "--format v2v4real needs --sequence and --out"),
+        ([*PAIR, "--out", "o"], "--format v2v4real needs --sequence and --out"),
+        ([*PAIR, "--evaluate"], "--format goes with ROOT, --sequence, --partner, --min-score"),
+        ([*PAIR, "--origin", "1,2,3"], "--format goes with ROOT, --sequence"),
+        ([*PAIR, "--encoding", "jpeg"], "--format goes with ROOT, --sequence"),
+        (["--drive", "a", "root"], "ROOT root goes with --format v2v4real only"),
+        (["--drive", "a", "--sequence", "s"], "--sequence s goes with --format v2v4real only"),
+        (["--drive", "a", "--partner", "3"], "--partner 3 goes with --format v2v4real only"),
+        (["--drive", "a"], "say what you want: --out or --evaluate"),
+        (["--bag", "b.bag"], "say what you want: --out"),
+        ([*BAG, "--encoding", "jpeg"], "--encoding is for drives: a bag's pictures are looked at"),
+        ([*BAG, "--evaluate"], "--evaluate needs KITTI; with --bag use --out only"),
+        ([*BAG, "--batch", "2"], "a bag's pictures go one at a time"),
+    ],
+)
+def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):
+    encodings = cli_perceive.get_args(cli_perceive.Encoding)
+    options = [encodings[-1] if option == "jpeg" else option for option in options]
+    assert main(["perceive", *options]) == 1
+    line = capsys.readouterr().err
+    assert line.startswith("genie-sim: perceive: ") and message in line
+    assert len(line.splitlines()) == 1 and not asked
+
+
+def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
+    rows = [
+        SimpleNamespace(object=1, moving=True, visible=True),
+        SimpleNamespace(object=1, moving=True, visible=True),
+        SimpleNamespace(object=2, moving=False, visible=False),
+    ]
+    table = SimpleNamespace(rows=rows, digest="abcdef0123456789")
+    asked: list[Any] = []
+    written: list[Path] = []
+    monkeypatch.setattr(files, "find", lambda kind, name: Path(f"/traces/{name}.parquet"))
+    monkeypatch.setattr(trace, "read_trace", lambda path: path)
+    monkeypatch.setattr(perceive, "kitti_folder", lambda path: path)
+    monkeypatch.setattr(truth_table, "make_truth", lambda *given: asked.append(given) or table)
+    monkeypatch.setattr(truth_table, "write_truth", lambda path, _: written.append(path))
+    line = ["truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
+    assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0
+    assert asked[0] == (Path("/k"), "tracking/0005", Path("/traces/mine.parquet"))
+    assert written == [Path("/traces/mine.truth.parquet"), Path("o.parquet")]
+    told = "2 objects, 1 of them moving, visible 2 times, content abcdef012345\n"
+    assert capsys.readouterr().out.endswith(f"o.parquet: {told}")

@@ -1,0 +1,42 @@
+"""Options of ``genie-sim attach`` and ``detach``: what they become before any ROS is there."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
+
+from genie_sim.cli.main import main
+from genie_sim.ros import attach
+
+
+@pytest.fixture
+def attached(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the last ``attach`` was asked for."""
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(attach, "attach", lambda node, **options: asked.update(options, node=node))
+    return asked
+
+
+def test_options_reach_the_genie(attached: dict[str, Any]):
+    line = "attach /node --role car --fov 90deg --set eviction=lru --set object_map.gate=2m"
+    line += " --request /left --request /right --connect edge1@h:1 --pose-topic /pose"
+    assert main(line.split()) == 0
+    assert attached["node"] == "/node" and attached["role"] == "car"
+    assert attached["settings"] == {"eviction": "lru", "object_map": {"gate": "2m"}}
+    assert attached["horizontal_fov_rad"] == pytest.approx(math.pi / 2)
+    assert attached["requests"] == ("/left", "/right") and attached["leave"] == ()
+    assert attached["connect"] == ("edge1@h:1",) and attached["pose_topic"] == "/pose"
+
+
+def test_without_options_nothing_is_set(attached: dict[str, Any]):
+    assert main(["attach", "/node", "--role", "edge"]) == 0
+    assert attached["settings"] == {} and attached["horizontal_fov_rad"] == 0.0
+
+
+def test_a_field_of_view_without_a_unit_is_refused(capsys: pytest.CaptureFixture[str]):
+    assert main(["attach", "/node", "--role", "car", "--fov", "wide"]) == 1
+    assert capsys.readouterr().err.startswith("genie-sim: --fov: ")

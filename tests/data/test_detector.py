@@ -1,0 +1,239 @@
+"""Detectors: pictures in, boxes out. A small stand-in network has YOLOX's inputs and outputs."""
+
+import os
+
+import numpy as np
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.core.classes import ROAD_LABELS
+from genie_sim.data.detector import DETECTORS, YoloxNano, find_weights, make_detector
+from genie_sim.data.onnx_detector import COCO_LABELS, best_boxes, letterbox
+from tests.kitti_folder import DATE, make_network
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory):
+    return make_network(tmp_path_factory.mktemp("weights") / "yolox_nano.onnx")
+
+
+def picture(width, height, *white_cells):
+    """Black, with white 8x8 cells at (column, row)."""
+    image = np.zeros((height, width, 3), np.uint8)
+    for column, row in white_cells:
+        image[8 * row : 8 * row + 8, 8 * column : 8 * column + 8] = 255
+    return image
+
+
+def scores_of(*rows):
+    scores = np.zeros((len(rows), len(COCO_LABELS)))
+    for i, (label, score) in enumerate(rows):
+        scores[i, COCO_LABELS.index(label)] = score
+    return scores
+
+
+@pytest.mark.parametrize("size", [(640, 192), (832, 256), (416, 416)])
+def test_a_network_exported_square_sees_a_rectangle(network, size):
+    found = make_detector("yolox_nano", network, size).detect(picture(*size, (20, 12)))
+    assert [f.label for f in found] == ["car"]
+    assert found[0].score == pytest.approx(1.0)
+    assert found[0].box == pytest.approx(
+        (20.5 * 8 - 40, 12.5 * 8 - 20, 20.5 * 8 + 40, 12.5 * 8 + 20), abs=1e-3
+    )
+
+
+def test_boxes_are_in_pixels_of_the_picture_not_of_the_network(network):
+    detector = make_detector("yolox_nano", network)
+    small = detector.detect(picture(640, 192, (40, 12)))[0].box
+    large = detector.detect(np.kron(picture(640, 192, (40, 12)), np.ones((2, 2, 1), np.uint8)))[
+        0
+    ].box
+    assert large == pytest.approx([2 * x for x in small], abs=0.01)
+
+
+def test_boxes_end_at_the_picture_s_border(network):
+    (found,) = make_detector("yolox_nano", network).detect(picture(640, 192, (0, 0)))
+    assert found.box == pytest.approx((0, 0, 44, 24), abs=1e-3)
+
+
+def test_the_same_picture_gives_the_same_detections(network):
+    image = picture(640, 192, (10, 5), (40, 12), (70, 20))
+    first, second = (make_detector("yolox_nano", network).detect(image) for _ in range(2))
+    assert first == second
+    assert len(first) == 3
+
+
+def test_a_dark_picture_shows_nothing(network):
+    assert make_detector("yolox_nano", network).detect(picture(640, 192)) == []
+
+
+def test_decoding_follows_the_network_s_contract(network):
+    """xy = (p + cell) * stride, wh = exp(p) * stride, score = objectness * class."""
+    detector = make_detector("yolox_nano", network)
+    output = np.zeros((80 * 24 + 40 * 12 + 20 * 6, 85), np.float32)
+    second_row_of_stride_16 = 80 * 24 + 40 + 3
+    output[second_row_of_stride_16, [0, 1, 2, 3, 4, 5 + 2]] = (
+        0.25,
+        0.5,
+        np.log(2.0),
+        np.log(3.0),
+        0.9,
+        0.5,
+    )
+    boxes, scores = detector.decode([output])
+    x, y = (0.25 + 3) * 16, (0.5 + 1) * 16
+    assert len(boxes) == 1, "no other cell has an object"
+    assert boxes[0] == pytest.approx((x - 16, y - 24, x + 16, y + 24), abs=1e-4)
+    assert scores[0, 2] == pytest.approx(0.45)
+
+
+def test_letterbox_keeps_proportions_and_fills_with_grey():
+    boxed, scale = letterbox(np.zeros((375, 1242, 3), np.uint8), (640, 192))
+    assert scale == pytest.approx(192 / 375)
+    assert boxed.shape == (192, 640, 3)
+    assert (boxed[:, :635] == 0).all()
+    assert (boxed[:, 636:] == 114).all()
+
+
+def test_of_overlapping_boxes_of_one_class_the_best_stays():
+    boxes = np.array([[0, 0, 100, 100], [5, 0, 105, 100], [300, 0, 400, 100]], float)
+    found = best_boxes(boxes, scores_of(("car", 0.5), ("car", 0.8), ("car", 0.4)), min_score=0.3)
+    assert [(f.score, f.box[0]) for f in found] == [(0.8, 5), (0.4, 300)]
+
+
+def test_a_cyclist_does_not_suppress_the_bicycle():
+    boxes = np.array([[0, 0, 100, 100], [0, 0, 100, 100]], float)
+    found = best_boxes(boxes, scores_of(("person", 0.8), ("bicycle", 0.6)), min_score=0.3)
+    assert [f.label for f in found] == ["person", "bicycle"]
+
+
+def test_a_van_found_as_a_car_and_as_a_truck_is_one_object():
+    boxes = np.array([[0, 0, 100, 100], [2, 0, 102, 100]], float)
+    found = best_boxes(boxes, scores_of(("car", 0.6), ("truck", 0.5)), min_score=0.3)
+    assert [f.label for f in found] == ["car"]
+
+
+def test_which_classes_are_one_object_can_be_said():
+    boxes, scores = (
+        np.array([[0, 0, 100, 100], [5, 0, 105, 100]]),
+        scores_of(("car", 0.6), ("truck", 0.5)),
+    )
+    assert len(best_boxes(boxes, scores, min_score=0.3, same_object={})) == 2
+    assert len(best_boxes(boxes, scores, min_score=0.3, iou=0.95)) == 2
+
+
+def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
+    boxes = np.array([[0, 0, 9, 9], [100, 0, 109, 9], [200, 0, 209, 9]], float)
+    assert (
+        best_boxes(boxes, scores_of(("car", 0.29), ("tv", 0.9), ("cat", 0.9)), min_score=0.3) == []
+    )
+    assert len(COCO_LABELS) == 80
+    assert set(COCO_LABELS) >= ROAD_LABELS
+
+
+def test_every_detector_is_listed_under_its_name():
+    assert {name: kind.name for name, kind in DETECTORS.items()} == {
+        name: name for name in DETECTORS
+    }
+
+
+def test_weights_are_found_by_path_folder_and_environment(network, monkeypatch, tmp_path):
+    monkeypatch.delenv("GENIE_SIM_WEIGHTS", raising=False)
+    assert find_weights("yolox_nano.onnx", network) == network
+    assert find_weights("yolox_nano.onnx", network.parent) == network
+    with pytest.raises(UserError, match=r"where is yolox_nano.onnx.*GENIE_SIM_WEIGHTS"):
+        find_weights("yolox_nano.onnx")
+    monkeypatch.setenv("GENIE_SIM_WEIGHTS", str(network.parent))
+    assert find_weights("yolox_nano.onnx") == network
+    with pytest.raises(UserError, match=r"yolox_nano.onnx: no such weights file"):
+        find_weights("yolox_nano.onnx", tmp_path)
+
+
+def test_wrong_names_sizes_and_scores_are_refused(network):
+    with pytest.raises(
+        UserError, match=r"unknown detector 'yolox_nanno' \(did you mean 'yolox_nano'\?\); known:"
+    ):
+        make_detector("yolox_nanno", network)
+    with pytest.raises(UserError, match="multiples of 32"):
+        make_detector("yolox_nano", network, size=(640, 200))
+    with pytest.raises(UserError, match="size 20000x20000: more than 33,554,432 pixels"):
+        make_detector("yolox_nano", network, size=(20_000, 20_000))
+    with pytest.raises(
+        UserError, match="size 640x192, 1000 at a time: more than 33,554,432 pixels"
+    ):
+        make_detector("yolox_nano", network, size=(640, 192), batch=1000)
+    with pytest.raises(UserError, match=r"min_score 1\.5"):
+        make_detector("yolox_nano", network, min_score=1.5)
+
+
+class Plain:
+    """A detector that runs no network."""
+
+    file_name = "yolox_nano.onnx"
+
+    def __init__(self, path, size, min_score):
+        self.path = path
+
+    def detect(self, image_bgr):
+        return []
+
+
+def test_threads_and_batches_of_what_has_none_are_refused(network):
+    assert make_detector("tests.data.test_detector:Plain", network).path == network
+    for more in ({"threads": 2}, {"batch": 4}):
+        with pytest.raises(
+            UserError,
+            match=r"^tests\.data\.test_detector:Plain: is no OnnxDetector, which alone can",
+        ):
+            make_detector("tests.data.test_detector:Plain", network, **more)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"<html>404 Not DetectedBox</html>", b"\x08\x07" + bytes(range(200))]
+)
+def test_a_file_that_is_no_network_is_refused(tmp_path, content):
+    path = tmp_path / "yolox_nano.onnx"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=r"yolox_nano.onnx: not an ONNX network") as error:
+        make_detector("yolox_nano", path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_truncated_network_is_refused(network, tmp_path):
+    path = tmp_path / "yolox_nano.onnx"
+    whole = network.read_bytes()
+    for share in (0.1, 0.5, 0.9, 0.999):
+        path.write_bytes(whole[: int(share * len(whole))])
+        with pytest.raises(UserError, match=r"yolox_nano.onnx: "):
+            make_detector("yolox_nano", path)
+
+
+def test_a_network_for_other_classes_is_refused(tmp_path):
+    path = make_network(tmp_path / "yolox_nano.onnx", classes=20)
+    with pytest.raises(
+        UserError,
+        match=r"is no yolox_nano network: its output is \(2520, 25\), expected \(2520, 85\)",
+    ):
+        make_detector("yolox_nano", path)
+
+
+@pytest.mark.data
+@pytest.mark.skipif(
+    not {"GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS"} <= os.environ.keys(),
+    reason="GENIE_SIM_KITTI or GENIE_SIM_WEIGHTS is not set",
+)
+def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
+    """Drive 0005, camera 02, first frame: a white van ahead, a man on a bicycle, a woman on the
+    pavement.
+    """
+    from genie_sim.data.kitti import open_drive, read_image
+
+    drive = open_drive(os.environ["GENIE_SIM_KITTI"], f"{DATE}/0005", ["02"])
+    found = make_detector("yolox_nano").detect(read_image(drive.frames["02"][0].image_path))
+    for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
+        assert any(
+            f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found
+        ), label
+    assert sum(f.label == "person" for f in found) == 2
+    with pytest.raises(UserError, match="inputs and 6 outputs, expected 1 and 1"):
+        YoloxNano(find_weights("nanodet_m_416.onnx"))

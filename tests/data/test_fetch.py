@@ -1,0 +1,333 @@
+"""Files are taken from a server that may stop, lie, or be somebody else: whole and checked, or not
+at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import random
+import stat
+import threading
+import time
+import zipfile
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.data import fetch
+from tests.data.archives import archive
+
+CONTENT = bytes(range(256)) * 4000
+SHA256 = hashlib.sha256(CONTENT).hexdigest()
+
+
+class Server:
+    """A local server. ``files`` by path; ``manner`` says how it behaves."""
+
+    def __init__(self):
+        self.files: dict[str, bytes] = {}
+        self.manner = "well"
+        self.ranges: list[str | None] = []
+        server = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.1"
+
+            def do_GET(self):
+                server.answer(self)
+
+            def log_message(self, *arguments):
+                pass
+
+        self.http = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+        self.base = f"http://127.0.0.1:{self.http.server_port}"
+        threading.Thread(target=self.http.serve_forever, args=(0.01,), daemon=True).start()
+
+    def answer(self, request):
+        wanted = request.headers.get("Range")
+        self.ranges.append(wanted)
+        content = self.files.get(request.path)
+        if content is None:
+            request.send_error(404)
+            return
+        if self.manner == "broken":
+            request.send_error(503)
+            return
+        start = 0
+        if wanted and self.manner != "ignores ranges":
+            start = int(wanted.removeprefix("bytes=").rstrip("-"))
+            if start >= len(content):
+                request.send_error(416)
+                return
+            request.send_response(206)
+            request.send_header("Content-Range", f"bytes {start}-{len(content) - 1}/{len(content)}")
+        else:
+            request.send_response(200)
+        body = content[start:]
+        claimed = 10**12 if self.manner == "claims too much" else len(body)
+        if self.manner != "endless":
+            request.send_header("Content-Length", str(claimed))
+        request.send_header("Connection", "close")
+        request.end_headers()
+        request.close_connection = True
+        if self.manner == "stops halfway":
+            body = body[: len(body) // 2]
+        if self.manner == "stalls":
+            request.wfile.write(body[:1000])
+            request.wfile.flush()
+            time.sleep(3)
+            return
+        if self.manner == "endless":
+            try:
+                while True:
+                    request.wfile.write(content)
+            except OSError:
+                return
+        request.wfile.write(body)
+
+
+@pytest.fixture
+def server(monkeypatch):
+    made = Server()
+    monkeypatch.setattr(fetch, "TIMEOUT_S", 0.3)
+    yield made
+    made.http.shutdown()
+    made.http.server_close()
+
+
+@pytest.fixture
+def nano(server, monkeypatch):
+    monkeypatch.setitem(fetch.MODELS, "yolox-nano", (len(CONTENT), SHA256))
+    monkeypatch.setattr(fetch.fetch_model, "__defaults__", (server.base,))
+    server.files["/yolox_nano.onnx"] = CONTENT
+
+
+def quiet(done, total):
+    assert done <= total
+
+
+def link(name):
+    entry = zipfile.ZipInfo(name)
+    entry.external_attr = (stat.S_IFLNK | 0o777) << 16
+    return entry
+
+
+def test_a_model_is_fetched_once(server, nano, tmp_path):
+    steps = []
+    path = fetch.fetch_model(
+        "yolox_nano", tmp_path, lambda done, total: steps.append((done, total))
+    )
+    assert path.read_bytes() == CONTENT
+    assert steps[-1] == (len(CONTENT), len(CONTENT))
+    fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert len(server.ranges) == 1
+    assert [entry.name for entry in tmp_path.iterdir()] == ["yolox_nano.onnx"]
+
+
+@pytest.mark.parametrize("kept", [1, 70_000, len(CONTENT) - 1])
+def test_it_goes_on_where_it_stopped(server, nano, tmp_path, kept):
+    (tmp_path / "yolox_nano.onnx.part").write_bytes(CONTENT[:kept])
+    assert fetch.fetch_model("yolox-nano", tmp_path, quiet).read_bytes() == CONTENT
+    assert server.ranges == [f"bytes={kept}-"]
+
+
+def test_a_server_that_knows_no_ranges_sends_all_again(server, nano, tmp_path):
+    server.manner = "ignores ranges"
+    (tmp_path / "yolox_nano.onnx.part").write_bytes(b"x" * 1000)
+    assert fetch.fetch_model("yolox-nano", tmp_path, quiet).read_bytes() == CONTENT
+
+
+def test_more_here_than_there_starts_again(server, nano, tmp_path):
+    (tmp_path / "yolox_nano.onnx.part").write_bytes(CONTENT + b"more")
+    assert fetch.fetch_model("yolox-nano", tmp_path, quiet).read_bytes() == CONTENT
+
+
+def test_a_connection_that_ends_halfway_is_taken_up_again(server, nano, tmp_path):
+    """Each try brings half of what is missing; what came stays for the next call."""
+    server.manner = "stops halfway"
+    with pytest.raises(
+        UserError, match=r"not received .*try again to go on, or .*put http.* at .*yolox_nano.onnx"
+    ):
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert len(server.ranges) == 3
+    assert (tmp_path / "yolox_nano.onnx.part").stat().st_size > 0.8 * len(CONTENT)
+    assert not (tmp_path / "yolox_nano.onnx").exists()
+    server.manner = "well"
+    assert fetch.fetch_model("yolox-nano", tmp_path, quiet).read_bytes() == CONTENT
+
+
+def test_corrupted_bytes_are_thrown_away(server, nano, tmp_path):
+    server.files["/yolox_nano.onnx"] = CONTENT[:-1] + b"?"
+    with pytest.raises(UserError, match=r"sha256 .*corrupted or another file"):
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("manner", ["claims too much", "endless"])
+def test_another_file_is_not_received_to_its_end(server, nano, tmp_path, manner):
+    server.manner = manner
+    with pytest.raises(UserError, match=r"another file|not received"):
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert not (tmp_path / "yolox_nano.onnx").exists()
+
+
+def test_a_server_that_stalls_is_given_up(server, nano, tmp_path):
+    server.manner = "stalls"
+    begin = time.monotonic()
+    with pytest.raises(UserError, match=r"not received .*timed out"):
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert time.monotonic() - begin < 5
+
+
+def test_a_broken_server_is_asked_three_times(server, nano, tmp_path):
+    server.manner = "broken"
+    with pytest.raises(UserError, match="not received"):
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert len(server.ranges) == 3
+
+
+def test_without_a_network_one_line_says_what_to_do(server, nano, tmp_path):
+    server.http.shutdown()
+    server.http.server_close()
+    with pytest.raises(
+        UserError, match=r"yolox_nano.onnx: not received .*to do it by hand, put http"
+    ) as error:
+        fetch.fetch_model("yolox-nano", tmp_path, quiet)
+    assert "\n" not in str(error.value)
+
+
+def test_unknown_names_are_refused_before_the_network(tmp_path):
+    with pytest.raises(UserError, match=r"unknown model 'yolox-nan' \(did you mean 'yolox-nano'"):
+        fetch.fetch_model("yolox-nan", tmp_path, quiet)
+    with pytest.raises(UserError, match="expected a name like 2011_09_26_drive_0005"):
+        fetch.fetch_drive("../../etc", tmp_path, quiet)
+
+
+DRIVE = "2011_09_26_drive_0005"
+
+
+@pytest.fixture
+def drive(server):
+    folder = f"2011_09_26/{DRIVE}_sync"
+    server.files["/2011_09_26_calib.zip"] = archive(
+        [("2011_09_26/calib_cam_to_cam.txt", "P_rect_02: 1")]
+    )
+    server.files[f"/{DRIVE}/{DRIVE}_tracklets.zip"] = archive(
+        [(f"{folder}/tracklet_labels.xml", "<x/>")]
+    )
+    server.files[f"/{DRIVE}/{DRIVE}_sync.zip"] = archive(
+        [(f"{folder}/oxts/data/0000000000.txt", "49.0")]
+    )
+    return server
+
+
+def test_a_drive_is_unpacked_into_kitti_s_layout(drive, tmp_path):
+    root = fetch.fetch_drive(DRIVE, tmp_path / "kitti", quiet, drive.base)
+    files = sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
+    assert files == [
+        "2011_09_26/2011_09_26_drive_0005_sync/oxts/data/0000000000.txt",
+        "2011_09_26/2011_09_26_drive_0005_sync/tracklet_labels.xml",
+        "2011_09_26/calib_cam_to_cam.txt",
+    ]
+
+
+def test_a_drive_without_tracklets_is_complete(drive, tmp_path):
+    del drive.files[f"/{DRIVE}/{DRIVE}_tracklets.zip"]
+    root = fetch.fetch_drive(f"{DRIVE}_sync", tmp_path, quiet, drive.base)
+    assert len(list(root.rglob("*.txt"))) == 2
+
+
+def test_a_drive_that_does_not_exist(drive, tmp_path):
+    with pytest.raises(UserError, match=r"2011_09_26_drive_0099_sync.zip: 404"):
+        fetch.fetch_drive("2011_09_26_drive_0099", tmp_path, quiet, drive.base)
+
+
+@pytest.mark.parametrize(
+    ("entries", "message"),
+    [
+        ([("../evil.txt", "x")], "leads out of the folder"),
+        ([("ok.txt", "x"), ("a/../../evil.txt", "x")], "leads out of the folder"),
+        ([("/etc/evil.txt", "x")], "leads out of the folder"),
+        ([("a\\..\\..\\evil.txt", "x")], "leads out of the folder"),
+        ([("C:/evil.txt", "x")], "leads out of the folder"),
+        ([("link/evil.txt", "x")], "by a link that is there already"),
+        ([(link("way_out"), "/etc")], "is a link or a device"),
+        ([("twice.txt", "x"), ("Twice.txt", "y")], "is in the archive twice"),
+        ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
+        ([("Q", "x")], "'' is no name of a file"),
+        ([(".", "x")], "is no name of a file"),
+        ([(f"{i}.txt", b"\0" * 250_000) for i in range(40)], "unpacks to 10,000,000 bytes from"),
+        ([(f"{i}.txt", "") for i in range(1001)], "has 1,001 files, more than 1,000"),
+        (
+            [("big1.bin", bytes(range(256)) * 3000), ("big2.bin", bytes(range(255)) * 3000)],
+            "more than 1,000,000",
+        ),
+    ],
+)
+def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, message):
+    monkeypatch.setattr(fetch, "MAX_ENTRIES", 1000)
+    folder, outside = tmp_path / "in" / "kitti", tmp_path / "in" / "outside"
+    folder.mkdir(parents=True)
+    outside.mkdir()
+    (folder / "link").symlink_to(outside)
+    packed = tmp_path / "x.zip"
+    packed.write_bytes(archive(entries).replace(b"Q", b"\0"))  # a name ends at its first zero
+    with pytest.raises(UserError, match=message) as error:
+        fetch.unpack(packed, folder, max_bytes=10**6 if "more than" in message else 10**9)
+    assert "\n" not in str(error.value)
+    assert [path.name for path in folder.iterdir()] == ["link"]
+    assert not list(outside.iterdir())
+    assert not list((tmp_path / "in").glob("evil*"))
+
+
+def test_an_encrypted_archive_writes_nothing(tmp_path):
+    whole = bytearray(archive([("a.txt", "x")]))
+    whole[whole.index(b"PK\x01\x02") + 8] |= 1  # the flag in the archive's directory
+    (tmp_path / "x.zip").write_bytes(whole)
+    with pytest.raises(UserError, match=r"x.zip: 'a.txt' is encrypted"):
+        fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_archive_cut_short_or_changed_is_refused(tmp_path):
+    whole = archive([(f"{i}.bin", bytes(range(256)) * 40) for i in range(4)])
+    for number, content in enumerate(
+        [b"", b"<html>", whole[:-10], whole[: len(whole) // 2], whole[:60] + b"xx" + whole[62:]]
+    ):
+        packed = tmp_path / f"{number}.zip"
+        packed.write_bytes(content)
+        with pytest.raises(UserError, match=rf"{number}.zip"):
+            fetch.unpack(packed, tmp_path / "out")
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_broken_entry_is_told_in_one_line(tmp_path, method):
+    """Random bytes of the compressed entry, or of anything in the archive, are changed."""
+    packed, content = tmp_path / "x.zip", random.Random(0).randbytes(500)
+    with zipfile.ZipFile(packed, "w", method) as archive_file:
+        archive_file.writestr("a.bin", content)
+    whole = packed.read_bytes()
+    refusals = 0
+    for seed in range(200):
+        source, damaged = random.Random(seed), bytearray(whole)
+        first = source.choice((0, 30))
+        for _ in range(3):
+            damaged[source.randrange(first, len(damaged))] ^= source.randrange(1, 256)
+        packed.write_bytes(damaged)
+        try:
+            fetch.unpack(packed, tmp_path / "out")
+        except UserError as error:
+            assert str(error).startswith(f"{packed}: ") and "\n" not in str(error)
+            refusals += 1
+    assert refusals > 150
+
+
+def test_the_command_says_how_to_use_what_it_fetched(run_cli):
+    wrong = run_cli("fetch", "modell", "x")
+    assert wrong.returncode == 1
+    assert (
+        wrong.stderr
+        == "genie-sim: unknown kind of thing to fetch 'modell' (did you mean 'model'?); "
+        "known: drive, model\n"
+    )

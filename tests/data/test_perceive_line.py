@@ -1,0 +1,110 @@
+"""``perceive`` on the command line: a trace and its evaluation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from genie_sim.cli.main import main
+from genie_sim.data.trace import read_trace
+from tests.kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
+
+
+@pytest.fixture
+def street(tmp_path):
+    """One car 15 m ahead, as in the tests of ``perceive``, and its tracklet."""
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image[96:104, 320:328] = 255
+    across, up = np.meshgrid(np.arange(-0.8, 0.8, 0.1), np.arange(-1.0, 0.5, 0.1))
+    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
+    folder = make_drive(tmp_path / "kitti", image=image, scan=surface)
+    values = {"ty": 0, "tz": -0.8, "rz": 0, "occlusion": 0, "truncation": 0}
+    pose = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
+    poses = f"<item><tx>17</tx>{pose}</item>" * 3
+    item = "<objectType>Car</objectType><h>1</h><w>1.8</w><l>4</l><first_frame>0</first_frame>"
+    item += f"<poses>{poses}</poses>"
+    (folder / "tracklet_labels.xml").write_text(
+        f"<b><tracklets><item>{item}</item></tracklets></b>"
+    )
+    make_network(tmp_path / "yolox_nano.onnx")
+    return (
+        "perceive",
+        "--kitti",
+        "kitti",
+        "--drive",
+        f"{DATE}/0005",
+        "--weights",
+        "yolox_nano.onnx",
+    )
+
+
+def test_a_trace_is_the_same_with_and_without_its_evaluation(street, run_cli, tmp_path):
+    plain = run_cli(*street, "--out", "plain.parquet")
+    judged = run_cli(*street, "--out", "judged.parquet", "--evaluate")
+    assert (plain.returncode, judged.returncode) == (0, 0), judged.stderr
+    assert (tmp_path / "plain.parquet").read_bytes() == (tmp_path / "judged.parquet").read_bytes()
+    assert "| vehicles (IoU 0.5) | 6 | 1.000 | 1.00 | 1.00 |" in judged.stdout
+    assert "| vehicles | 6 of 6 |" in judged.stdout
+
+
+def test_origin_and_missing_scans(street, run_cli, tmp_path):
+    (
+        tmp_path
+        / "kitti"
+        / DATE
+        / f"{DATE}_drive_0005_sync"
+        / "velodyne_points"
+        / "data"
+        / "0000000001.bin"
+    ).unlink()
+    refused = run_cli(*street, "--out", "x.parquet")
+    assert refused.returncode == 1
+    assert "0000000001.bin: missing" in refused.stderr
+    done = run_cli(
+        *street, "--out", "x.parquet", "--allow-missing-scans", "--origin", "49.0,8.4,100"
+    )
+    assert done.returncode == 0, done.stderr
+    trace = read_trace(tmp_path / "x.parquet")
+    assert trace.origin == (49.0, 8.4, 100.0)
+    # 0.0112 degrees of latitude
+    assert trace.frames["02"][0].pose.north_m == pytest.approx(1245, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "say what you want"),
+        (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4': expected latitude"),
+        (("--out", "x.parquet", "--size", "640:192"), "--size: '640:192'"),
+        (("--out", "x.parquet", "--providers", "TPU"), "unknown provider 'TPU'"),
+        (("--evaluate", "--labels", "tracking/0000"), "unknown labelled drive 'tracking/0000'"),
+    ],
+)
+def test_mistakes_are_one_line(street, run_cli, arguments, message):
+    done = run_cli(*street, *arguments)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        ("--origin=91,1,2", "latitude 91.0 is not between -90 and 90 degrees"),
+        ("--origin=49,-180.5,2", "longitude -180.5 is not between -180 and 180 degrees"),
+        ("--origin=nan,1,2", "latitude nan is not between"),
+        ("--origin=49,8,inf", "altitude inf must be a number of metres"),
+        (
+            "--origin=49,8",
+            "'49,8': expected latitude, longitude and altitude, for example 49.01,8.42,112.8",
+        ),
+        ("--size=x", "--size: 'x': expected WIDTHxHEIGHT in pixels, for example 832x256"),
+        ("--size=640x192x3", "--size: '640x192x3': expected WIDTHxHEIGHT in pixels"),
+        ("--size=640x-32", "--size: '640x-32': expected WIDTHxHEIGHT in pixels"),
+    ],
+)
+def test_a_value_that_cannot_be_gets_one_line(option, message, capsys):
+    assert main(["perceive", "--drive", f"{DATE}/0005", "--out", "x.parquet", option]) == 1
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1

@@ -1,0 +1,266 @@
+"""Tables of poses and detections become traces, whose cars share a clock; what is wrong in a table
+is told with file, line and column.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.data.pose_import import Sensor, import_recordings, write_recordings
+from genie_sim.data.trace import read_trace
+from genie_sim.data.truth_table import read_truth_table
+from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER
+
+
+@pytest.fixture
+def tables(tmp_path):
+    """Writes tables, and imports what has been written."""
+
+    def write(poses=POSES, detections=DETECTIONS, truth=None, **settings):
+        paths = []
+        for name, text in (("poses", poses), ("detections", detections), ("truth", truth)):
+            path = None if text is None else tmp_path / f"{name}.csv"
+            if path is not None:
+                path.write_text(text, encoding="utf-8")
+            paths.append(path)
+        return import_recordings(*paths, **settings)
+
+    return write
+
+
+def test_each_pose_is_a_frame_with_the_detections_of_its_time(tables):
+    frames = tables()["a"].trace.frames["sensor"]
+    assert [frame.stamp_ns for frame in frames] == [0, 100_000_000, 200_000_000]
+    assert [len(frame.detections) for frame in frames] == [0, 2, 0]
+    best, other = frames[1].detections
+    assert (best.label, best.score, best.location) == ("truck", 0.75, (9.0, 15.0, 0.0))
+    assert (other.label, other.score, other.location) == ("car", 0.5, (12.0, 25.0, 0.0))
+    assert frames[0].pose[:3] == (10.0, 5.0, 0.0)
+    assert frames[0].pose.heading_rad == pytest.approx(math.pi / 2, abs=1e-6)
+    assert frames[2].pose.heading_rad == pytest.approx(math.pi / 2, abs=1e-6)
+
+
+def test_cars_share_one_clock_and_one_sequence(tables):
+    recordings = tables()
+    assert list(recordings) == ["a", "b"]
+    b = recordings["b"].trace
+    assert [frame.stamp_ns for frame in b.frames["sensor"]] == [250_000_000, 350_000_000]
+    assert b.sequence is not None and b.sequence == recordings["a"].trace.sequence
+    pictures = {f.digest for r in recordings.values() for f in r.trace.frames["sensor"]}
+    assert len(pictures) == 5
+
+
+def test_a_table_without_cars_has_one(tables):
+    poses = "time_s,east_m,north_m,heading_deg,up_m\n-1,2,3,-90,4\n"
+    detections = "label,score,time_s,east_m,north_m,extra\ncar,1,-1,2,-9,x\n"
+    (recording,) = tables(poses, detections).values()
+    trace = recording.trace
+    assert (trace.name, trace.sequence) == ("car1", None)
+    (frame,) = trace.frames["sensor"]
+    assert frame.pose[:3] == (2.0, 3.0, 4.0)
+    assert frame.pose.heading_rad == pytest.approx(-math.pi / 2, abs=1e-6)
+    assert frame.detections[0].location == (2.0, -9.0, 0.0)
+
+
+def test_the_sensor_is_as_told_and_detections_outside_its_view_are_counted(tables):
+    sensor = Sensor(fov_rad=math.radians(20), size_bytes=777)
+    recordings = tables(sensor=sensor)
+    frame = recordings["a"].trace.frames["sensor"][0]
+    assert frame.size_bytes == 777 and frame.kind == "lidar"
+    assert frame.horizontal_fov_rad == pytest.approx(math.radians(20), abs=1e-6)
+    assert [recordings[car].outside for car in "ab"] == [0, 0]
+    # As compass bearings, the same headings point elsewhere.
+    turned = tables(POSES.replace(",90\n", ",0\n").replace(",450\n", ",0\n"), sensor=sensor)
+    assert [turned[car].outside for car in "ab"] == [2, 0]
+
+
+def test_parquet_tables_give_the_traces_of_csv_tables(tables, tmp_path):
+    by_csv = tables(truth=TRUTH)
+    (tmp_path / "parquet").mkdir()
+    paths = []
+    for name, text in (("poses", POSES), ("detections", DETECTIONS), ("truth", TRUTH)):
+        header, *lines = (line.split(",") for line in text.splitlines())
+        columns = dict(zip(header, zip(*lines, strict=True), strict=True))
+        for column in columns.keys() - {"car", "label", "object"}:
+            columns[column] = [float(value) for value in columns[column]]
+        paths.append(tmp_path / "parquet" / f"{name}.parquet")
+        pq.write_table(pa.table(columns), paths[-1])
+    by_parquet = import_recordings(*paths)
+    for car, recording in by_csv.items():
+        ours, other = recording.trace, by_parquet[car].trace
+        for frame, its in zip(ours.frames["sensor"], other.frames["sensor"], strict=True):
+            assert (frame.stamp_ns, frame.pose, frame.detections) == (
+                its.stamp_ns,
+                its.pose,
+                its.detections,
+            )
+        assert recording.truth.rows == by_parquet[car].truth.rows
+
+
+def test_the_truth_is_there_for_every_frame_of_every_car(tables):
+    recordings = tables(truth=TRUTH)
+    rows = {(row.frame, row.label): row for row in recordings["b"].truth.rows}
+    # The bus, a vehicle like a car, drives 10 m in the second; b's first frame is at 0.25 s.
+    bus = rows[0, "car"]
+    assert bus.location == (10.0, 27.5, 0.0) and bus.moving and bus.visible
+    assert rows[1, "car"].location == (10.0, 28.5, 0.0)
+    walker = rows[0, "person"]
+    assert walker.location == (-3.0, 20.06, 0.0) and not walker.moving
+    assert rows[0, "person"].object != bus.object
+    assert rows[0, "person"].object == rows[1, "person"].object
+
+
+def test_an_object_counts_in_the_field_of_view_and_in_range(tables):
+    def visible(**settings):
+        sensor = Sensor(**settings)
+        table = tables(truth=TRUTH, sensor=sensor)["a"].truth
+        assert table.range_m == sensor.range_m
+        return [(row.frame, row.label, row.visible) for row in table.rows if row.frame == 0]
+
+    # From (10, 5): the bus 20 m ahead, the walker 19.8 m away and 41 degrees to the left.
+    assert visible() == [(0, "car", True), (0, "person", True)]
+    assert visible(fov_rad=math.radians(60)) == [(0, "car", True), (0, "person", False)]
+    assert visible(range_m=19.9) == [(0, "car", False), (0, "person", True)]
+    assert visible(range_m=9.9) == [(0, "person", False)], "20 m is beyond 9.9 m and the margin"
+
+
+def test_an_object_is_not_there_outside_its_rows_nor_in_long_gaps(tables):
+    truth = TRUTH_HEADER + "1000,o,car,10,25\n"
+    later = "1000.15,x,car,0,25\n1000.4,x,car,0,25\n1001.3,o,car,10,25\n"
+    rows = tables(truth=truth + later)["a"].truth.rows
+    assert [(row.frame, row.object) for row in rows] == [(0, 1), (2, 2)]
+
+
+def test_an_object_that_has_just_come_moves_by_its_speed(tables):
+    """At the first frame only half a second of its way is known: 0.4 m, or 0.2 m."""
+    truth = TRUTH_HEADER + "".join(
+        f"{1000 + t},{name},person,10,{20 + speed_mps * t}\n"
+        for name, speed_mps in (("walker", 0.8), ("waiter", 0.4))
+        for t in (0, 1)
+    )
+    rows = tables(truth=truth)["a"].truth.rows
+    assert {(row.object, row.moving) for row in rows if row.frame == 0} == {(1, True), (2, False)}
+
+
+def test_what_the_table_says_of_moving_and_visible_holds(tables):
+    truth = (
+        "car,time_s,object,label,east_m,north_m,moving,visible\n"
+        "a,1000,o,car,10,25,true,\na,1000.1,o,car,10,25,FALSE,0\na,1000.2,o,car,10,25,,1\n"
+    )
+    poses = "".join(line for line in POSES.splitlines(True) if not line.startswith("b"))
+    detections = "".join(line for line in DETECTIONS.splitlines(True) if not line.startswith("b"))
+    (recording,) = tables(poses, detections, truth).values()
+    assert [(row.moving, row.visible) for row in recording.truth.rows] == [
+        (True, True),
+        (False, False),
+        (False, True),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"poses": POSES.replace("north_m", "north")}, "poses.csv: column 'north_m' is missing"),
+        ({"poses": POSES + "a,1000.3,1,nan,0\n"}, "poses.csv: line 7: north_m: must be a number"),
+        ({"poses": POSES + "a,1000.3,1,,0\n"}, "poses.csv: line 7: north_m: is empty"),
+        ({"poses": POSES + "a,1000.3,1,5e7,0\n"}, "line 7: north_m: must be .* to 4e.07, not"),
+        ({"poses": POSES + "a,1000.3,1,1_0,0\n"}, "line 7: north_m: must be a number, not '1_0'"),
+        ({"poses": POSES + "a,1000.3,1\n"}, "poses.csv: line 7: has 3 values, the header 5"),
+        ({"poses": POSES + "a,1000.1,1,1,0\n"}, "line 7: time_s: 1000.1 must be at least a milli"),
+        ({"poses": POSES + "../a,1,1,1,0\n"}, "line 7: car: '../a' must be letters, digits"),
+        ({"poses": POSES + "edges,1,1,1,0\n"}, "line 7: car: 'edges' must be"),
+        ({"poses": POSES[:38]}, "poses.csv: has no poses"),
+        ({"poses": ""}, "poses.csv: column 'time_s' is missing; the file has none"),
+        ({"poses": "car,car," + POSES[4:]}, "poses.csv: column 'car' is there 2 times"),
+        ({"poses": POSES + 'a,"1000.3\n'}, "poses.csv: not a readable CSV file"),
+        ({"detections": DETECTIONS + "c,1000,car,1,1,1\n"}, "line 5: car: unknown car 'c'.* a, b"),
+        (
+            {"detections": DETECTIONS + "b,1000.27,car,1,1,1\n"},
+            "line 5: time_s: b has no pose at 1000.27; the nearest is at 1000.25",
+        ),
+        ({"detections": DETECTIONS + "a,1000,car,1,1,1.5\n"}, "line 5: score: .* from 0 to 1"),
+        ({"detections": DETECTIONS + "a,1000, ,1,1,1\n"}, "line 5: label: must be 1 to 100"),
+        ({"truth": TRUTH + "1002,o,tram,1,1\n"}, "truth.csv: line 6: label: unknown class 'tram'"),
+        ({"truth": TRUTH + "1001,bus 7,bus,1,1\n"}, "line 6: time_s: 1001 must be at least"),
+        ({"truth": TRUTH + "1002,bus 7,person,1,1\n"}, "label: object 'bus 7' was a car, not a p"),
+        ({"truth": TRUTH_HEADER + "998.9,o,car,1,1\n"}, "no row within 1 s of a's pose at 1000"),
+        ({"truth": TRUTH_HEADER}, "truth.csv: has no objects"),
+        (
+            {"truth": "car,moving," + TRUTH_HEADER + "a,yes,1000,o,car,1,1\n"},
+            "truth.csv: line 2: moving: must be true or false, not 'yes'",
+        ),
+        (
+            {"truth": "car," + TRUTH_HEADER + "a,1000,o,car,1,1\n,1000,p,car,1,1\n"},
+            "truth.csv: line 3: car: must be given in every row or in none",
+        ),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(tables, tmp_path, changes, message):
+    with pytest.raises(UserError, match=message) as error:
+        tables(**changes)
+    assert str(error.value).startswith(f"{tmp_path}/") and "\n" not in str(error.value)
+
+
+def test_files_that_are_none_are_refused(tmp_path):
+    good = tmp_path / "poses.csv"
+    good.write_text(POSES)
+    for name, content, message in (
+        ("a.txt", b"x", "must end in .csv or .parquet"),
+        ("a.csv", b"car\xff,time_s\n", "not a readable CSV file"),
+        ("a.parquet", b"PAR1 nonsense", "not a readable Parquet file"),
+    ):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(UserError, match=message):
+            import_recordings(good, tmp_path / name)
+    with pytest.raises(UserError, match=r"detections\.csv: no such file"):
+        import_recordings(good, tmp_path / "detections.csv")
+
+
+def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
+    """And what it writes is what was imported; two cars meet on one clock."""
+    for name, text in (("poses", POSES), ("detections", DETECTIONS), ("truth", TRUTH)):
+        (tmp_path / f"{name}.csv").write_text(text)
+    tables = ("import", "poses.csv", "detections.csv")
+    done = run_cli(*tables, "--truth", "truth.csv", "--out", "t", "--fov", "200 deg")
+    assert done.returncode == 0, done.stderr
+    assert "t/a.parquet: 3 frames, 2 detections, objects visible 6 times\n" in done.stdout
+    trace = read_trace(tmp_path / "t" / "a.parquet")
+    assert read_truth_table(tmp_path / "t" / "a.truth.parquet").trace == trace.digest
+    (tmp_path / "two.yaml").write_text(
+        "perception: {trace: t/a.parquet}\nmethods: [remote]\nstart_jitter: 0 s\n"
+        "cameras: [{name: lidar, recording: sensor}]\n"
+        "edges: [{name: edge1, device: agx_xavier}]\n"
+        "cars:\n  - {name: a, device: jetson_tx2, edge: edge1}\n"
+        "  - {name: b, device: jetson_tx2, edge: edge1, route: {trace: t/b.parquet}}\n"
+    )
+    ran = run_cli("run", "two.yaml", "--no-report", "--out", "r")
+    assert ran.returncode == 0, ran.stderr
+    (folder,) = (tmp_path / "r").iterdir()
+    frames = pq.read_table(folder / "frames.parquet", columns=["car", "stamp_ns"]).to_pylist()
+    stamps_ms = {(row["car"], row["stamp_ns"] // 1_000_000) for row in frames}
+    assert stamps_ms == {("a", 0), ("a", 100), ("a", 200), ("b", 250), ("b", 350)}
+    again = run_cli(*tables, "--out", "t")
+    assert again.returncode == 1
+    assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of other recordings")
+    for option, value in (("--fov", "400 deg"), ("--size", "0 B"), ("--range", "40")):
+        refused = run_cli(*tables, "--out", "u", option, value)
+        assert refused.returncode == 1 and refused.stderr.startswith(f"genie-sim: {option}: ")
+    assert not (tmp_path / "u").exists()
+
+
+def test_a_detection_outside_the_view_is_told(tables, tmp_path):
+    lines = write_recordings(tmp_path / "t", tables(sensor=Sensor(fov_rad=0.01)))
+    assert lines[0].endswith("2 detections outside the field of view: check heading_deg, --fov")
+
+
+def test_a_row_of_a_parquet_table_is_named_by_its_number(tmp_path):
+    path = tmp_path / "poses.parquet"
+    columns = {"time_s": [1.0, math.nan], "east_m": [0.0, 1.0], "north_m": [0.0, 1.0]}
+    pq.write_table(pa.table({"car": ["a", "a"], **columns, "heading_deg": [0.0, 0.0]}), path)
+    with pytest.raises(UserError, match=r"poses.parquet: row 2\b"):
+        import_recordings(path, None)

@@ -1,0 +1,85 @@
+"""Streets of which the truth is known, and how what is held is judged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Location
+from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.record.records import HELD
+from genie_sim.record.tables import Table
+
+SECOND = 1_000_000_000
+
+
+POSE = CameraPose(0.0, 0.0, 1.6, 0.0)
+
+
+class Thing(NamedTuple):
+    label: str
+    location: Location
+    moving: bool = False
+
+
+def thing(label: str, east_m: float, north_m: float = 0.0, moving: bool = False) -> Thing:
+    return Thing(label, (east_m, north_m, 0.8), moving)
+
+
+def one(label: str, east_m: float, north_m: float = 0.0) -> Detection:
+    return Detection(label, 0.9, None, (east_m, north_m, 0.0), 0.9, "made up")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the camera took at the origin, looking east."""
+
+    visible: Sequence[Thing]
+    hidden: Sequence[Thing] = ()
+    detections: tuple[Detection, ...] = ()
+
+
+class Street:
+    """Knows cars and people."""
+
+    reach_m, range_m = 2.0, 40.0
+
+    def knows(self, label: str) -> bool:
+        return label in ("car", "truck", "person")
+
+    def visible(self, frame: Any) -> Sequence[Thing]:
+        return frame.visible
+
+    def is_there(self, frame: Any, label: str, east_m: float, north_m: float) -> bool:
+        there = (it for it in (*frame.visible, *frame.hidden) if it.label == label)
+        return any(math.dist(it.location[:2], (east_m, north_m)) <= self.reach_m for it in there)
+
+
+Step = tuple[Frame, Sequence[Detection] | None]
+
+
+def judged(
+    *steps: Step,
+    judged_without_delay: Sequence[str] = ("car1",),
+    what: str = "consumer",
+    objects: Table | None = None,
+) -> list[dict[str, Any]]:
+    """A frame each 100 ms, and after each the answer to it that the consumer is handed, if any: the
+    rows.
+    """
+    table = Table(HELD)
+    judge = MapAccuracy("genie", {"car1": Street()}, table, judged_without_delay, objects=objects)
+    for number, (frame, answer) in enumerate(steps):
+        header = Header(number * SECOND // 10, "camera_02", "car1")
+        judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
+        if answer is not None:
+            judge.answered(Detections(header, tuple(answer)), header.stamp_ns + SECOND // 20)
+    judge.close()
+    rows = table.to_frame()
+    return rows[rows["what"] == what].to_dict("records")
+
+
+def last(*steps: Step) -> dict[str, Any]:
+    return judged(*steps)[-1]

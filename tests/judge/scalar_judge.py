@@ -1,0 +1,200 @@
+"""Judges what consumers hold one object after the other, at every instant anew: what
+``recording.map_accuracy`` must agree with.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from genie_sim.core.classes import class_of
+from genie_sim.core.consumer import Consumer, Newest, Shown
+from genie_sim.core.matching import near, pairs
+from genie_sim.core.messages import Detection, Detections, Image, Location
+from genie_sim.core.tracking import COAST_NS, NEAR_M
+from genie_sim.core.view import ViewSector
+from genie_sim.judge.scenes import DriveTruth
+from genie_sim.record.records import HeldObjectRow, HeldRow
+from genie_sim.record.tables import Table
+
+S = 1_000_000_000
+
+
+def held(shown: Sequence[Shown], now_ns: int) -> list[Detection]:
+    """One list of what answers show, answer by answer."""
+    objects: list[Detection] = []
+    sectors: list[ViewSector] = []
+    for part in shown:
+        new = []
+        for detection in part.objects:
+            place = detection.location
+            if place is None or any(it.distance_m(*place[:2]) is not None for it in sectors):
+                continue
+            if part.valid_ns is not None and detection.motion is not None:
+                dt_s = min(max(now_ns - part.valid_ns, 0), COAST_NS) * 1e-9
+                east_mps, north_mps = detection.motion.velocity_mps
+                place = (place[0] + east_mps * dt_s, place[1] + north_mps * dt_s, place[2])
+                detection = detection.with_location(place)
+            if not any(_same(detection, other) for other in objects):
+                new.append(detection)
+        objects += new
+        if part.valid_ns is not None and part.viewer is not None:
+            sectors.append(ViewSector(part.viewer.pose, part.viewer.horizontal_fov_rad))
+    return objects
+
+
+def _same(ours: Detection, theirs: Detection) -> bool:
+    assert ours.location is not None and theirs.location is not None
+    return ours.label == theirs.label and math.dist(ours.location[:2], theirs.location[:2]) < NEAR_M
+
+
+def gospa_m(candidates: Sequence[tuple[float, int, int]], ours: int, theirs: int) -> float:
+    """GOSPA with p = 2, c = 5 m, alpha = 2, over all assignments of a few objects."""
+    gains = {(i, j): 25.0 - d2 for d2, i, j in candidates if d2 <= 25.0}
+    rows, columns = sorted({i for i, _ in gains}), sorted({j for _, j in gains})
+    swapped = len(rows) > len(columns)
+    few, many = (columns, rows) if swapped else (rows, columns)
+    gained = max(
+        sum(gains.get((j, i) if swapped else (i, j), 0.0) for i, j in zip(few, chosen, strict=True))
+        for chosen in itertools.permutations(many, len(few))
+    )
+    return math.sqrt(max(12.5 * (ours + theirs) - gained, 0.0))
+
+
+class ScalarJudge:
+    """The interface of ``MapAccuracy``; objects are few."""
+
+    def __init__(
+        self,
+        method: str,
+        truths: Mapping[str, DriveTruth],
+        table: Table,
+        judged_without_delay: Sequence[str] = (),
+        make_consumer: Callable[[], Consumer] = Newest,
+        *,
+        objects: Table,
+        all_streams: bool = False,
+    ) -> None:
+        self.method, self.truths, self.table, self.objects = method, truths, table, objects
+        self.judged_without_delay, self.all_streams = judged_without_delay, all_streams
+        self.consumers = {car: make_consumer() for car in truths}
+        self.first_streams: dict[str, str] = {}
+        self.first_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in truths}
+        self.visible: list[tuple[int, str, float, float]] = []
+        self.open: dict[str, dict[str, dict[tuple[Any, ...], int]]] = {car: {} for car in truths}
+
+    def answered(self, answer: Detections, now_ns: int) -> None:
+        if answer.header.origin in self.truths:
+            self.consumers[answer.header.origin].on_answer(answer, now_ns)
+            for it in answer.objects:
+                if it.location is not None:
+                    first_ns = self.first_ns[answer.header.origin]
+                    first_ns.setdefault((it.label, it.location), answer.header.stamp_ns)
+
+    def published(self, image: Image) -> None:
+        now_ns, stream, car = image.header
+        if car not in self.truths:
+            return
+        self.consumers[car].on_frame(image)
+        if self.first_streams.setdefault(car, stream) != stream and not self.all_streams:
+            return
+        truth = self.truths[car]
+        real = [it for it in truth.visible(image.content) if _sees(image, it.location, truth)]
+        objects = held(self.consumers[car].shown(now_ns), now_ns)
+        self.judge("consumer", image, objects, real)
+        first_ns = self.first_ns[car]
+        keys = [(it.label, it.location) for it in objects if it.location is not None]
+        self.first_ns[car] = {key: first_ns[key] for key in keys if key in first_ns}
+        if car not in self.judged_without_delay:
+            detections = [it for it in image.content.detections if it.location is not None]
+            self.judge("zero_delay", image, detections, real)
+        self.visible += [(now_ns, class_of(it.label), *it.location[:2]) for it in real]
+
+    def judge(self, what: str, image: Image, objects: Sequence[Detection], real: Any) -> None:
+        now_ns, _, car = image.header
+        truth = self.truths[car]
+        ours: list[Any] = [
+            it for it in objects if truth.knows(it.label) and _sees(image, it.location, truth)
+        ]
+        places, there = (
+            [(class_of(it.label), *it.location[:2]) for it in side] for side in (ours, real)
+        )
+        candidates = near(places, there, max(truth.reach_m, 5.0))
+        matched = pairs(candidates, truth.reach_m)
+        words = ["never_there"] * len(ours)
+        for i, (label, east_m, north_m) in enumerate(places):
+            if any(i == ours_i for _, ours_i, _ in matched):
+                words[i] = "right"
+            elif any(i == it[1] and it[0] <= truth.reach_m**2 for it in candidates):
+                words[i] = "duplicate"
+            elif truth.is_there(image.content, label, east_m, north_m):
+                words[i] = "hidden"
+            elif any(
+                (label, t_ns >= now_ns - 10 * S) == (other, True)
+                and math.dist(place, (east_m, north_m)) <= truth.reach_m
+                for t_ns, other, *place in self.visible
+            ):
+                words[i] = "moved_away"
+        counted = [i for i, word in enumerate(words) if word != "hidden"]
+        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen.origin != car]
+        found = {j for _, _, j in matched}
+        ages_s = [self.age_s(ours[i], car, now_ns) * (what == "consumer") for i in counted]
+        errors_m = [math.sqrt(d2) for d2, _, _ in matched]
+        row = HeldRow(
+            method=self.method,
+            what=what,
+            car=car,
+            stamp_ns=now_ns,
+            held=len(counted),
+            right=len(matched),
+            moved_away=words.count("moved_away"),
+            never_there=words.count("never_there"),
+            duplicate=words.count("duplicate"),
+            shared=len(shared),
+            shared_right=sum(words[i] == "right" for i in shared),
+            hidden=words.count("hidden"),
+            visible_static=sum(not it.moving for it in real),
+            found_static=sum(not real[j].moving for j in found),
+            visible_moving=sum(it.moving for it in real),
+            found_moving=sum(real[j].moving for j in found),
+            gospa_m=gospa_m([it for it in candidates if it[1] in counted], len(counted), len(real)),
+            age_s=sum(ages_s) / len(ages_s) if ages_s else None,
+            error_m=sum(errors_m) / len(errors_m) if errors_m else None,
+        )
+        self.table.append(row)
+        if what == "consumer":
+            missed = [(it, "missed") for j, it in enumerate(real) if j not in found]
+            self.follow(image, [(ours[i], words[i]) for i in counted] + missed)
+
+    def follow(self, image: Image, judged: Sequence[tuple[Any, str]]) -> None:
+        now_ns, stream, car = image.header
+        earlier = self.open[car].get(stream, {})
+        current = self.open[car][stream] = {}
+        for it, word in judged:
+            key = it.label, it.location[0], it.location[1], word
+            current[key] = earlier.pop(key, now_ns)
+        self.end(car, earlier, now_ns)
+
+    def end(self, car: str, begins_ns: Mapping[tuple[Any, ...], int], end_ns: int | None) -> None:
+        for key, begin_ns in begins_ns.items():
+            self.objects.append(HeldObjectRow(self.method, car, *key, begin_ns, end_ns))
+
+    def close(self) -> None:
+        for car, streams in self.open.items():
+            for begins_ns in streams.values():
+                self.end(car, begins_ns, None)
+
+    def age_s(self, it: Any, car: str, now_ns: int) -> float:
+        seen_ns = self.first_ns[car].get((it.label, it.location), now_ns)
+        return max(now_ns - (it.motion.seen.stamp_ns if it.motion else seen_ns), 0) / S
+
+
+def _sees(image: Image, location: Location | None, truth: DriveTruth) -> bool:
+    assert location is not None
+    east_m, north_m = location[0] - image.pose.east_m, location[1] - image.pose.north_m
+    turn_rad = math.remainder(math.atan2(north_m, east_m) - image.pose.heading_rad, math.tau)
+    return (
+        east_m**2 + north_m**2 <= truth.range_m**2 and abs(turn_rad) <= image.horizontal_fov_rad / 2
+    )

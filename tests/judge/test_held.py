@@ -1,0 +1,468 @@
+"""Streaming accuracy: a made-up scene by hand, GOSPA, truth tables, and whole runs on a trace and
+in a town.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from genie_sim.analysis import correctness, screen, summary
+from genie_sim.analysis.metric import ZERO_DELAY, measured
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import Detections, Header, Image
+from genie_sim.data.sources import Recordings
+from genie_sim.data.trace import Trace, read_trace, write_trace
+from genie_sim.data.truth_table import (
+    TruthRow,
+    TruthTable,
+    path_beside,
+    read_truth_table,
+    truth_beside,
+    write_truth,
+)
+from genie_sim.judge.gospa import assigned, gospa_m
+from genie_sim.judge.joins import GroupedPlaces, near
+from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.record import results
+from genie_sim.record.records import HELD, HELD_OBJECTS
+from genie_sim.record.results import Metric
+from genie_sim.record.tables import Table
+from genie_sim.runs import runner
+from genie_sim.scenario.scenario import Scenario, load_scenario
+from tests.judge.judging import POSE, SECOND, Frame, Step, Street, judged, last, one, thing
+
+Listed = Sequence[tuple[str, float, float]]
+
+
+def gospa(ours: Listed, there: Listed) -> float:
+    """GOSPA between two lists of objects [m]."""
+    labels = ["car", "person"]
+    places = [
+        GroupedPlaces(
+            np.array([labels.index(it[0]) for it in side], dtype=np.int64),
+            *np.array([it[1:] for it in side]).reshape(-1, 2).T,
+        )
+        for side in (ours, there)
+    ]
+    pairs = near(*places, 5.0)
+    pairs = pairs.rows(np.argsort(pairs.distance_m2, kind="stable"))
+    row = np.zeros(len(pairs.ours), dtype=np.int64)
+    return float(gospa_m(pairs, row, np.array([len(ours) + len(there)]))[0])
+
+
+def test_gospa_by_hand():
+    """Two pairs at 3 m and 1 m, one missed, one false: sqrt(9 + 1 + 2 * 12.5); p = 2, c = 5, alpha
+    = 2.
+    """
+    ours = [("car", 3.0, 0.0), ("car", 20.0, 1.0), ("car", 90.0, 0.0)]
+    there = [("car", 0.0, 0.0), ("car", 20.0, 0.0), ("car", 50.0, 0.0)]
+    assert gospa(ours, there) == pytest.approx(math.sqrt(35.0))
+    assert gospa([], []) == 0.0
+    assert gospa([("car", 0.0, 0.0), ("car", 9.0, 0.0)], []) == pytest.approx(5.0), (
+        "c / 2 ** (1 / 2) for each, not normalised by their number"
+    )
+
+
+def test_gospa_of_the_example_of_its_paper():
+    """Rahmathullah et al. 2017, Section III: two targets x1, x2. An estimate with both at distance
+    D < c and one false target is worse than without by c**p / alpha; a missed and a false one cost
+    the same as a pair at c.
+    """
+    there = [("car", 0.0, 0.0), ("car", 100.0, 0.0)]
+    both = [("car", 0.0, 2.0), ("car", 100.0, 2.0)]
+    false = [*both, ("car", 50.0, 0.0)]
+    exact, more = (gospa(ours, there) for ours in (both, false))
+    assert (exact**2, more**2) == (pytest.approx(8.0), pytest.approx(8.0 + 25.0 / 2))
+    far, at_cut = [("car", 6.0, 0.0)], [("car", 5.0, 0.0)]
+    single = [("car", 0.0, 0.0)]
+    assert gospa(far, single) == gospa(at_cut, single) == pytest.approx(5.0)
+
+
+def test_gospa_takes_the_best_assignment_and_not_the_nearest_pair_first():
+    """Ours at 0 and 3, theirs at 1 and -3.5: nearest first pairs 0 with 1 and leaves 6.5 m; the
+    best costs 16.25.
+    """
+    ours = [("car", 0.0, 0.0), ("car", 3.0, 0.0)]
+    there = [("car", 1.0, 0.0), ("car", -3.5, 0.0)]
+    assert gospa(ours, there) == pytest.approx(math.sqrt(4.0 + 12.25))
+
+
+def test_classes_are_never_paired():
+    assert gospa([("car", 0.0, 0.0)], [("person", 0.0, 0.0)]) == pytest.approx(5.0)
+
+
+def test_a_parked_car_stays_right_and_ages():
+    frame = Frame([thing("car", 20.0)])
+    rows = judged((frame, [one("car", 21.0)]), (frame, None), (frame, None))
+    counts = [
+        (row["held"], row["right"], row["visible_static"], row["found_static"]) for row in rows
+    ]
+    assert counts == [(0, 0, 1, 0), (1, 1, 1, 1), (1, 1, 1, 1)], (
+        "before the first answer it holds nothing"
+    )
+    assert [row["age_s"] for row in rows[1:]] == [pytest.approx(0.1), pytest.approx(0.2)]
+    assert (rows[2]["error_m"], rows[2]["gospa_m"]) == (pytest.approx(1.0), pytest.approx(1.0))
+
+
+def test_ghosts_have_one_cause_each():
+    before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
+    now = Frame(
+        [thing("car", 20.0, moving=True), thing("person", 15.0)], hidden=[thing("car", 30.0)]
+    )
+    answer = [
+        one("car", 10.0),
+        one("person", 15.0),
+        one("person", 16.5),
+        one("car", 35.0),
+        one("car", 30.5),
+        one("traffic light", 12.0),
+        one("car", -10.0),
+        one("car", 45.0),
+    ]
+    row = last((before, answer), (now, None))
+    causes = {
+        name: row[name]
+        for name in ("held", "right", "moved_away", "never_there", "duplicate", "hidden")
+    }
+    assert causes == {
+        "held": 4,
+        "right": 1,
+        "moved_away": 1,
+        "never_there": 1,
+        "duplicate": 1,
+        "hidden": 1,
+    }
+    assert (
+        row["visible_moving"],
+        row["found_moving"],
+        row["visible_static"],
+        row["found_static"],
+    ) == (1, 0, 1, 1)
+    assert row["gospa_m"] == pytest.approx(math.sqrt(12.5 * (3 + 1))), (
+        "the three ghosts and the car that was missed"
+    )
+
+
+def test_what_was_there_long_ago_was_never_there():
+    here, gone = Frame([thing("car", 10.0, moving=True)]), Frame([])
+    rows = judged((here, [one("car", 10.0)]), *[(gone, None)] * 110)
+    assert (rows[99]["moved_away"], rows[99]["never_there"]) == (1, 0)
+    assert (rows[-1]["moved_away"], rows[-1]["never_there"]) == (0, 1)
+
+
+def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
+    """Label, metres east, judgement, first and last tenth of a second of each object; none: to the
+    end.
+    """
+    table = Table(HELD_OBJECTS)
+    judged(*steps, objects=table)
+    rows = table.to_frame()
+    tenths = (rows[["begin_ns", "end_ns"]] / (SECOND // 10)).replace({float("nan"): None})
+    return list(
+        zip(
+            rows["label"],
+            rows["east_m"],
+            rows["judged"],
+            tenths["begin_ns"],
+            tenths["end_ns"],
+            strict=True,
+        )
+    )
+
+
+def test_a_ghost_is_known_by_its_place_and_time():
+    """The car at 10 m is gone from 0.2 s on, a car at 35 m never was; the answer to that frame has
+    neither.
+    """
+    before = Frame([thing("car", 10.0, moving=True), thing("person", 15.0)])
+    after = Frame([thing("car", 20.0, moving=True), thing("person", 15.0)])
+    wrong = [one("car", 10.0), one("person", 15.0), one("person", 16.5), one("car", 35.0)]
+    right = [one("car", 20.0), one("person", 15.0)]
+    assert sorted(objects_of((before, wrong), (before, None), (after, right), (after, None))) == [
+        ("car", 10.0, "missed", 0, 1),
+        ("car", 10.0, "moved_away", 2, 3),
+        ("car", 10.0, "right", 1, 2),
+        ("car", 20.0, "missed", 2, 3),
+        ("car", 20.0, "right", 3, None),
+        ("car", 35.0, "never_there", 1, 3),
+        ("person", 15.0, "missed", 0, 1),
+        ("person", 15.0, "right", 1, None),
+        ("person", 16.5, "duplicate", 1, 3),
+    ]
+
+
+def test_what_is_there_or_hidden_is_no_ghost():
+    frame = Frame([thing("car", 20.0)], hidden=[thing("car", 30.0)])
+    answer = [one("car", 21.0), one("car", 30.5)]
+    assert objects_of((frame, answer), (frame, answer), (frame, None)) == [
+        ("car", 20.0, "missed", 0, 1),
+        ("car", 21.0, "right", 1, None),
+    ]
+
+
+def test_a_truck_is_a_car():
+    assert (
+        last(
+            (Frame([thing("truck", 10.0)]), [one("car", 10.0)]),
+            (Frame([thing("truck", 10.0)]), None),
+        )["right"]
+        == 1
+    )
+
+
+def test_the_zero_delay_detector_is_written_once():
+    frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
+    rows = judged((frame, None), judged_without_delay=(), what="zero_delay")
+    assert [(row["held"], row["right"], row["age_s"]) for row in rows] == [(1, 1, 0.0)]
+    assert judged((frame, None), what="zero_delay") == []
+
+
+def test_a_car_is_judged_at_the_frames_of_its_first_camera_only():
+    table = Table(HELD)
+    judge = MapAccuracy("genie", {"car1": Street()}, table)
+    cameras = [("camera_02", "car1"), ("camera_03", "car1"), ("camera_02", "car1")]
+    for number, camera in enumerate([*cameras, ("camera_02", "car2")]):
+        judge.published(Image(Header(number, *camera), 1000, "", 0, POSE, 1.4, Frame([])))
+    judge.close()
+    assert set(table.to_frame()["car"]) == {"car1"} and len(table) == 4, (
+        "consumer and zero-delay detector, twice"
+    )
+
+
+def test_every_stream_is_judged_where_it_looks_if_all_are():
+    """A car stands east, seen by the first camera, and one north, seen by the second."""
+    table, objects = Table(HELD), Table(HELD_OBJECTS)
+    judge = MapAccuracy(
+        "genie", {"car1": Street()}, table, ["car1"], objects=objects, all_streams=True
+    )
+    north = POSE._replace(heading_rad=math.pi / 2)
+    for number in range(3):
+        for stream, pose, there in (
+            ("east", POSE, thing("car", 20.0)),
+            ("north", north, thing("car", 0.0, 20.0)),
+        ):
+            header = Header(number * SECOND // 10, stream, "car1")
+            judge.published(Image(header, 1000, "", 0, pose, 1.4, Frame([there])))
+            if number == 0:
+                answer = [one("car", 20.5), one("car", 0.0, 30.0)] if stream == "east" else []
+                judge.answered(Detections(header, tuple(answer)), header.stamp_ns)
+    judge.close()
+    rows = table.to_frame()
+    counts = rows[["held", "right", "visible_static"]].to_numpy().tolist()
+    assert counts[2:] == [[1, 1, 1], [1, 0, 1]] * 2, (
+        "the ghost in the north is in the second's view"
+    )
+    spans = objects.to_frame()
+    missed = spans[(spans["judged"] == "missed") & spans["end_ns"].isna()]
+    assert missed[["north_m", "begin_ns"]].to_numpy().tolist() == [[20.0, 0.0]], "to the end"
+
+
+def value(measured: Sequence[Metric], name: str, method: str, component: str = "") -> float:
+    (found,) = (
+        m.value for m in measured if (m.metric, m.method, m.component) == (name, method, component)
+    )
+    assert found is not None
+    return found
+
+
+def test_metrics_are_sums_over_instants():
+    table = Table(HELD)
+    for number, counts in enumerate(
+        ((4, 2, 1, 1, 0, 0, 0, 0, 2, 1, 2, 1), (0, 0, 0, 0, 0, 0, 0, 3, 1, 0, 0, 0))
+    ):
+        held = counts[0]
+        table.append(
+            (
+                "genie",
+                "consumer",
+                "car1",
+                number * SECOND,
+                *counts,
+                3.0 * number,
+                0.5 if held else None,
+                None,
+            )
+        )
+    table.append(
+        ("genie", "zero_delay", "car1", 0, 1, 1, 0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0.0, 0.0, 0.25)
+    )
+    found = list(
+        measured(correctness.HELD, correctness.held_views(table.columns(), ["local", "genie"]))
+    )
+    expected = {
+        "object_precision": 0.5,
+        "object_recall": 0.4,
+        "object_recall_static": 1 / 3,
+        "object_recall_moving": 0.5,
+        "streaming_f1": 4 / 9,
+        "ghost_share": 0.5,
+        "ghost_share_moved_away": 0.25,
+        "ghost_share_never_there": 0.25,
+        "ghost_share_duplicate": 0.0,
+        "gospa": 1.5,
+        "held_age": 0.5,
+        "place_error": 0.0,
+    }
+    assert {m.metric: m.value for m in found if not m.component} == pytest.approx(expected)
+    assert value(found, "streaming_f1", "genie", ZERO_DELAY) == 1.0
+
+
+def short(*settings: str) -> Scenario:
+    return load_scenario("1car_hetero", ["cars[0].route.window=[2 s, 4 s]", *settings])
+
+
+def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
+    made = runner.run_to_folder(short("methods=[remote, genie]"), tmp_path)
+    run = results.load(made.folder)
+    assert set(run.held["what"]) == {"consumer", "zero_delay"}
+    for method in ("remote", "genie"):
+        assert (
+            0
+            < value(run.measured, "streaming_f1", method)
+            < value(run.measured, "streaming_f1", "remote", ZERO_DELAY)
+        )
+    assert "GOSPA" in summary.markdown(run)
+    assert "streaming F1" in screen.text(run)
+    assert "zero-delay detector" in screen.text(run, 200)
+    assert any(name.startswith("truth of") for name in run.facts["traces"])
+    assert all(runner.rerun(made.folder).values()), "the same bytes"
+
+
+@pytest.mark.parametrize("settings", [(), ("consumer=tracker",)], ids=["newest", "tracker"])
+def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(settings: Sequence[str]):
+    run = runner.run_in_memory(short("methods=[local, genie]", *settings))
+    counted = run.held[run.held["what"] == "consumer"]
+    assert len(counted) > 30 and (counted["held"] > counted["right"]).any()
+    for row in counted.itertuples():
+        mine = run.held_objects[
+            (run.held_objects["method"] == row.method) & (run.held_objects["car"] == row.car)
+        ]
+        there = mine[(mine["begin_ns"] <= row.stamp_ns) & ~(mine["end_ns"] <= row.stamp_ns)][
+            "judged"
+        ].value_counts()
+        for name in ("right", "moved_away", "never_there", "duplicate"):
+            assert there.get(name, 0) == getattr(row, name)
+        missed = row.visible_static + row.visible_moving - row.found_static - row.found_moving
+        assert there.get("missed", 0) == missed
+
+
+def test_objects_need_the_counts_and_are_left_out_on_request():
+    with pytest.raises(UserError, match="record: 'held_objects' needs 'held' too"):
+        short("record=[held_objects]")
+    made = runner.run_in_memory(short("methods=[local]", "record=[held]"))
+    assert made.held_objects.empty and made.resources.empty
+
+
+def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):
+    write_trace(tmp_path / "own.parquet", read_trace(files.find(files.TRACE, "kitti_0005")))
+    run = runner.run_in_memory(short(f"perception.trace={tmp_path}/own.parquet"))
+    assert run.held.empty and not any(m.metric == "streaming_f1" for m in run.measured)
+    assert "genie-sim truth" in " ".join(screen.text(run).split())
+
+
+@pytest.fixture(scope="module")
+def trace() -> Trace:
+    return read_trace(files.find(files.TRACE, "kitti_0005"))
+
+
+@pytest.fixture
+def table(trace: Trace) -> TruthTable:
+    rows = (
+        TruthRow("02", 0, 0, 7, "car", False, True, 10.0, 2.0, 0.5),
+        TruthRow("02", 0, 0, 8, "person", True, False, 12.0, 2.0, 0.5),
+    )
+    return TruthTable(trace.digest, trace.origin, rows, {"drive": "made up", "trace": trace.name})
+
+
+def test_a_truth_table_comes_back_as_it_was_written(table: TruthTable, tmp_path: Path):
+    paths = [tmp_path / "a.parquet", tmp_path / "b.parquet"]
+    for path in paths:
+        write_truth(path, table)
+    again = read_truth_table(paths[0])
+    assert (again, again.digest) == (table, table.digest)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+    assert replace(table, rows=table.rows[:1]).digest != table.digest
+
+
+def test_a_table_of_another_trace_is_refused_in_one_line(
+    table: TruthTable, trace: Trace, tmp_path: Path
+):
+    path = tmp_path / "mine.parquet"
+    write_trace(path, trace)
+    assert truth_beside(path, trace) is None
+    write_truth(path_beside(path), table)
+    assert truth_beside(path, trace) == table
+    write_truth(path_beside(path), replace(table, trace="0" * 64))
+    with pytest.raises(
+        UserError,
+        match=r"mine\.truth\.parquet: belongs to the trace '000000000000', mine\.parquet is",
+    ):
+        Recordings(trace, path=path).drive("car1", None, 0)
+    path_beside(path).write_bytes(b"nothing")
+    with pytest.raises(UserError, match="not a readable Parquet file"):
+        truth_beside(path, trace)
+
+
+def test_truth_tables_are_no_traces():
+    assert not any("truth" in name for name in files.available(files.TRACE))
+
+
+def town(*settings: str) -> Scenario:
+    small = ("perception.duration=2 s", "fleet.cars=3", "perception.town={blocks: [2, 2]}")
+    return load_scenario("fleet_30", [*small, *settings])
+
+
+def test_a_town_is_judged_at_the_times_of_its_frames():
+    made, silent = (
+        runner.run_in_memory(town()),
+        runner.run_in_memory(town("record=[lookups, resources]")),
+    )
+    zero_delay = made.held[made.held["what"] == "zero_delay"]
+    assert len(zero_delay) == len(made.frames[["car", "frame"]].drop_duplicates()), (
+        "once, though methods are several"
+    )
+    assert (made.held["right"] == made.held["found_static"] + made.held["found_moving"]).all()
+    assert silent.held.empty and silent.frames.equals(made.frames)
+    for method in {m.method for m in made.measured if m.metric == "frames_published"}:
+        assert 0 < value(made.measured, "streaming_f1", method) < 1
+
+
+def test_a_more_tolerant_town_finds_no_more_ghosts():
+    shares = []
+    for tolerance in ("0.1 m", "2 m", "20 m"):
+        run = runner.run_in_memory(town("methods=[local]", f"perception.tolerance={tolerance}"))
+        shares.append(value(run.measured, "ghost_share", "local"))
+    assert shares[0] > shares[1] > shares[2]
+
+
+@given(
+    st.integers(1, 5).flatmap(
+        lambda rows: st.integers(rows, 6).flatmap(
+            lambda columns: st.lists(
+                st.lists(st.integers(0, 30), min_size=columns, max_size=columns),
+                min_size=rows,
+                max_size=rows,
+            )
+        )
+    )
+)
+def test_an_assignment_gains_as_much_as_the_best_of_all(gains: list[list[int]]):
+    """Against all ways to give each row a column of its own."""
+    found = assigned(gains)
+    assert len(set(found)) == len(gains)
+    best = max(
+        sum(row[column] for row, column in zip(gains, columns, strict=True))
+        for columns in itertools.permutations(range(len(gains[0])), len(gains))
+    )
+    assert sum(row[column] for row, column in zip(gains, found, strict=True)) == best

@@ -1,0 +1,295 @@
+"""How held objects are judged: scenes by hand with distinct counts, and a brute-force judge of the
+causes of ghosts.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from genie_sim.core.consumer import Consumer, Shown
+from genie_sim.core.messages import (
+    CameraPose,
+    Detection,
+    Detections,
+    Header,
+    Image,
+    Location,
+    Motion,
+)
+from genie_sim.judge import objects
+from genie_sim.judge.joins import GroupedPlaces
+from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.recent_places import RecentPlaces
+from genie_sim.record.records import HELD, HELD_OBJECTS
+from genie_sim.record.tables import Table
+from tests.judge.judging import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
+from tests.judge.scalar_judge import ScalarJudge
+
+NOTHING = Frame([])
+
+
+class AsAnswered(Consumer):
+    """Holds the objects of the newest answer, all of them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.objects: tuple[Detection, ...] = ()
+
+    def on_answer(self, answer: Detections, now_ns: int) -> None:
+        self.objects = answer.objects
+
+    def shown(self, now_ns: int) -> Sequence[Shown]:
+        return [Shown(self.objects)]
+
+
+def test_a_parked_car_that_is_answered_again_ages_since_its_first_answer():
+    frame = Frame([thing("car", 20.0)])
+    rows = judged((frame, [one("car", 21.0)]), (frame, [one("car", 21.0)]), (frame, None))
+    assert [row["age_s"] for row in rows[1:]] == [pytest.approx(0.1), pytest.approx(0.2)]
+
+
+def test_the_age_is_a_mean_over_ghosts_too():
+    """The ghost at 35 m is 0.2 s old, the car at 20 m 0.1 s."""
+    frame = Frame([thing("car", 20.0)])
+    ghost = one("car", 35.0)
+    row = last((frame, [ghost]), (frame, [ghost, one("car", 20.0)]), (frame, None))
+    assert (row["held"], row["right"], row["age_s"]) == (2, 1, pytest.approx(0.15))
+
+
+def test_what_is_hidden_makes_no_pair_in_gospa():
+    """A hidden car is held where it is, 3 m from a visible one that is missed."""
+    frame = Frame([thing("car", 33.5)], hidden=[thing("car", 30.0)])
+    row = last((frame, [one("car", 30.5)]), (frame, None))
+    assert (row["held"], row["right"], row["hidden"]) == (0, 0, 1)
+    assert row["gospa_m"] == pytest.approx(math.sqrt(12.5)), "one car is missed, no pair at 3 m"
+
+
+def test_each_cause_is_counted_in_its_own_column():
+    """One duplicate, two that never were there, three that moved away."""
+    before = Frame([thing("car", 10.0), thing("car", 10.0, 4.0), thing("car", 10.0, -4.0)])
+    after = Frame([thing("person", 25.0)])
+    moved = [one("car", 10.0), one("car", 10.0, 4.0), one("car", 10.0, -4.0)]
+    never = [one("car", 35.0), one("car", 35.0, 4.0)]
+    twice = [one("person", 25.0), one("person", 26.5)]
+    row = last((before, [*moved, *never, *twice]), (after, None))
+    assert (row["moved_away"], row["never_there"], row["duplicate"]) == (3, 2, 1)
+    assert (row["held"], row["right"]) == (7, 1)
+
+
+def test_three_metres_from_a_car_is_no_duplicate_of_it():
+    """GOSPA pairs up to 5 m, a duplicate is within reach: 2 m."""
+    frame = Frame([thing("car", 20.0)])
+    row = last((frame, [one("car", 20.0), one("car", 23.0)]), (frame, None))
+    assert (row["duplicate"], row["never_there"]) == (0, 1)
+
+
+def seen_by(car: str, detection: Detection) -> Detection:
+    """A track of a map, which this car saw last."""
+    motion = Motion((0.0, 0.0), 0.5, 0.9, Header(0, "camera_02", car))
+    return replace(detection, motion=motion)
+
+
+def test_what_another_car_saw_last_is_counted_apart():
+    """Of five objects another car saw three: one is right, one never there, one hidden."""
+    frame = Frame([thing("car", 20.0), thing("car", 30.0)], hidden=[thing("car", 25.0, 8.0)])
+    held = [
+        seen_by("car1", one("car", 20.0)),
+        seen_by("car2", one("car", 30.0)),
+        seen_by("car2", one("car", 35.0)),
+        seen_by("car2", one("car", 25.0, 8.0)),
+        one("person", 10.0),
+    ]
+    row = last((frame, held), (frame, None))
+    assert (row["held"], row["right"], row["hidden"]) == (4, 2, 1)
+    assert (row["shared"], row["shared_right"]) == (2, 1)
+
+
+@pytest.mark.parametrize("east_m", [8.2, 11.8, 12.1])
+def test_a_car_beside_it_later_does_not_make_a_ghost_forgotten(east_m: float):
+    """A car was at 10.1 m, and another at 11.9 m a moment later: both within one square of 2 m."""
+    first, second = Frame([thing("car", 10.1)]), Frame([thing("car", 11.9)])
+    answer = [one("car", east_m)]
+    row = last((first, None), (second, answer), (NOTHING, None))
+    assert (row["moved_away"], row["never_there"]) == (1, 0)
+
+
+def test_a_place_counts_as_left_for_exactly_ten_seconds():
+    seen = Frame([thing("car", 10.0)])
+    rows = judged((seen, [one("car", 10.0)]), *[(NOTHING, None)] * 101)
+    assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
+
+
+def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
+    """A parked car, and another that is somewhere else each time."""
+    places = RecentPlaces()
+    now_ns = np.arange(0, 40 * SECOND, SECOND)
+    for window in np.split(now_ns, 8):
+        seen = [(0, 10.0, 0.0), *((0, 30.0, t_ns / SECOND) for t_ns in window.tolist())]
+        codes = np.array([places.codes[place] for place in seen])
+        at = np.array([0, *range(len(window))])
+        asked = GroupedPlaces(
+            np.zeros(2, dtype=int), np.array([11.0, 30.0]), np.array([0.0, window[0] / SECOND - 3])
+        )
+        there = places.were_there(
+            asked, np.array([2.0, 2.0]), np.array([1, 0]), np.stack([codes, at]), window
+        )
+        assert there.tolist() == [True, window[0] > 0], "at an instant before"
+    assert len(places) < 30
+
+
+def brute_force(
+    now_ns: int, held: Sequence[Detection], frame: Frame, visible: Sequence[tuple[int, Thing]]
+) -> tuple[int, int]:
+    """How many held objects moved away and how many never were there, by a look at everything that
+    was ever visible.
+    """
+    street, causes = Street(), {"moved_away": 0, "never_there": 0}
+    for detection in held:
+        assert detection.location is not None
+        label, (east_m, north_m, _) = detection.label, detection.location
+
+        def near(other: Thing, label: str = label, at: tuple[float, float] = (east_m, north_m)):
+            return other.label == label and math.dist(other.location[:2], at) <= street.reach_m
+
+        if any(map(near, frame.visible)) or street.is_there(frame, label, east_m, north_m):
+            continue
+        was_there = any(
+            near(other) for t_ns, other in visible if now_ns - 10 * SECOND <= t_ns < now_ns
+        )
+        causes["moved_away" if was_there else "never_there"] += 1
+    return causes["moved_away"], causes["never_there"]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_causes_of_ghosts_are_those_of_a_brute_force_judge(seed: int):
+    """Things and detections at random in a strip of 30 m by 12 m, for 40 s."""
+    rng = random.Random(seed)
+
+    def somewhere() -> tuple[str, float, float]:
+        return rng.choice(["car", "person"]), rng.uniform(5.0, 35.0), rng.uniform(-3.0, 3.0)
+
+    table = Table(HELD)
+    judge = MapAccuracy("genie", {"car1": Street()}, table, ("car1",), AsAnswered)
+    visible: list[tuple[int, Thing]] = []
+    answer = Detections(Header(0, "camera_02", "car1"), ())
+    expected = []
+    for number in range(80):
+        now_ns = number * SECOND // 2
+        things = [thing(*somewhere()) for _ in range(rng.randrange(3))]
+        hidden = [thing(*somewhere()) for _ in range(rng.randrange(2))]
+        frame = Frame(things, hidden)
+        header = Header(now_ns, "camera_02", "car1")
+        in_view = [it for it in things if abs(math.atan2(*it.location[1::-1])) <= 0.7]
+        judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
+        seen = [it for it in answer.objects if abs(math.atan2(*it.location[1::-1])) <= 0.7]
+        expected.append(brute_force(now_ns, seen, Frame(in_view, [*things, *hidden]), visible))
+        visible += [(now_ns, it) for it in in_view]
+        answer = Detections(header, tuple(one(*somewhere()) for _ in range(rng.randrange(5))))
+        judge.answered(answer, now_ns)
+    judge.close()
+    rows = table.to_frame()
+    assert list(zip(rows["moved_away"], rows["never_there"], strict=True)) == expected
+    assert rows["moved_away"].sum() > 10 < rows["never_there"].sum()
+
+
+class Town(Street):
+    """The same, with people who are not known, and asked about many objects at once."""
+
+    reach_m = 6.0
+
+    def knows(self, label: str) -> bool:
+        return label != "person"
+
+    def are_there(
+        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Any, north_m: Any
+    ) -> Any:
+        asked = zip(frames, labels, east_m, north_m, strict=True)
+        return np.array([self.is_there(*of_one) for of_one in asked])
+
+
+Judge = MapAccuracy | ScalarJudge
+CARS = {"car1": Street(), "car2": Town()}
+
+
+def drive(judge: Judge, seed: int, moments: int) -> None:
+    """Two cars with two cameras each look at a strip of 30 m by 12 m, in which things come, go and
+    stay; answers are early, late or missing, and some hold at an instant.
+    """
+    rng = random.Random(seed)
+    # few places, so that things are at one place again and again, and twice at once
+    places = [(rng.uniform(5.0, 35.0), rng.uniform(-6.0, 6.0), 0.0) for _ in range(12)]
+    headers = []
+
+    def somewhere(moving: bool) -> tuple[str, Location, bool]:
+        east_m, north_m, up_m = rng.choice(places)
+        if moving:
+            east_m += rng.uniform(-1.0, 1.0)
+        return rng.choice(["car", "car", "truck", "person"]), (east_m, north_m, up_m), moving
+
+    def found() -> Detection:
+        label, location, moving = somewhere(rng.random() < 0.3)
+        motion = None
+        if moving:
+            seen = Header(rng.randrange(SECOND), "left", rng.choice(["car1", "car2", "car3"]))
+            motion = Motion((rng.uniform(-9.0, 9.0), 1.0), 0.5, 0.9, seen)
+        place = None if rng.random() < 0.1 else location
+        return Detection(label, 0.9, None, place, 0.9, "made up", motion)
+
+    known = [found() for _ in range(10)]  # objects that several answers share
+
+    def some() -> tuple[Detection, ...]:
+        return tuple(rng.choice(known) if rng.random() < 0.6 else found() for _ in range(4))
+
+    for number in range(moments):
+        now_ns = number * SECOND // 2
+        for car in CARS:
+            for stream, heading_rad in (("left", 0.4), ("right", -0.2)):
+                things = [Thing(*somewhere(rng.random() < 0.3)) for _ in range(rng.randrange(4))]
+                hidden = [Thing(*somewhere(False)) for _ in range(rng.randrange(2))]
+                frame = Frame(things, hidden, some()[: rng.randrange(4)])
+                header = Header(now_ns, stream, car)
+                pose = CameraPose(rng.uniform(-1.0, 1.0), 0.0, 1.6, heading_rad)
+                judge.published(Image(header, 1000, "", 0, pose, 1.4, frame))
+                headers.append(header)
+        for header in rng.sample(headers[-9:], k=3):
+            answer = Detections(header, some()[: rng.randrange(5)])
+            if rng.random() < 0.4:
+                answer = answer.with_look(None, now_ns - rng.randrange(SECOND))
+            judge.answered(answer, now_ns)
+    judge.close()
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=12)
+@given(
+    seed=st.integers(0, 2**32),
+    window=st.sampled_from([1, 2, 3, 7, 20, 1024]),
+    all_streams=st.booleans(),
+    without_delay=st.sampled_from([(), ("car2",)]),
+)
+def test_windows_of_any_size_are_judged_as_one_object_after_the_other(
+    seed: int, window: int, all_streams: bool, without_delay: tuple[str, ...]
+):
+    rows = []
+    for make in (partial(MapAccuracy, window=window), ScalarJudge):
+        tables = Table(HELD), Table(HELD_OBJECTS)
+        judge = make(
+            "genie", CARS, tables[0], without_delay, objects=tables[1], all_streams=all_streams
+        )
+        with patch.object(objects, "MAX_KEPT", 30):
+            drive(judge, seed, moments=8)
+        rows.append([table.to_frame() for table in tables])
+    for ours, theirs in zip(*rows, strict=True):
+        pd.testing.assert_frame_equal(ours, theirs, rtol=1e-12, check_categorical=False)

@@ -1,0 +1,146 @@
+"""The methods of a run side by side: the same tables, told of while they are made."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim.cli.main import main
+from genie_sim.runs import runner
+from genie_sim.runs.method_processes import MethodJob, Reporter, watched
+from genie_sim.runs.runner import prepare, simulate
+from genie_sim.scenario.scenario import RECORDS, read_scenario
+from tests.checkout import REPOSITORY
+
+EVERY_TABLE = {
+    "name": "every_table",
+    "methods": ["local", "remote", "genie"],
+    "record": list(RECORDS),
+    "perception": {
+        "source": "town",
+        "duration": "1 s",
+        "town": {"blocks": [1, 1], "block": "100 m"},
+    },
+    "cameras": [{"name": "camera_02", "recording": "02", "size": "100 kB"}],
+    "fleet": {"cars": 3, "devices": "orin_nano", "edge_device": "rtx_a4500", "cell": "100 m"},
+}
+
+
+def written(tables, folder: Path) -> dict[str, bytes]:
+    folder.mkdir()
+    for name, table in tables.items():
+        table.write(folder / name)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monkeypatch):
+    """Poses and the detector without delay are those of the first method that drives a car."""
+    prepared = prepare(read_scenario(EVERY_TABLE))
+    tables = simulate(prepared)
+    assert len(tables["poses"]) and len(tables["held"]) and len(tables["steps"])
+    one_by_one = written(tables, tmp_path / "one by one")
+    monkeypatch.setattr(
+        "genie_sim.runs.method_processes.in_processes", lambda run, jobs, _: map(run, jobs)
+    )
+    spill = tmp_path / "spill"
+    spill.mkdir()
+    for folder in (None, spill):
+        apart = written(
+            runner.simulate_with(prepared, 3, spill=folder), tmp_path / f"to {bool(folder)}"
+        )
+        assert apart == one_by_one
+    assert not list(spill.iterdir())
+
+
+@pytest.mark.nightly
+def test_processes_write_the_results_of_one_process():
+    one, two = (gs.run(EVERY_TABLE, out=f"with {workers}", workers=workers) for workers in (1, 2))
+    assert one.run_id == two.run_id
+    of_one, of_two = ({path.name for path in run.folder.iterdir()} for run in (one, two))
+    assert of_one == of_two
+    for name in of_one - {"run.json"}:
+        assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), name
+
+
+def test_progress_is_that_of_all_methods_together(tmp_path):
+    jobs = [MethodJob(number, tmp_path / str(number)) for number in range(3)]
+    for job in jobs:
+        job.folder.mkdir()
+    Reporter(jobs[0])(4.0, 4.0, "local, 9 frames/s")
+    Reporter(jobs[1])(1.0, 4.0, "remote, 8 frames/s")
+    assert json.loads(jobs[1].progress.read_text()) == [1.0, 4.0, "remote, 8 frames/s"]
+    told = []
+    with watched(jobs, lambda *now: told.append(now)):
+        pass
+    assert told == [(5.0, 12.0, "remote, 8 frames/s")]
+
+
+@pytest.mark.parametrize("workers", [0, -1, 1.5, "two", True, None])
+def test_workers_are_a_whole_number_from_one_on(workers):
+    with pytest.raises(gs.UserError, match=r"^workers: .*: expected a whole number from 1 on$"):
+        gs.run("1car_homo", workers=workers)
+
+
+def test_workers_are_for_one_run_and_jobs_for_several(capsys):
+    with pytest.raises(gs.UserError, match="workers: is for one run; with seeds give jobs"):
+        gs.run("1car_homo", seeds=2, workers=2)
+    assert main(["run", "1car_homo", "--seeds", "2", "--workers", "2"]) == 1
+    assert main(["run", "1car_homo", "--jobs", "2"]) == 1
+    assert capsys.readouterr().err.splitlines() == [
+        "genie-sim: --workers: is for one run; with --seeds give --jobs",
+        "genie-sim: --jobs: goes with --seeds; for one run give --workers",
+    ]
+
+
+@pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
+def test_workers_that_are_none_are_refused_by_name(workers, capsys):
+    assert main(["run", "1car_homo", "--workers", workers]) == 2
+    assert "Invalid value for '--workers'" in capsys.readouterr().err
+
+
+def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise AssertionError("one method runs here")
+
+    monkeypatch.setattr("genie_sim.runs.method_processes.in_processes", refuse)
+    settings = {"cars[0].route.window": ["0 s", "0.3 s"]}
+    gs.run("1car_homo", settings, methods=["local"], workers=8)
+
+
+def memory_told_by(program: str) -> list[int]:
+    """The numbers that a Python program prints; it knows ``max_memory_bytes``."""
+    program = f"from genie_sim.base.parallel import max_memory_bytes\n{program}"
+    told = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=REPOSITORY
+    )
+    return [int(number) for number in told.stdout.split()]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
+def test_the_memory_of_a_process_is_the_most_that_it_had():
+    before, after = memory_told_by(
+        "before = max_memory_bytes()\n"
+        "room = b'x' * 300_000_000\n"
+        "del room\n"
+        "print(before, max_memory_bytes())\n"
+    )
+    assert 10**7 < before <= after and 300_000_000 < after < before + 600_000_000
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell")
+def test_a_process_does_not_show_the_memory_of_the_one_that_started_it():
+    ours, its = memory_told_by(
+        "import os, subprocess, sys\n"
+        "tell = 'from genie_sim.base.parallel import max_memory_bytes; print(max_memory_bytes())'\n"
+        "room = b'x' * 300_000_000\n"
+        "print(max_memory_bytes(), flush=True)\n"
+        "subprocess.run([sys.executable, '-c', tell], check=True)\n"
+    )
+    assert ours > 300_000_000 > 2 * its

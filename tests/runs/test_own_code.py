@@ -1,0 +1,368 @@
+"""Methods on the command line, code of one's own that a run announces, and what ``list`` knows of
+plug-ins.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
+from genie_sim.cli import catalogue
+from genie_sim.cli.main import main
+from genie_sim.methods import METHODS
+from genie_sim.runs import runner
+from genie_sim.scenario.scenario import load_scenario, with_methods
+from tests.checkout import REPOSITORY, CommandLine
+from tests.kitti_folder import make_drive
+
+SCENARIO = """
+description: Three methods, one with settings of its own.
+edges: [{name: edge1, device: agx_xavier}]
+cars: [{name: car1, device: jetson_tx2, edge: edge1, route: {window: [0 s, 1 s]}}]
+methods:
+  - local
+  - {name: tiny, method: genie, genie: {eviction: lru, capacity: 3 entries}}
+  - {name: mine, method: "mod:Nothing", share: 3}
+"""
+OWN = """
+from genie_sim.methods.local import Local
+
+
+class Nothing(Local):
+    title = "as local"
+
+    def __init__(self, share=1):
+        self.share = share
+"""
+
+
+def test_what_one_command_forbids_is_no_affair_of_the_next(
+    monkeypatch: pytest.MonkeyPatch, mine: Path
+):
+    """Even where Python keeps the first one's context, with a traceback for instance."""
+    monkeypatch.syspath_prepend(mine.parent)
+    kept: list[Any] = []
+    monkeypatch.setattr(
+        click.Context, "with_resource", lambda _, one: (kept.append(one), one.__enter__())[1]
+    )
+    assert main(["rerun", "nothing"]) == 1
+    assert len(kept) == 1
+    assert plugins.resolve("method", "mod:Nothing", METHODS).title == "as local"
+
+
+@pytest.fixture
+def mine(tmp_path: Path) -> Path:
+    (tmp_path / "mod.py").write_text(OWN)
+    (tmp_path / "mine.yaml").write_text(SCENARIO)
+    return tmp_path / "mine.yaml"
+
+
+def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
+    setting = load_scenario(mine)
+    chosen = with_methods(setting, ["remote", "mine", "tiny", "my.module:Other"])
+    assert [entry.name for entry in chosen.methods] == ["remote", "mine", "tiny", "Other"]
+    assert chosen.methods[1:3] == (
+        setting.methods[2],
+        setting.methods[1],
+    ), "with their own settings"
+    assert chosen.under(chosen.methods[2]).genie.capacity.entries == 3
+    others = [plain_data(replace(one, methods=())) for one in (chosen, setting)]
+    assert others[0] == others[1], "nothing else changes"
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (
+            ["loca"],
+            (
+                r"^--methods x: unknown method 'loca' \(did you mean 'local'\?\); known: .*, local,"
+                r" mine,"
+            ),
+        ),
+        (["local", ""], r"^--methods x: unknown method ''; known: "),
+        ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
+        (["local", "local"], r"^--methods x: methods\[1\]\.name: duplicate name 'local'$"),
+    ],
+)
+def test_a_method_that_nobody_knows_is_one_line(mine: Path, names: list[str], message: str):
+    with pytest.raises(UserError, match=message):
+        with_methods(load_scenario(mine), names, "--methods x")
+
+
+def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
+    mine: Path, run_cli: CommandLine, tmp_path: Path
+):
+    ran = run_cli("run", "mine.yaml", "--methods", "mine,remote", "--no-report")
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.splitlines()[0] == "mine runs code of its own: method mod:Nothing"
+    (folder,) = (tmp_path / "results").iterdir()
+    facts = json.loads((folder / "run.json").read_text())["facts"]
+    assert facts["methods"] == [
+        {"name": "mine", "title": "mine", "baseline": True},
+        {"name": "remote", "title": "remote (R)", "baseline": True},
+    ]
+    assert list(facts["plugins"]) == ["method mod:Nothing"]
+
+    shipped = run_cli("run", "mine.yaml", "--methods", "tiny,local", "--no-report")
+    assert shipped.returncode == 0 and "of its own" not in shipped.stdout
+    own = run_cli(
+        "run",
+        "mine.yaml",
+        "--methods",
+        "mod:Nothing",
+        "--no-report",
+        "--set",
+        "genie.eviction=mod:Keep",
+    )
+    assert own.stdout == "mine runs code of its own: eviction mod:Keep, method mod:Nothing\n", (
+        "before it is run"
+    )
+    assert own.stderr == "genie-sim: eviction 'mod:Keep': module 'mod' has no attribute 'Keep'\n"
+    assert own.returncode == 1
+    wrong = run_cli("run", "mine.yaml", "--methods", "tiny,loca")
+    assert wrong.returncode == 1 and wrong.stderr.count("\n") == 1
+    assert wrong.stderr.startswith(
+        "genie-sim: --methods tiny,loca: unknown method 'loca' (did you mean 'local'?)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "names"),
+    [
+        ("methods", list(METHODS)),
+        (
+            "faults",
+            [
+                "outage",
+                "hand_over",
+                "crash",
+                "stall",
+                "slow",
+                "partition",
+                "gnss",
+                "clock",
+                "camera",
+                "spoof",
+                "remove",
+                "shift",
+                "replay",
+                "inflate",
+            ],
+        ),
+        ("sources", ["recorded", "live", "town", "traffic"]),
+        ("link-models", ["wire", "trace", "cell"]),
+    ],
+)
+def test_plugins_are_listed_each_with_a_sentence(kind: str, names: list[str], run_cli: CommandLine):
+    listed = run_cli("list", kind)
+    assert listed.returncode == 0, listed.stderr
+    lines = [line.split(maxsplit=1) for line in listed.stdout.splitlines()]
+    assert [name for name, _ in lines] == names
+    assert all(about[0].isupper() and about.rstrip().endswith(".") for _, about in lines)
+
+
+def test_list_says_what_can_be_listed(run_cli: CommandLine):
+    wrong = run_cli("list", "method")
+    assert (
+        wrong.returncode == 1
+        and "unknown kind of thing to list 'method' (did you mean 'methods'?)" in wrong.stderr
+    )
+    everything = run_cli("list").stdout
+    assert all(f"{kind}:" in everything.splitlines() for kind in catalogue.KINDS)
+
+
+@pytest.mark.parametrize(
+    ("setting", "line"),
+    [
+        (
+            "methods=['raising:Method']",
+            "method 'raising:Method': RuntimeError: 'why' (raising.py, line 6, in on_car",
+        ),
+        (
+            "genie.eviction=raising:Keep",
+            "eviction 'raising:Keep': KeyError: \"'why'\" (raising.py, line 12, in stored",
+        ),
+    ],
+)
+def test_code_of_ones_own_that_raises_is_one_line_and_debug_shows_where(
+    tmp_path: Path, setting: str, line: str, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "raising.py").write_text(RAISING)
+    command = [
+        "run",
+        "1car_homo",
+        "--no-report",
+        "--set",
+        "cars[0].route.window=[0 s, 1 s]",
+        "--set",
+        setting,
+    ]
+    assert main(command) == 1
+    assert capsys.readouterr().err == f"genie-sim: {line}); genie-sim --debug shows more\n"
+    with pytest.raises((RuntimeError, KeyError), match="why"):
+        main(["--debug", *command])
+    assert not list(tmp_path.glob("results/*"))
+
+
+RAISING = """
+from genie_sim.methods.local import Local
+
+class Method(Local):
+    def on_car(self, place):
+        raise RuntimeError("why")
+
+class Keep:
+    def used(self, *_): ...
+    removed = victim = expires_ns = used
+    def stored(self, *_):
+        raise KeyError("why")
+"""
+
+
+# Folders from elsewhere
+
+TRAP = "open('sprung', 'w').close()\n"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The result folder of a run with a class of somebody's own."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "mod.py").write_text(OWN)
+    (folder / "mine.yaml").write_text(SCENARIO)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        methods = "methods=[local, {name: mine, method: 'mod:Nothing'}]"
+        result = runner.run_to_folder(load_scenario(folder / "mine.yaml", [methods]), folder)
+    sys.modules.pop("mod")
+    return result.folder
+
+
+@pytest.fixture
+def from_elsewhere(made: Path, tmp_path: Path) -> Path:
+    """The same, where a module of that name lies that nobody should import."""
+    (tmp_path / "mod.py").write_text(TRAP + OWN)
+    sys.modules.pop("mod", None)  # other tests have classes of their own, too
+    return Path(shutil.copytree(made, tmp_path / "moved"))
+
+
+@pytest.mark.slow
+def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
+    from_elsewhere: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    folder = str(from_elsewhere)
+    for command in (
+        ["report", folder],
+        ["export", folder],
+        ["compare", folder],
+        ["figures", folder],
+    ):
+        assert main(command) == 0, command
+    assert main(["rerun", folder]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert (
+        line
+        == "genie-sim: method 'mod:Nothing': is third-party code; pass --allow-own-code to run it"
+    )
+    assert not (tmp_path / "sprung").exists()
+    (tmp_path / "mod.py").write_text(OWN)
+    assert main(["rerun", folder, "--allow-own-code"]) == 0
+    sys.modules.pop("mod")
+    assert main(["rerun", folder]) == 1, "allowed for one command only"
+    assert plugins.resolve("method", "mod:Nothing", {}), "and refused for one only"
+
+
+@pytest.mark.process
+def test_a_command_inside_a_folder_from_elsewhere_imports_nothing_of_it(from_elsewhere: Path):
+    """Where Python itself would look first, and matplotlib for its settings."""
+    # needed, needed later, looked for by pandas
+    for module in ("mod", "simpy", "pandas", "numexpr"):
+        (from_elsewhere / f"{module}.py").write_text(TRAP)
+    (from_elsewhere / "matplotlibrc").write_text("backend: module://own\n")
+    for command, status in (("report", 0), ("rerun", 1)):
+        inside = subprocess.run(
+            [sys.executable, "-m", "genie_sim", command, "."],
+            cwd=from_elsewhere,
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        )
+        assert inside.returncode == status and inside.stderr.count("\n") == status, inside.stderr
+    assert "pass --allow-own-code" in inside.stderr
+    assert not (from_elsewhere / "sprung").exists()
+
+
+OWN_CLASS = "trap:Nothing"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"methods": [OWN_CLASS]},
+        {"methods": [{"name": "x", "method": OWN_CLASS}]},
+        {"methods": [{"name": "x", "method": "genie", "genie": {"eviction": OWN_CLASS}}]},
+        {"genie": {"eviction": OWN_CLASS}},
+        {"genie": {"similarity": OWN_CLASS}},
+        {"genie": {"object_map": {"freshness": OWN_CLASS}}},
+        {"genie": {"object_map": {"rule": OWN_CLASS}}},
+        {"perception": {"source": OWN_CLASS}},
+        {"perception": {"source": "live", "kitti": "kitti", "detector": OWN_CLASS}},
+        {"edge_network": OWN_CLASS},
+        {"cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": OWN_CLASS}]},
+        {"faults": [{"fault": OWN_CLASS, "target": "car1", "begin": "0 s", "end": "1 s"}]},
+    ],
+    ids=str,
+)
+def test_wherever_a_folder_names_a_class_it_is_not_imported(
+    made: Path, tmp_path: Path, changes: dict[str, Any], capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "trap.py").write_text(TRAP + OWN)
+    make_drive(tmp_path / "kitti")
+    said = json.loads((made / "run.json").read_text())
+    said["facts"]["scenario"] |= {"methods": ["local", "genie"]} | changes
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "run.json").write_text(json.dumps(said))
+    assert main(["rerun", "folder"]) == 1
+    assert not (tmp_path / "sprung").exists()
+    assert "pass --allow-own-code" in capsys.readouterr().err
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("where", ["", "    def __init__(self):\n        "])
+def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where, tmp_path):
+    (tmp_path / "quits.py").write_text(
+        "import sys\nfrom genie_sim.methods.local import Local\n\n"
+        "class Quits(Local):\n    title = 'quits'\n"
+        + (where or "sys.exit('no licence')\n")
+        + ("sys.exit('no licence')\n" if where else "")
+    )
+    ended = subprocess.run(
+        [sys.executable, "-m", "genie_sim", "run", "1car_homo", "--methods", "quits:Quits"],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 1
+    last = ended.stderr.splitlines()[-1]
+    assert "method 'quits:Quits': SystemExit: 'no licence' (quits.py, line " in last
+    assert ended.stderr.count("\n") == 1
+
+
+def test_a_module_is_named_without_its_suffix(capsys):
+    assert main(["run", "1car_hetero", "--methods", "skip.py:Skip"]) == 1
+    assert "a module is named without .py: skip:Skip" in capsys.readouterr().err

@@ -1,0 +1,228 @@
+"""How cars drive through a generated town, and what moves beside them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.classes import VEHICLES
+from genie_sim.worlds.town import Town, TownRules
+from genie_sim.worlds.town.routes import CYCLE_S, LEFT_MPS, Commuting, green_at
+from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M
+from genie_sim.worlds.town.source import InTown
+from tests.worlds.town.town_truth import truth_near
+
+RULES = TownRules(blocks=(6, 5))
+STEP_NS = NS_PER_S // 10
+
+
+@pytest.fixture(scope="module")
+def town() -> Town:
+    return Town(RULES, seed=3)
+
+
+@pytest.fixture(scope="module")
+def ways(town) -> list[np.ndarray]:
+    """East and north (n, 2) of 12 cars over five minutes, ten times a second."""
+    drives = [town.drive(f"car{k}", 300 * NS_PER_S) for k in range(12)]
+    return [
+        np.array([drive.position(t_ns) for t_ns in range(0, drive.duration_ns, STEP_NS)])
+        for drive in drives
+    ]
+
+
+def _from_crossing_m(places: np.ndarray) -> np.ndarray:
+    """Distance (n, 2) to the nearest street to the north, and to the nearest to the east."""
+    return np.abs(places - np.round(places / RULES.block_m) * RULES.block_m)
+
+
+@pytest.mark.slow
+def test_cars_stay_in_their_lane(ways):
+    """Between junctions a car is in the middle of a lane, to the right of its street's middle."""
+    for way in ways:
+        off_m = _from_crossing_m(way)
+        on_junction = (off_m <= JUNCTION_M + 1e-6).all(axis=1)
+        assert np.allclose(off_m.min(axis=1)[~on_junction], LANE_M, atol=1e-6)
+        steps = np.diff(way, axis=0)
+        going = (np.hypot(*steps.T) > 0.01) & ~on_junction[1:] & ~on_junction[:-1]
+        for here, step in zip(way[:-1][going], steps[going], strict=True):
+            middle = np.round(here / RULES.block_m) * RULES.block_m
+            right = np.array([step[1], -step[0]]) / np.hypot(*step)
+            assert np.dot(here - middle, right * (np.abs(right) > 0.5)) == pytest.approx(
+                LANE_M, abs=1e-5
+            )
+
+
+def test_speeds_are_those_of_a_town(ways):
+    for way in ways:
+        speeds = np.hypot(*np.diff(way, axis=0).T) * NS_PER_S / STEP_NS
+        assert speeds.max() <= RULES.main_speed_mps + 1e-6
+        # chords of turns
+        assert np.abs(np.diff(speeds)).max() * NS_PER_S / STEP_NS <= RULES.braking_mps2 + 0.3
+    everything = (
+        np.concatenate([np.hypot(*np.diff(way, axis=0).T) for way in ways]) * NS_PER_S / STEP_NS
+    )
+    assert 4.0 < everything.mean() < 10.0, "14 to 36 km/h, stops included"
+    assert 0.02 < (everything < 0.1).mean() < 0.5, "there are stops, but cars get on"
+
+
+def test_turns_are_taken_slowly(ways):
+    for way in ways:
+        steps = np.diff(way, axis=0)
+        turning = (np.abs(steps).min(axis=1) > 1e-3) & (np.hypot(*steps.T) > 0.01)
+        assert turning.any()
+        assert (
+            np.hypot(*steps[turning].T) * NS_PER_S / STEP_NS
+        ).max() <= LEFT_MPS + 0.2  # a step may end after the turn
+
+
+def test_on_other_streets_the_lower_limit_holds(ways):
+    """A car that drives along a street, away from its ends, keeps to that street's own limit."""
+    for way in ways:
+        steps = np.diff(way, axis=0) * NS_PER_S / STEP_NS
+        for here, (east, north) in zip(way[:-1], steps, strict=True):
+            if max(abs(east), abs(north)) > 7 and min(abs(east), abs(north)) < 1e-6:
+                street = (
+                    round(here[1] / RULES.block_m)
+                    if abs(east) > abs(north)
+                    else round(here[0] / RULES.block_m)
+                )
+                assert max(abs(east), abs(north)) <= RULES.limit_mps(street) + 1e-6
+
+
+def test_a_light_is_green_for_one_street_at_a_time():
+    for t_s in np.arange(0, 2 * CYCLE_S, 0.5):
+        assert green_at((4, 8), True, t_s) > t_s or green_at((4, 8), False, t_s) > t_s
+        for northbound in (False, True):
+            green_s = green_at((4, 8), northbound, t_s)
+            assert t_s <= green_s < t_s + CYCLE_S
+            assert green_at((4, 8), northbound, green_s + 1e-6) == green_s + 1e-6
+
+
+def _overlap(rules: TownRules) -> float:
+    """Of the sections that two cars pass in two minutes the share that both pass (Jaccard), mean of
+    all pairs.
+    """
+    town = Town(rules, seed=5)
+    passed = []
+    for k in range(60):
+        drive = town.drive(f"car{k}", 120 * NS_PER_S)
+        places = [drive.position(t_ns) for t_ns in range(0, drive.duration_ns, NS_PER_S)]
+        halves = {tuple(math.floor(2 * x / rules.block_m + 0.5) for x in place) for place in places}
+        passed.append(halves)
+    return float(np.mean([len(a & b) / len(a | b) for a, b in itertools.combinations(passed, 2)]))
+
+
+def test_commuters_overlap_more_than_uniform_travellers():
+    """1,770 pairs of cars, one seed, 8 x 8 blocks. Popular destinations and main streets bring cars
+    together.
+    """
+    commuting = _overlap(TownRules(popularity=1.5, destinations=8))
+    uniform = _overlap(TownRules(popularity=0.0, destinations=81, main_every=1))
+    print(f"shared sections: commuters {commuting:.4f}, uniform {uniform:.4f}")
+    assert commuting > 1.3 * uniform
+
+
+def test_traffic_flows(town):
+    """Who moves keeps its number and its speed; who stands, stands."""
+    middle_m, speeds = (450.0, 375.0), {}
+    before = {item.number: item for item in truth_near(town, *middle_m, 200.0, 10 * NS_PER_S)}
+    after = {item.number: item for item in truth_near(town, *middle_m, 200.0, 11 * NS_PER_S)}
+    assert len(before) > 100
+    for number in before.keys() & after.keys():
+        a, b = before[number], after[number]
+        assert (a.label, a.moving) == (b.label, b.moving)
+        speeds.setdefault((a.label, a.moving), []).append(math.dist(a.location, b.location))
+    assert max(way for (_, moving), ways in speeds.items() if not moving for way in ways) == 0
+    assert all(0.5 < way < 15 for (_, moving), ways in speeds.items() if moving for way in ways)
+    assert {label for label, moving in speeds if moving} == {"car", "bicycle", "person"}
+    stay = [item for item in before.values() if not item.moving]
+    assert {item.number for item in stay} <= after.keys()
+
+
+LABELS = ("car", "truck", "bus", "person", "bicycle", "bench", "traffic light", "elephant")
+
+
+@pytest.mark.parametrize("blocks", [(6, 5), (1, 2)])
+@pytest.mark.parametrize("range_m", [2.0, 40.0])
+def test_what_is_there_is_found_by_its_class(blocks, range_m):
+    """At any places and times, on streets and beside them, within the town and outside."""
+    town = Town(TownRules(blocks=blocks), seed=3)
+    random = np.random.default_rng(5)
+    count = 1200
+    labels = [LABELS[k] for k in random.integers(0, len(LABELS), count)]
+    east_m, north_m = (random.uniform(-60.0, size_m + 60.0, count) for size_m in town.size_m)
+    on_street = slice(count // 2)
+    middle_m = np.rint(east_m[on_street] / RULES.block_m) * RULES.block_m
+    east_m[on_street] = middle_m + random.uniform(-9.0, 9.0, count // 2)
+    t_ns = random.integers(0, 3600 * NS_PER_S, count)
+    asked = zip(labels, east_m.tolist(), north_m.tolist(), t_ns.tolist(), strict=True)
+    expected = [
+        any(
+            label == item.label or {label, item.label} <= set(VEHICLES)
+            for item in truth_near(town, *place, range_m, at_ns)
+        )
+        for label, *place, at_ns in asked
+    ]
+    found = town.real_places.are_there(labels, east_m, north_m, t_s=t_ns * 1e-9, range_m=range_m)
+    assert found.tolist() == expected
+    assert 5 < sum(expected) < count
+
+
+def test_one_truth_is_asked_about_all_cars():
+    """Each at its own time of the town's clock."""
+    drives = InTown(town=RULES).open(3, None)
+    first, second = (drives.drive(car, None, start_ns) for car, start_ns in (("a", 0), ("b", 7)))
+    truth = drives.truth_of(first)
+    assert drives.truth_of(second) is truth and first.is_judged and second.is_judged
+    frames = [drive.frames["02"][30] for drive in (first, second)]
+    assert [frame.scene_ns for frame in frames] == [3 * NS_PER_S, 3 * NS_PER_S + 7]
+    seen = [(frame, item) for frame in frames for item in frame.truth()]
+    of_frames, items = zip(*seen, strict=True)
+    labels = [item.label for item in items]
+    east_m, north_m, _ = np.array([item.location for item in items]).T
+    assert truth.are_there(of_frames, labels, east_m, north_m).all()
+    assert not truth.are_there(of_frames, labels, east_m, north_m + 1e5).any()
+    assert truth.is_there(of_frames[0], labels[0], east_m[0], north_m[0])
+
+
+def test_nobody_has_the_number_of_another(town):
+    for t_ns in (0, 100 * NS_PER_S, 3600 * NS_PER_S):
+        everything = truth_near(town, 450.0, 375.0, 1000.0, t_ns)
+        assert len({item.number for item in everything}) == len(everything)
+        assert sum(item.moving for item in everything) == pytest.approx(
+            sum(item.moving for item in truth_near(town, 450.0, 375.0, 1000.0, 0)), rel=0.01
+        )
+
+
+def test_cyclists_are_a_bicycle_and_a_person(town):
+    everything = truth_near(town, 450.0, 375.0, 1000.0, 0)
+    bicycles = {item.location[:2] for item in everything if item.label == "bicycle" and item.moving}
+    assert bicycles
+    assert bicycles <= {
+        item.location[:2] for item in everything if item.label == "person" and item.moving
+    }
+
+
+def test_densities_are_those_of_the_rules(town):
+    """Cars per 100 m of street: 15 parked and 1 moving, within a fifth (one town of 11 km of
+    streets).
+    """
+    everything = truth_near(town, 450.0, 375.0, 1000.0, 0)
+    streets_m = (RULES.blocks[0] + 1) * town.size_m[1] + (RULES.blocks[1] + 1) * town.size_m[0]
+    parked = sum(item.label in ("car", "truck") and not item.moving for item in everything)
+    moving = sum(item.label == "car" and item.moving for item in everything)
+    assert parked / streets_m * 100 == pytest.approx(RULES.parked_cars_per_100m, rel=0.2)
+    assert moving / streets_m * 100 == pytest.approx(RULES.moving_cars_per_100m, rel=0.4)
+
+
+@pytest.mark.parametrize(
+    ("before", "here", "after"), [((0, 0), (1, 0), (2, 0)), ((1, 0), (1, 1), (1, 2))]
+)
+def test_a_car_drives_straight_on_where_a_turn_gains_nothing(before, here, after):
+    even = TownRules(blocks=(4, 4), speed_mps=10.0, main_speed_mps=10.0)
+    assert Commuting(even, np.random.default_rng(1)).after(before, here, (3, 3)) == after

@@ -1,0 +1,210 @@
+"""A generated town: the same for the same rules and seed, whoever asks for what in which order."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.units import NS_PER_S
+from genie_sim.data.trace import TraceFrame, read_trace
+from genie_sim.worlds.town import Town, TownDrive, TownRules
+from tests.worlds.town.town_truth import truth_near
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+
+RULES = TownRules(blocks=(4, 4))
+DURATION_NS = 20 * NS_PER_S
+
+
+@pytest.fixture(scope="module")
+def town() -> Town:
+    return Town(RULES, seed=7)
+
+
+def content(drive: TownDrive) -> list:
+    return [
+        (f.digest, f.dhash, f.pose, f.detections, f.truth())
+        for frames in drive.frames.values()
+        for f in frames
+    ]
+
+
+def test_a_seed_makes_the_town_that_it_has_always_made():
+    """Pinned, so that no renaming makes other towns of the seeds that published results name."""
+    frame = Town(TownRules(blocks=(6, 6)), seed=1).drive("car1", 60 * NS_PER_S).frames["02"][100]
+    assert (len(frame.truth()), len(frame.detections)) == (7, 5)
+    assert (frame.detections[0].label, frame.detections[0].score) == ("car", 0.8247)
+
+
+def test_the_same_rules_and_seed_give_the_same_drive(town):
+    again, other = Town(RULES, seed=7), Town(RULES, seed=8)
+    assert content(again.drive("car1", DURATION_NS)) == content(town.drive("car1", DURATION_NS))
+    assert content(again.drive("car1", DURATION_NS)) != content(other.drive("car1", DURATION_NS))
+    assert again.digest == town.digest != other.digest
+
+
+def test_frames_do_not_depend_on_the_order_in_which_they_are_asked_for(town):
+    forwards = content(town.drive("car1", DURATION_NS))
+    drive = town.drive("car1", DURATION_NS)
+    backwards = [
+        drive.frames[camera][i]
+        for camera in ("03", "02")
+        for i in reversed(range(len(drive.frames[camera])))
+    ]
+    assert [(f.digest, f.dhash, f.pose, f.detections, f.truth()) for f in backwards][
+        ::-1
+    ] == forwards
+
+
+def test_no_two_pictures_are_the_same(town):
+    frames = [
+        f
+        for car in ("a", "b")
+        for frames in town.drive(car, DURATION_NS).frames.values()
+        for f in frames
+    ]
+    assert len({f.digest for f in frames}) == len({f.dhash for f in frames}) == len(frames) == 800
+    assert all(len(f.digest) == 64 and int(f.digest, 16) and 0 <= f.dhash < 2**64 for f in frames)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"blocks": (0, 4)}, "town: blocks: "),
+        (
+            {"block_m": 40.0},
+            "town: block: 40.0 m is too short to stop in from the speed limit; at least 73 m",
+        ),
+        ({"popularity": -1.0}, "town: popularity: -1.0 is negative"),
+        ({"destinations": 0}, "town: destinations: 0 is not a whole number from 1 on"),
+        ({"view_m": float("nan")}, "town: view: nan m is not a finite number"),
+        (
+            {"street_half_m": 3.0},
+            "town: street_half: 3.0 m is not between 8 m and a quarter of a block, 37.5 m",
+        ),
+        ({"blocks": 8}, "town: blocks: 8 is not two whole numbers from 1 to 100"),
+        ({"speed_mps": [8, 9]}, r"town: speed_mps: \[8, 9\] is not a finite number"),
+        ({"blocks": (400, 4)}, "town: blocks: .* is not two whole numbers from 1 to 100"),
+        ({"view_m": 200.0}, "town: view: 200.0 m is more than 100 m, where no law is known"),
+        (
+            {"parked_cars_per_100m": 30.0},
+            "town: parked_cars_per_100m: 30.0 do not fit; .* room for 24.0",
+        ),
+        ({"cyclists_per_100m": 1e6}, "town: cyclists_per_100m: 1000000.0 is not between 0 and 100"),
+        ({"speed_mps": 0.0}, "town: speed_mps: 0.0 is not positive"),
+        ({"truck_share": 1.5}, "town: truck_share: 1.5 is not between 0 and 1"),
+    ],
+)
+def test_rules_that_make_no_town_are_refused(settings, message):
+    with pytest.raises(UserError, match=message):
+        TownRules(**settings)
+
+
+def test_a_new_car_changes_nobody(town):
+    alone = content(Town(RULES, seed=7).drive("car1", DURATION_NS))
+    crowded = Town(RULES, seed=7)
+    for k in range(20):
+        content(crowded.drive(f"other{k}", NS_PER_S))
+    assert content(crowded.drive("car1", DURATION_NS)) == alone
+
+
+def test_a_longer_drive_begins_as_the_shorter_one(town):
+    short, long = town.drive("car1", DURATION_NS), town.drive("car1", 2 * DURATION_NS)
+    assert list(long.frames["03"][: len(short.frames["03"])]) == list(short.frames["03"])
+    assert content(long)[: len(short.frames["02"])] == content(short)[: len(short.frames["02"])]
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("hash_seed", ["0", "12345"])
+def test_the_same_drive_under_any_hash_seed(town, hash_seed):
+    script = (
+        "from genie_sim.worlds.town import Town, TownRules\n"
+        "drive = Town(TownRules(blocks=(4, 4)), 7).drive('car1', 2 * 10**9)\n"
+        "print(repr([(f.digest, f.pose, f.detections) for f in drive.frames['02']]))"
+    )
+    environment = {**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": str(REPOSITORY)}
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, env=environment, check=True
+    )
+    here = [(f.digest, f.pose, f.detections) for f in town.drive("car1", 2 * NS_PER_S).frames["02"]]
+    assert told.stdout.strip() == repr(here)
+
+
+def test_frames_look_like_those_of_a_trace(town):
+    """Everything that a TraceFrame tells, a frame of the town tells as well, from KITTI's own
+    camera.
+    """
+    real = read_trace(files.find(files.TRACE, "kitti_0005")).frames["02"][0]
+    frames = town.drive("car1", DURATION_NS).frames
+    assert sorted(frames) == ["02", "03"]
+    assert len(frames["02"]) == 200
+    made = frames["02"][-1]
+    for field in dataclasses.fields(TraceFrame):
+        assert type(getattr(made, field.name)) is type(getattr(real, field.name)), field.name
+    for name in ("width", "height", "size_bytes", "horizontal_fov_rad"):
+        assert getattr(made, name) == getattr(real, name)
+    assert (made.camera, made.index, made.stamp_ns) == ("02", 199, 19_900_000_000)
+    with pytest.raises(IndexError):
+        frames["02"][200]
+
+
+def test_detections_are_kept_while_the_frame_is(town):
+    frame = town.drive("car1", DURATION_NS).frames["02"][0]
+    assert frame.detections is frame.detections
+
+
+def test_what_moves_is_at_one_place_for_all(town):
+    """Two drives that begin at different times see one town: its clock is that of start_ns plus the
+    stamp.
+    """
+    early, late = (
+        town.drive("car1", DURATION_NS),
+        town.drive("car2", DURATION_NS, start_ns=5 * NS_PER_S),
+    )
+    for drive, begin_ns in ((early, 0), (late, 5 * NS_PER_S)):
+        for frame in drive.frames["02"][::20]:
+            there = truth_near(
+                town, frame.pose.east_m, frame.pose.north_m, 61.0, begin_ns + frame.stamp_ns
+            )
+            assert set(frame.truth()) <= set(there)
+
+
+@pytest.mark.parametrize("times", [(0, 1, 0), (1, 0, 0), (1, 1, -1)])
+def test_times_that_leave_no_frame_are_refused(town, times):
+    with pytest.raises(UserError, match="town: drive of car1"):
+        town.drive("car1", times[0], times[1], start_ns=times[2])
+    with pytest.raises(UserError, match="town: seed: -1 is negative"):
+        Town(RULES, -1)
+
+
+@given(
+    blocks=st.tuples(st.integers(1, 4), st.integers(1, 4)),
+    block_m=st.floats(100, 300),
+    main_every=st.integers(1, 5),
+    destinations=st.integers(1, 30),
+    seed=st.integers(0, 2**31),
+)
+@settings(max_examples=25)
+def test_any_town_can_be_driven_in(blocks, block_m, main_every, destinations, seed):
+    rules = TownRules(
+        blocks=blocks, block_m=block_m, main_every=main_every, destinations=destinations
+    )
+    town = Town(rules, seed)
+    drive = town.drive("car1", 30 * NS_PER_S)
+    for frame in drive.frames["02"][::30]:
+        assert -2 <= frame.pose.east_m <= town.size_m[0] + 2
+        assert -2 <= frame.pose.north_m <= town.size_m[1] + 2
+        assert all(
+            0 <= d.score <= 1 and d.box is None and d.method == "town" for d in frame.detections
+        )
+        scores = [d.score for d in frame.detections]
+        assert scores == sorted(scores, reverse=True)

@@ -1,0 +1,112 @@
+"""Floating-car data is read as a stream; what is wrong in a file is told with its line."""
+
+from __future__ import annotations
+
+import gzip
+
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.worlds.traffic.fcd import read_fcd
+from tests.worlds.traffic.fcd_files import fcd_text, write_fcd
+
+# Vehicle a is there at all steps, b leaves, c appears.
+STEPS = [
+    (10.0, {"a": (0.0, 1.0, 90.0), "b": (7.0, 8.0, 0.0)}),
+    (10.5, {"a": (5.0, 1.0, 90.0), "b": (7.0, 9.0, 359.0)}),
+    (11.0, {"b": (7.0, 9.0, 1.0), "a": (10.0, 1.0, 90.0)}),
+    (11.5, {"a": (15.0, 1.0, 90.0)}),
+    (12.0, {"a": (20.0, 1.0, 90.0), "c": (3.0, 4.0, 180.0)}),
+]
+
+
+@pytest.mark.parametrize("name", ["a.xml", "a.xml.gz"])
+def test_all_rows_are_read_plain_or_compressed(tmp_path, name):
+    path = write_fcd(tmp_path / name, STEPS, types={"c": "bus"})
+    rows = read_fcd(path, None, 100.0)
+    assert rows.times_s.tolist() == [10.0, 10.5, 11.0, 11.5, 12.0]
+    assert (rows.ids, rows.types) == (["a", "b", "c"], ["passenger", "passenger", "bus"])
+    assert rows.step.tolist() == [0, 0, 1, 1, 2, 2, 3, 4, 4]
+    assert rows.vehicle.tolist() == [0, 1, 0, 1, 1, 0, 0, 0, 2]
+    assert rows.x_m.tolist() == [0, 7, 5, 7, 7, 10, 15, 20, 3]
+    assert rows.y_m.tolist() == [1, 8, 1, 9, 9, 1, 1, 1, 4]
+    assert rows.angle_deg.tolist() == [90, 0, 90, 359, 1, 90, 90, 90, 180]
+
+
+def test_a_part_of_the_time_has_a_step_before_and_one_after(tmp_path):
+    path = write_fcd(tmp_path / "a.xml", STEPS)
+    rows = read_fcd(path, 10.7, 0.5)
+    assert rows.times_s.tolist() == [10.5, 11.0, 11.5]
+    assert rows.x_m.tolist() == [5, 7, 7, 10, 15]
+    assert read_fcd(path, 11.0, 0.5).times_s.tolist() == [11.0, 11.5]
+    assert read_fcd(path, 11.8, 9.0).ids == ["a", "c"], "b is gone by then"
+    assert read_fcd(path, 5.0, 5.2).times_s.tolist() == [10.0, 10.5]
+
+
+def test_nothing_is_read_beyond_what_is_wanted(tmp_path):
+    text = fcd_text(STEPS).replace('<timestep time="12.00">', "<broken")
+    (tmp_path / "a.xml").write_text(text)
+    assert len(read_fcd(tmp_path / "a.xml", None, 1.0).times_s) == 3
+    with pytest.raises(UserError, match=r"not XML: .* line 18"):
+        read_fcd(tmp_path / "a.xml", None, 1.5)
+
+
+def test_persons_are_counted_and_passed_over(tmp_path):
+    person = '<person id="p" x="0" y="0" angle="0" speed="1"/>'
+    text = fcd_text(STEPS).replace('<vehicle id="b"', f'{person}<vehicle id="b"')
+    (tmp_path / "a.xml").write_text(text)
+    rows = read_fcd(tmp_path / "a.xml", None, 100.0)
+    assert rows.persons == 3 and len(rows.ids) == 3
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("<fcd-export>", "<netstate>", "line 1: <netstate> is no floating-car data of SUMO"),
+        ("<fcd-export>", "<fcd-export", "not XML: "),
+        ("</fcd-export>", "", "not XML: "),
+        ("<fcd-export>", '<!DOCTYPE a [<!ENTITY b "c">]><fcd-export>', "line 1: has a document"),
+        (' time="10.50"', "", "line 6: timestep: attribute 'time' is missing"),
+        ('time="10.50"', 'time="10.00"', "line 6: timestep: time 10 does not follow 10"),
+        ('time="10.50"', 'time="9"', "line 6: timestep: time 9 does not follow 10"),
+        ('time="10.50"', 'time="inf"', "line 6: timestep: time: must be a number, not 'inf'"),
+        (' x="5.0"', "", "line 7: vehicle 'a': attribute 'x' is missing"),
+        (' angle="359.0"', "", "line 8: vehicle 'b': attribute 'angle' is missing"),
+        ('id="a" x="5.0"', 'x="5.0"', "line 7: vehicle: attribute 'id' is missing"),
+        ('x="5.0" y="1.0"', 'x="5.0" y="north"', "line 7: vehicle 'a': y: must be a number"),
+        ('x="5.0"', 'x="nan"', "line 7: vehicle 'a': x: must be a number, not 'nan'"),
+        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: must be a number, not '1e9'"),
+        (
+            'id="b" x="7.0" y="9.0" angle="359.0"',
+            'id="a" x="1" y="1" angle="0"',
+            "line 8: .* twice",
+        ),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_line(tmp_path, before, after, message):
+    text = fcd_text(STEPS)
+    assert before in text
+    path = tmp_path / "a.xml"
+    path.write_text(text.replace(before, after, 1))
+    with pytest.raises(UserError, match=message) as error:
+        read_fcd(path, None, 100.0)
+    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
+
+
+def test_files_without_the_times_or_vehicles_are_refused(tmp_path):
+    path = tmp_path / "a.xml"
+    with pytest.raises(UserError, match="no such file"):
+        read_fcd(path, None, 1.0)
+    path.write_text("<fcd-export/>")
+    with pytest.raises(UserError, match="has no time steps"):
+        read_fcd(path, None, 1.0)
+    write_fcd(path, [(0.0, {}), (1.0, {})])
+    with pytest.raises(UserError, match="has no vehicles from 0 s on"):
+        read_fcd(path, None, 1.0)
+    write_fcd(path, STEPS)
+    with pytest.raises(UserError, match="begin: 13 s is after the last time step, 12 s"):
+        read_fcd(path, 13.0, 1.0)
+    broken = gzip.compress(fcd_text(STEPS).encode())[:-20]
+    (tmp_path / "b.xml.gz").write_bytes(broken)
+    with pytest.raises(UserError, match=r"b.xml.gz: cannot be read"):
+        read_fcd(tmp_path / "b.xml.gz", None, 100.0)

@@ -1,0 +1,286 @@
+"""Recorded traffic as a source of frames: who drives when, what is told of it, and fleets on it."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.runs import runner
+from genie_sim.scenario.scenario import Scenario, read_scenario
+from tests.worlds.traffic.fcd_files import write_fcd
+
+SECONDS = 4
+FLEET = {
+    "devices": "jetson_tx2",
+    "edge_device": "agx_xavier",
+    "link": "nr5g",
+    "cell": "60 m",
+    "hysteresis": "1 m",
+}
+
+
+def street(step_s: float = 0.5):
+    """Four seconds of a street: a drives east at 20 m/s, b follows 30 m behind; c stands ahead on
+    the right until 3 s; d comes after 1.5 s and leaves after 3 s; t teleports after 2 s.
+    """
+    steps = []
+    for k in range(int(SECONDS / step_s) + 1):
+        t_s = k * step_s
+        places = {"a": (20 * t_s, 0.0, 90.0), "b": (20 * t_s - 30, 0.0, 90.0)}
+        if t_s <= 3:
+            places["c"] = (60.0, -6.0, 90.0)
+        if 1.5 <= t_s <= 3:
+            places["d"] = (100.0 - 10 * t_s, 4.0, 270.0)
+        places["t"] = (30.0 if t_s <= 2 else 900.0, 40.0, 0.0)
+        steps.append((100 + t_s, places))
+    return steps
+
+
+@pytest.fixture
+def fcd(tmp_path) -> str:
+    return str(write_fcd(tmp_path / "street.xml", street(), types={"c": "truck"}))
+
+
+def scenario(fcd: str, *, fleet=FLEET, **perception) -> Scenario:
+    settings = {
+        "name": "street",
+        "methods": ["remote"],
+        "perception": {"source": "traffic", "fcd": fcd, **perception},
+        "cameras": [{"name": "camera_02", "recording": "02", "size": "90 kB"}],
+        "start_jitter": "0 s",
+        "fleet": fleet,
+    }
+    return read_scenario(settings)
+
+
+def drives(fcd: str, **perception):
+    return runner.prepare(scenario(fcd, **perception)).drives
+
+
+def test_a_car_starts_and_ends_with_its_vehicle(fcd):
+    prepared = runner.prepare(scenario(fcd))
+    starts_s = {car.name: car.route.start_ns / 1e9 for car in prepared.expanded.cars}
+    assert starts_s == {"veh_a": 0, "veh_b": 0, "veh_c": 0, "veh_t": 0, "veh_d": 1.5}
+    counts = {car: len(drive.frames["02"]) for car, drive in prepared.drives.items()}
+    assert counts == {"veh_a": 41, "veh_b": 41, "veh_c": 31, "veh_t": 21, "veh_d": 16}
+    first, *_, last = prepared.drives["veh_d"].frames["02"]
+    assert (first.stamp_ns, last.stamp_ns) == (0, 1_500_000_000)
+    # The middle of d, 2.5 m behind its bumper; the camera is 0.27 m to the left.
+    assert first.pose[:2] == pytest.approx((87.5, 3.73), abs=1e-3)
+    assert abs(first.pose.heading_rad) == pytest.approx(math.pi, abs=1e-6)
+    assert last.pose[:2] == pytest.approx((72.5, 3.73), abs=1e-3)
+
+
+def test_begin_and_duration_choose_a_part(fcd):
+    parts = drives(fcd, begin="101.2 s", duration="1.5 s")
+    starts_ns = {car: drive.start_ns for car, drive in parts.items()}
+    # t is there for 0.8 s before its teleport and for less after it, which is too short.
+    assert starts_ns == {"veh_a": 0, "veh_b": 0, "veh_c": 0, "veh_d": 300_000_000}
+    assert parts["veh_a"].position(0)[0] == pytest.approx(20 * 1.2 - 2.5)
+    assert parts["veh_a"].duration_ns == 1_500_000_000
+
+
+def test_a_share_of_the_vehicles_is_equipped_and_a_larger_one_adds_to_it(tmp_path):
+    many = {f"v{k}": (30.0 * k, 0.0, 90.0) for k in range(200)}
+    path = str(write_fcd(tmp_path / "many.xml", [(0.0, many), (2.0, many)]))
+    few, more = (set(drives(path, equipped=share)) for share in (0.2, 0.5))
+    assert few < more and 20 < len(few) < 60 and 75 < len(more) < 125
+    assert len(drives(path, equipped=1.0)) == 200
+
+
+def test_vehicles_are_equipped_by_their_ids(fcd):
+    prepared = runner.prepare(scenario(fcd, equipped=["d", "a"]))
+    assert [car.name for car in prepared.expanded.cars] == ["veh_d", "veh_a"]
+    assert set(prepared.drives) == {"veh_a", "veh_d"}
+
+
+def test_cars_see_vehicles_that_are_not_equipped(fcd):
+    drive = drives(fcd, equipped=["b"])["veh_b"]
+    frames = drive.frames["02"]
+    labels = {(item.label, item.moving) for item in frames[10].truth()}
+    assert labels == {("car", True)}, "a, 30 m ahead, hides the lorry"
+    assert any(frame.detections for frame in frames)
+    (ahead,) = frames[10].truth()
+    assert ahead.location[:2] == pytest.approx((20 * 1.0 - 2.5, 0.0), abs=1e-6)
+
+
+def test_the_truth_is_that_of_the_instant(fcd):
+    """c stands, d moves; persons, of which the file knows nothing, are not judged."""
+    prepared = runner.prepare(scenario(fcd, equipped=["a"]))
+    drive = prepared.drives["veh_a"]
+    truth = prepared.frames.truth_of(drive)
+    frame = drive.frames["02"][20]  # at 2 s: a is at 37.5 m, d at 77.5 m + 5 m
+    visible = {item.label: item for item in truth.visible(frame)}
+    assert {label: item.moving for label, item in visible.items()} == {"truck": False}
+    assert visible["truck"].location[:2] == pytest.approx((60 - 3.55, -6.0))
+    assert truth.is_there(frame, "car", 82.5, 4.5) and truth.is_there(frame, "bus", 82.5, 3.0)
+    assert not truth.is_there(frame, "car", 82.5, 6.5), "two metres beside it"
+    assert not truth.is_there(frame, "car", 85.0, 4.0), "where it was earlier"
+    assert not truth.is_there(frame, "bicycle", 82.5, 4.0)
+    late = drive.frames["02"][40]
+    assert not truth.is_there(late, "car", 72.5, 4.0), "d has left"
+    assert truth.knows("bus") and not truth.knows("person")
+
+
+def test_teleports_are_told_and_recorded(fcd, caplog):
+    with caplog.at_level(logging.WARNING):
+        prepared = runner.prepare(scenario(fcd))
+    assert "1 of 5 vehicles teleport, 1 times in all" in caplog.text
+    about = prepared.frames.provenance()["traffic"]
+    assert (about["vehicles"], about["teleports"], about["vehicles_that_teleport"]) == (5, 1, 1)
+    assert about["types"]["truck"]["label"] == "truck"
+
+
+def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):
+    """The extent is that of the vehicles' places, and a is handed over as it drives east."""
+    prepared = runner.prepare(scenario(fcd, equipped=["a"]))
+    west_m, south_m, east_m, north_m = prepared.frames.extent_m
+    assert (west_m, south_m) == pytest.approx((-42.5, -16.0))
+    assert (east_m, north_m) == pytest.approx((910.0, 47.5))
+    faults = prepared.expanded.faults
+    assert [fault.target for fault in faults] == ["veh_a"]
+    (car,) = prepared.expanded.cars
+    assert car.edge != faults[0].fault.parameters["edge"]
+    # 16 cells from west to east: a crosses the border of the first two.
+    crosses_s = (west_m + (east_m - west_m) / 16 + 2.5) / 20
+    assert faults[0].begin_ns / 1e9 == pytest.approx(crosses_s, abs=0.6)
+
+
+def test_a_run_is_the_same_again_and_another_with_another_seed(fcd):
+    def tables(seed):
+        settings = replace(scenario(fcd, equipped=["a", "b"]), seed=seed)
+        tables = runner.simulate(runner.prepare(settings))
+        return {name: table.to_frame().to_csv() for name, table in tables.items()}
+
+    first = tables(1)
+    assert first == tables(1)
+    assert first["held"] != tables(2)["held"]
+
+
+def test_the_same_traffic_gives_the_same_digest_in_any_file(fcd, tmp_path):
+    packed = str(write_fcd(tmp_path / "b.xml.gz", street(), types={"c": "truck"}))
+
+    def digests(**perception):
+        return runner.prepare(scenario(**perception)).frames.digests()
+
+    assert digests(fcd=fcd) == digests(fcd=packed)
+    assert digests(fcd=fcd) != digests(fcd=fcd, view="50 m")
+    other = str(write_fcd(tmp_path / "c.xml", street()[:-1], types={"c": "truck"}))
+    assert digests(fcd=fcd) != digests(fcd=other)
+
+
+def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
+    def prepared(name, start):
+        settings = {
+            "name": "one",
+            "perception": {"source": "traffic", "fcd": fcd},
+            "cameras": [{"name": "camera_02", "recording": "02"}],
+            "start_jitter": "0 s",
+            "cars": [{"name": name, "device": "jetson_tx2", "route": {"start": start}}],
+            "methods": ["local"],
+        }
+        return runner.prepare(read_scenario(settings))
+
+    assert len(prepared("veh_d", "2 s").drives["veh_d"].frames["02"]) == 11
+    with pytest.raises(UserError, match=r"veh_d starts at 0 s, but is there from 1.5 to 3 s"):
+        prepared("veh_d", "0 s")
+    with pytest.raises(UserError, match=r"unknown vehicle 'veh_x'.*; known: veh_a, veh_b"):
+        prepared("veh_x", "0 s")
+
+
+@pytest.mark.parametrize(
+    ("perception", "message"),
+    [
+        ({"equipped": ["a", "x"]}, "perception.equipped: unknown vehicle 'x'"),
+        ({"equipped": []}, "perception.equipped: must not be empty"),
+        ({"equipped": ["a", "a"]}, "perception.equipped: names a vehicle twice"),
+        ({"equipped": 1e-9}, "perception.equipped: none of 5 vehicles is equipped"),
+        ({"equipped": 0}, "perception.equipped: must be"),
+        ({"equipped": "all"}, "perception.equipped: must be a share from 0 to 1 or a list of ids"),
+        ({"begin": "200 s"}, "begin: 200 s is after the last time step, 104 s"),
+        ({"interval": "0 s"}, "perception.interval: must be more than zero"),
+        ({"view": "200 m"}, "perception.view: must be"),
+        (
+            {"types": {"bus": {"label": "plane"}}},
+            "perception.types.bus.label: unknown label 'plane'",
+        ),
+        ({"fcd": "no_such"}, "unknown traffic 'no_such'.*known: sumo_grid"),
+        ({"fcd": "./no_such.xml"}, "no_such.xml: no such file"),
+    ],
+)
+def test_what_is_wrong_is_told_in_one_line(fcd, perception, message):
+    with pytest.raises(UserError, match=message) as error:
+        runner.prepare(scenario(**{"fcd": fcd, **perception}))
+    assert "\n" not in str(error.value)
+
+
+def test_a_fleet_of_traffic_has_no_number_of_cars(fcd):
+    with pytest.raises(
+        UserError, match=r"fleet\.cars: traffic has 5 cars of its own: leave it out"
+    ):
+        runner.prepare(scenario(fcd, fleet=FLEET | {"cars": 3}))
+
+
+def test_two_vehicles_with_one_name_are_refused(tmp_path):
+    twins = {"a:1": (0.0, 0.0, 90.0), "a/1": (50.0, 0.0, 90.0)}
+    path = str(write_fcd(tmp_path / "twins.xml", [(0.0, twins), (2.0, twins)]))
+    with pytest.raises(UserError, match="vehicles 'a:1' and 'a/1' would both be called veh_a_1"):
+        drives(path)
+
+
+def test_detections_do_not_jump_in_a_bend(tmp_path):
+    """The detector's lasting errors change as gradually where the street bends as where it is
+    straight: a car on a circle follows another one, whose middle stays 20 m ahead of it.
+    """
+
+    def errors_m(bends: bool):
+        steps = []
+        for k in range(121):
+            places = {}
+            for name, ahead_m in (("follower", 0.0), ("leader", 20.0)):
+                way_m = 500.0 + 10.0 * 0.1 * k + ahead_m
+                if bends:
+                    angle = way_m / 60.0
+                    place = 3000 + 60 * math.cos(angle), 3000 + 60 * math.sin(angle)
+                    heading_deg = -math.degrees(angle)
+                else:
+                    place, heading_deg = (3000 + way_m, 3000.0), 90.0
+                places[name] = (*place, heading_deg % 360)
+            steps.append((0.1 * k, places))
+        path = str(write_fcd(tmp_path / f"{bends}.xml", steps))
+        errors = []
+        for seed in range(1, 9):
+            settings = scenario(path, equipped=["follower"])
+            drive = runner.prepare(replace(settings, seed=seed)).drives["veh_follower"]
+            row = []
+            for frame in drive.frames["02"]:
+                (truth,) = frame.truth()
+                near = [
+                    math.dist(d.location, truth.location)
+                    for d in frame.detections
+                    if math.dist(d.location, truth.location) < 3
+                ]
+                row.append(min(near, default=np.nan))
+            errors.append(row)
+        return np.array(errors)
+
+    def steadiness(errors):
+        """Of the errors in two frames in a row: the correlation."""
+        now, then = errors[:, :-1].ravel(), errors[:, 1:].ravel()
+        both = ~np.isnan(now + then)
+        return float(np.corrcoef(now[both], then[both])[0, 1])
+
+    straight, bend = steadiness(errors_m(bends=False)), steadiness(errors_m(bends=True))
+    assert bend > straight - 0.1, (straight, bend)
+
+
+def test_the_report_of_a_fleet_counts_the_cars_of_the_traffic(fcd, tmp_path):
+    run = runner.run_to_folder(scenario(fcd, equipped=["a", "b", "d"]), tmp_path / "results")
+    page = (run.folder / "report.html").read_text(encoding="utf-8")
+    assert '"100 % of 3 cars"' in page and "No map is drawn" not in page
+    assert run.facts["map"]["extent_m"] == [*runner.prepare(scenario(fcd)).frames.extent_m]
