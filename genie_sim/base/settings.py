@@ -16,7 +16,6 @@ import difflib
 import functools
 import inspect
 import itertools
-import math
 import re
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -33,80 +32,38 @@ from typing import (
     get_origin,
 )
 
-from genie_sim.base import plugins, units
+from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.plugins import Choice, Parameter
-from genie_sim.base.removed import instead_of_setting
+from genie_sim.base.kinds import (
+    SIZE,
+    UNITS,
+    Bounds,
+    Items,
+    Kind,
+    Matches,
+    Named,
+    Nothing,
+    Number,
+    OneOfKinds,
+    Quantity,
+    Schema,
+    SettingError,
+    TextKind,
+    TrueOrFalse,
+    Unit,
+    Word,
+    any_of,
+    join,
+    quoted,
+    raise_first,
+)
+from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
+
+__all__ = ["SIZE", "Bounds", "Matches", "Schema", "SettingError", "Unit", "join"]
 
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
-
-
-class SettingError(ValueError):
-    """``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the settings that are
-    read; so many ``more`` mistakes follow.
-    """
-
-    def __init__(self, field: str, text: str, more: int = 0) -> None:
-        super().__init__(f"{field}: {text}" if field else text)
-        self.field, self.text, self.more = field, text, more
-
-    def below(self, step: str | int) -> "SettingError":
-        """The same error, seen from the settings that hold these under ``step``."""
-        return SettingError(join(step, self.field), self.text, self.more)
-
-    @property
-    def message(self) -> str:
-        """The text, or what to write instead of a setting that was removed, and how many mistakes
-        there are besides.
-        """
-        instead = instead_of_setting(self.field)
-        text = self.text if instead is None else f"was removed. {instead}"
-        return text + (f" (and {self.more} more)" if self.more else "")
-
-
-@dataclasses.dataclass(frozen=True)
-class Bounds:
-    """A number must be at least ``minimum``, more than ``above`` and at most ``maximum``."""
-
-    minimum: float | None = None
-    above: float | None = None
-    maximum: float | None = None
-
-    def contain(self, number: float) -> bool:
-        """Whether a number is within the bounds."""
-        return (
-            (self.minimum is None or number >= self.minimum)
-            and (self.above is None or number > self.above)
-            and (self.maximum is None or number <= self.maximum)
-        )
-
-    @property
-    def words(self) -> str:
-        """The bounds in words, such as ``from 0 to 1``."""
-        if self.minimum is not None and self.maximum is not None:
-            return f"from {_plain_number(self.minimum)} to {_plain_number(self.maximum)}"
-        parts = [
-            f"{words} {_plain_number(limit)}"
-            for words, limit in (
-                ("at least", self.minimum),
-                ("more than", self.above),
-                ("at most", self.maximum),
-            )
-            if limit is not None
-        ]
-        return " and ".join(parts)
-
-
-@dataclasses.dataclass(frozen=True)
-class Matches:
-    """A text must match a regular expression and have at most ``maximum`` characters; ``rule`` says
-    so in words.
-    """
-
-    pattern: str
-    rule: str
-    maximum: int = 1_000_000
+OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,41 +109,6 @@ class Beside:
     cls: type
 
 
-class Unit(NamedTuple):
-    """A unit by which the names of settings end, or a mark: how its texts are read and written."""
-
-    number: type
-    example: str
-    read: Callable[[object], float]
-    text: Callable[[Any], str]
-    bounds: Bounds = Bounds(minimum=0)
-
-
-DURATION = Unit(int, "30 ms", read=units.duration_ns, text=units.duration_text)
-SIZE = Unit(int, "1.4 MB", read=units.size_bytes, text=units.size_text)
-RATE = Unit(int, "100 Mbit/s", read=units.rate_bps, text=units.rate_text, bounds=Bounds(above=0))
-LENGTH = Unit(float, "1 m", read=units.length_m, text=units.length_text)
-ANGLE = Unit(float, "15 deg", read=units.angle_rad, text=units.angle_text, bounds=Bounds())
-FREQUENCY = Unit(
-    int, "25 MHz", read=units.frequency_hz, text=units.frequency_text, bounds=Bounds(above=0)
-)
-RATIO = Unit(float, "3 dB", read=units.ratio_db, text=units.ratio_text, bounds=Bounds())
-POWER = Unit(float, "23 dBm", read=units.power_dbm, text=units.power_text, bounds=Bounds())
-DRIFT = Unit(float, "20 ppm", read=units.drift_ppm, text=units.drift_text, bounds=Bounds())
-WATTS = Unit(float, "3 W", read=units.watts, text=units.watts_text)
-UNITS = {
-    "_ns": DURATION,
-    "_bytes": SIZE,
-    "_bps": RATE,
-    "_m": LENGTH,
-    "_rad": ANGLE,
-    "_hz": FREQUENCY,
-    "_db": RATIO,
-    "_dbm": POWER,
-    "_w": WATTS,
-    "_ppm": DRIFT,
-}
-
 Count = Annotated[int, Bounds(minimum=1)]
 Share = Annotated[float, Bounds(minimum=0, maximum=1)]
 Text = Annotated[str, NotEmpty()]
@@ -203,14 +125,16 @@ Name = Annotated[
 class Setting(NamedTuple):
     """One field of a settings class, or one argument of a plug-in's class.
 
-    ``name`` is its name in Python, ``key`` in YAML; ``default`` may be ``REQUIRED``.
+    ``name`` is its name in Python, ``key`` in YAML; ``default`` may be ``REQUIRED``. One that is
+    written only ``if_given`` is not where it is as by default.
     """
 
     name: str
     key: str
-    kind: Any
-    unit: Unit | None
+    annotation: Any
+    kind: Kind
     default: Any
+    if_given: bool
 
 
 @functools.cache
@@ -235,15 +159,20 @@ def settings_of(cls: Callable[..., Any]) -> tuple[Setting, ...]:
                 default = factory()
         suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
         unit = UNITS.get(suffix)
-        kind = _annotation(parameter, default, unit)
-        key = mark_in(kind, Key)
+        annotation = _annotation(parameter, default, unit)
+        key = mark_in(annotation, Key)
+        key_name = name.removesuffix(suffix) if key is None else key.name
+        unit = unit or mark_in(annotation, Unit)
+        bounds = Bounds() if unit is None else unit.bounds
+        marks = _Marks(key_name.replace("_", " "), unit, bounds)
         settings.append(
             Setting(
                 name=name,
-                key=name.removesuffix(suffix) if key is None else key.name,
-                kind=kind,
-                unit=unit or mark_in(kind, Unit),
+                key=key_name,
+                annotation=annotation,
+                kind=kind_of(annotation, marks),
                 default=default,
+                if_given=mark_in(annotation, IfGiven) is not None,
             )
         )
     return tuple(settings)
@@ -291,6 +220,11 @@ def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
     return None
 
 
+def is_settings_class(kind: Any) -> TypeGuard[type[Any]]:
+    """Whether a type is a settings class, which a plug-in by name is not."""
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
+
+
 @functools.cache
 def descriptions(cls: type) -> dict[str, str]:
     """What each setting of a class means, by its name in Python: the text below a field of a
@@ -334,6 +268,85 @@ def _parameters(docstring: str) -> dict[str, str]:
     return {name: " ".join(text.split()) for name, text in entries}
 
 
+# --- kinds
+
+
+class _Marks(NamedTuple):
+    """What is known of a setting beside its type: the name of it, its unit and marks."""
+
+    name: str
+    unit: Unit | None = None
+    bounds: Bounds = Bounds()
+    matches: Matches | None = None
+    not_empty: bool = False
+    one_of: str = ""
+    short: Short | None = None
+
+    def of_items(self) -> "_Marks":
+        """Those of what a list or a mapping holds."""
+        return self._replace(name=self.name.removesuffix("s"), not_empty=False, short=None)
+
+
+def kind_of(annotation: Any, marks: _Marks) -> Kind:
+    """The kind of what an annotation says."""
+    if get_origin(annotation) is Annotated:
+        annotation, *own = get_args(annotation)
+        for mark in own:
+            match mark:
+                case PlugIn():
+                    return PlugInName(mark) if annotation is str else mark
+                case Kind():
+                    return mark
+                case Bounds():
+                    marks = marks._replace(bounds=mark)
+                case Matches():
+                    marks = marks._replace(matches=mark)
+                case NotEmpty():
+                    marks = marks._replace(not_empty=True)
+                case OneOf():
+                    marks = marks._replace(one_of=mark.words)
+                case Short():
+                    marks = marks._replace(short=mark)
+        return kind_of(annotation, marks)
+    parts = get_args(annotation)
+    match get_origin(annotation) or annotation:
+        case origin if origin in (Union, UnionType):
+            kinds = tuple(kind_of(part, marks) for part in parts)
+            return OneOfKinds(kinds, marks.one_of, _schemas_of(marks.short))
+        case origin if origin is Literal:
+            return Word(marks.name, parts, marks.one_of)
+        case origin if origin is tuple and parts:
+            any_length = parts[-1] is Ellipsis
+            held = parts[:1] if any_length else parts
+            kinds = tuple(kind_of(part, marks.of_items()) for part in held)
+            return Items(kinds, any_length, marks.not_empty)
+        case type() as origin if parts and issubclass(origin, Mapping):
+            keys, items = (kind_of(part, marks.of_items()) for part in parts)
+            return Named(keys, items, marks.not_empty, _schemas_of(marks.short))
+        case cls if is_settings_class(cls):
+            return Nested(cls, marks.short)
+        case cls if cls is int or cls is float:
+            if marks.unit is not None:
+                return Quantity(marks.unit, marks.bounds)
+            return Number(cls is int, marks.bounds)
+        case cls if cls is str:
+            return TextKind(marks.not_empty, marks.matches)
+        case cls if cls is bool:
+            return TrueOrFalse()
+        case cls if cls is NoneType:
+            return Nothing()
+    return Kind()
+
+
+def _schemas_of(short: Short | None) -> tuple[Schema, ...]:
+    """What may be written in place of a mapping."""
+    if short is None:
+        return ()
+    if short.plug_in is not None:
+        return tuple(short.plug_in.names_schema())
+    return ({"type": "string", "examples": list(short.examples)},)
+
+
 # --- reading
 
 
@@ -363,68 +376,67 @@ def read(cls: type[Settings], data: object, where: Callable[[str], str]) -> Sett
 
 def from_plain(cls: type[Settings], data: object) -> Settings:
     """The settings in ``data``, plain data as from YAML. Raises ``SettingError``."""
-    return _settings(cls, data, None)
+    settings: Settings = Nested(cls).read(data)
+    return settings
 
 
 def merged(base: Settings, data: Mapping[str, Any]) -> Settings:
     """``base`` with what ``data`` sets otherwise, at any depth: a plug-in that is named anew brings
     its own settings. Raises ``SettingError``.
     """
-    return _settings(type(base), data, base)
+    settings: Settings = Nested(type(base)).read(data, base)
+    return settings
 
 
-class _Context(NamedTuple):
-    """What is known of the value that is read: its setting's name, unit and marks."""
+@dataclasses.dataclass(frozen=True)
+class Nested(Kind):
+    """Settings of a class of their own; ``short`` is what may be written instead."""
 
-    name: str
-    unit: Unit | None = None
-    bounds: Bounds = Bounds()
-    matches: Matches | None = None
-    not_empty: bool = False
-    one_of: str = ""
-    plug_in: "PlugIn | None" = None
+    cls: type[Any]
+    short: Short | None = None
 
-    def of(self, kind: Any) -> tuple[Any, "_Context"]:
-        """The type in an ``Annotated``, and the context with its marks."""
-        if get_origin(kind) is not Annotated:
-            return kind, self
-        context = self
-        kind, *marks = get_args(kind)
-        for mark in marks:
-            match mark:
-                case Bounds():
-                    context = context._replace(bounds=mark)
-                case Matches():
-                    context = context._replace(matches=mark)
-                case NotEmpty():
-                    context = context._replace(not_empty=True)
-                case OneOf():
-                    context = context._replace(one_of=mark.words)
-                case PlugIn():
-                    context = context._replace(plug_in=mark)
-        return kind, context
+    def fits(self, value: object) -> bool:
+        if hasattr(self.cls, "expand"):
+            return value is not None
+        return isinstance(value, Mapping | self.cls)
 
+    def read(self, value: object, base: object = None) -> Any:
+        cls = self.cls
+        if isinstance(value, cls):
+            return value
+        base = base if isinstance(value, Mapping) and isinstance(base, cls) else None
+        expand = getattr(cls, "expand", None)
+        if expand is not None:
+            value = expand(value)
+            if isinstance(value, cls):
+                return value
+        if not isinstance(value, Mapping):
+            raise SettingError("", f"must be a mapping, not {short_repr(value)}")
+        keys = keys_of(cls)
+        for key in value:
+            if key not in keys:
+                near = difflib.get_close_matches(str(key), keys, n=1)
+                hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
+                raise SettingError(quoted(key), f"unknown field; {hint}")
+        before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
+        return built(cls, _values(cls, value, before))
 
-def _settings(cls: type[Settings], data: object, base: Settings | None) -> Settings:
-    """The settings in ``data``, those that it leaves out from ``base``, or their defaults."""
-    if isinstance(data, cls):
-        return data
-    base = base if isinstance(data, Mapping) else None
-    expand = getattr(cls, "expand", None)
-    if expand is not None:
-        data = expand(data)
-        if isinstance(data, cls):
-            return data
-    if not isinstance(data, Mapping):
-        raise SettingError("", f"must be a mapping, not {short_repr(data)}")
-    keys = keys_of(cls)
-    for key in data:
-        if key not in keys:
-            near = difflib.get_close_matches(str(key), keys, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
-            raise SettingError(quoted(key), f"unknown field; {hint}")
-    before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
-    return built(cls, _values(cls, data, before))
+    def plain(self, value: Any) -> Any:
+        cls = type(value)
+        if not is_settings_class(cls):
+            return super().plain(value)
+        if hasattr(value, "shorten"):
+            return value.shorten()
+        return _written(cls, {name: getattr(value, name) for name in names_of(cls)})
+
+    def schema(self, classes: dict[str, Schema]) -> Schema:
+        name = self.cls.__name__
+        if name not in classes:
+            classes[name] = {}  # a class may hold itself
+            classes[name] = class_schema(self.cls, classes)
+            if self.short is not None and self.short.plug_in is not None:
+                del classes[name]["required"]  # the name of a plug-in alone is enough
+        return any_of(_schemas_of(self.short), {"$ref": f"#/$defs/{name}"})
 
 
 def _values(
@@ -438,21 +450,13 @@ def _values(
             if setting.default is REQUIRED and setting.name not in before:
                 errors.append(SettingError(setting.key, "missing"))
             continue
-        context = _context(setting)
         try:
             base = before.get(setting.name)
-            values[setting.name] = _value(setting.kind, data[setting.key], context, base)
+            values[setting.name] = setting.kind.read(data[setting.key], base)
         except SettingError as error:
             errors.append(error.below(setting.key))
-    if errors:
-        more = len(errors) - 1 + sum(error.more for error in errors)
-        raise SettingError(errors[0].field, errors[0].text, more)
+    raise_first(errors)
     return values
-
-
-def _context(setting: Setting) -> _Context:
-    bounds = Bounds() if setting.unit is None else setting.unit.bounds
-    return _Context(setting.key.replace("_", " "), setting.unit, bounds)
 
 
 def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
@@ -468,197 +472,6 @@ def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
             if re.split(r"[.\[]", field)[0] in keys_of(cls):
                 raise SettingError(field, text) from error
         raise SettingError("", str(error)) from error
-
-
-def _value(kind: Any, value: object, context: _Context, base: object) -> Any:
-    """``value`` as a ``kind``. Raises ``SettingError``."""
-    kind, context = context.of(kind)
-    origin = get_origin(kind)
-    if origin in (Union, UnionType):
-        return _value(_member(kind, value, context), value, context, base)
-    if kind is NoneType:
-        return None
-    if context.plug_in is not None:
-        if kind is str:
-            return context.plug_in.name(value)
-        return context.plug_in.read(value, base)
-    if is_settings_class(kind):
-        return _settings(kind, value, base if isinstance(base, kind) else None)
-    if origin is Literal:
-        return _literal(kind, value, context)
-    if origin is tuple:
-        return _items(kind, value, context)
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return _mapping(kind, value, context)
-    if kind is str:
-        return _text(value, context)
-    if kind is bool:
-        return _of_type(value, bool, "true or false")
-    if kind in (int, float):
-        return _number(kind, value, context)
-    return value
-
-
-def _member(union: Any, value: object, context: _Context) -> Any:
-    """The member of a union that ``value`` is meant as, by how it is written."""
-    members = get_args(union)
-    for member in members:
-        if _fits(member, value, context):
-            return member
-    if context.one_of:
-        choices = [
-            choice
-            for member in members
-            if get_origin(member) is Literal
-            for choice in get_args(member)
-        ]
-        words = ", ".join([*choices, context.one_of])
-        raise SettingError("", f"must be {words}, not {short_repr(value)}")
-    return next(member for member in members if member is not NoneType)
-
-
-def _fits(kind: Any, value: object, context: _Context) -> bool:
-    """Whether a value is written as those of this type are."""
-    kind, context = context.of(kind)
-    origin = get_origin(kind)
-    if kind is NoneType or value is None:
-        return kind is NoneType and value is None
-    if context.plug_in is not None:
-        return True
-    if is_settings_class(kind):
-        return isinstance(value, Mapping | kind) or hasattr(kind, "expand")
-    if origin is tuple:
-        return isinstance(value, list | tuple)
-    if isinstance(origin, type) and issubclass(origin, Mapping):
-        return isinstance(value, Mapping)
-    if kind is bool:
-        return isinstance(value, bool)
-    if kind in (int, float):
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return number or (context.unit is not None and isinstance(value, str))
-    return isinstance(value, str)
-
-
-def _literal(kind: Any, value: object, context: _Context) -> Any:
-    choices = get_args(kind)
-    if value in choices:
-        return value
-    others = f", {context.one_of}" if context.one_of else ""
-    raise SettingError("", unknown(context.name, value, choices) + others)
-
-
-def _items(kind: Any, value: object, context: _Context) -> tuple[Any, ...]:
-    """A list as a tuple: of any length, or with one item for each of the types."""
-    items: Any = _of_type(value, list | tuple, "a list")
-    kinds = get_args(kind)
-    if kinds[-1] is Ellipsis:
-        kinds = kinds[:1] * len(items)
-    if len(items) != len(kinds):
-        raise SettingError("", f"must hold {len(kinds)} values, not {len(items)}")
-    _check_not_empty(items, context)
-    context = context._replace(name=context.name.removesuffix("s"), not_empty=False)
-    values: list[Any] = []
-    errors: list[SettingError] = []
-    for index, (inner, item) in enumerate(zip(kinds, items, strict=True)):
-        try:
-            values.append(_value(inner, item, context, None))
-        except SettingError as error:
-            errors.append(error.below(index))
-    if errors:
-        more = len(errors) - 1 + sum(error.more for error in errors)
-        raise SettingError(errors[0].field, errors[0].text, more)
-    return tuple(values)
-
-
-def _mapping(kind: Any, value: object, context: _Context) -> dict[Any, Any]:
-    key_kind, item_kind = get_args(kind)
-    items: Any = _of_type(value, Mapping, "a mapping")
-    _check_not_empty(items, context)
-    values = {}
-    for key, item in items.items():
-        try:
-            inner = context._replace(name=str(key), not_empty=False)
-            values[_value(key_kind, key, inner, None)] = _value(item_kind, item, inner, None)
-        except SettingError as error:
-            raise error.below(quoted(key)) from error
-    return values
-
-
-def _text(value: object, context: _Context) -> str:
-    text: str = _of_type(value, str, "text")
-    _check_not_empty(text, context)
-    rule = context.matches
-    if rule is not None and len(text) > rule.maximum:
-        raise SettingError("", f"must have at most {rule.maximum} characters, not {len(text)}")
-    if rule is not None and not re.search(rule.pattern, text):
-        raise SettingError("", f"{rule.rule}, not {short_repr(text)}")
-    return text
-
-
-def _number(kind: type, value: object, context: _Context) -> float:
-    if context.unit is not None:
-        return _quantity(value, context.unit, context.bounds)
-    if kind is int:
-        number: float = _of_type(value, int, "a whole number")
-    else:
-        number = _of_type(value, int | float, "a number")
-        try:
-            number = float(number)
-        except OverflowError:
-            number = math.inf
-        if not math.isfinite(number):
-            raise SettingError("", f"must be a finite number, not {short_repr(value)}")
-    if not context.bounds.contain(number):
-        raise SettingError("", f"must be {context.bounds.words}, not {short_repr(value)}")
-    return number
-
-
-def _quantity(value: object, unit: Unit, bounds: Bounds) -> float:
-    """A number with a unit, such as ``30 ms``."""
-    try:
-        number = unit.read(value)
-    except ValueError as error:
-        raise SettingError("", str(error)) from error
-    if not bounds.contain(number):
-        words = "be more than zero"
-        if bounds.minimum == 0 and number < 0:
-            words = "not be negative"
-        elif bounds.minimum is not None and bounds.maximum is not None:
-            words = f"be from {unit.text(bounds.minimum)} to {unit.text(bounds.maximum)}"
-        raise SettingError("", f"must {words}, but is {short_repr(value)}")
-    return number
-
-
-def _of_type(value: object, kind: Any, words: str) -> Any:
-    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
-        raise SettingError("", f"must be {words}, not {short_repr(value)}")
-    return value
-
-
-def _check_not_empty(value: Any, context: _Context) -> None:
-    if context.not_empty and not value:
-        raise SettingError("", "must not be empty")
-
-
-def is_settings_class(kind: Any) -> TypeGuard[type[Any]]:
-    """Whether a type is a settings class, which a plug-in by name is not."""
-    return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
-
-
-def _plain_number(number: float) -> str:
-    """``1,000,000`` and ``0.1``."""
-    return f"{number:,.10g}"
-
-
-def quoted(key: object) -> str:
-    """A key as part of a path; in quotes if it is no plain word."""
-    return key if isinstance(key, str) and re.fullmatch(r"[\w-]{1,40}", key) else short_repr(key)
-
-
-def join(step: str | int, path: str) -> str:
-    """``path`` below a name, a path or an index: ``cars[1].edge``."""
-    begin = f"[{step}]" if isinstance(step, int) else step
-    return begin + path if not path or not begin or path.startswith("[") else f"{begin}.{path}"
 
 
 # --- plug-ins
@@ -679,7 +492,7 @@ class Presets(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlugIn:
+class PlugIn(Kind):
     """Marks a ``Choice`` out of ``registry``: in YAML a name, or a mapping of the name (under
     ``key``) and the settings of the class. Marks a text that is a name alone, too.
 
@@ -709,6 +522,9 @@ class PlugIn:
     default: str | None = None
     presets: Presets | None = None
     beside: tuple[str, ...] = ()
+
+    def fits(self, value: object) -> bool:
+        return value is not None
 
     def name(self, value: object) -> str:
         """A name alone, such as that of an eviction policy. Raises ``SettingError``."""
@@ -767,17 +583,59 @@ class PlugIn:
                 parameters = own_arguments(cls, choice)
         return plugins.call(self.what, choice.name, cls, **parameters)
 
-    def write(self, choice: Choice) -> object:
-        """The choice as in YAML."""
+    def plain(self, value: Any) -> Any:
+        if not isinstance(value, Choice):
+            return value
         for name, preset in self.presets.choices.items() if self.presets else ():
-            if choice == preset:
+            if value == preset:
                 return name
-        if not choice.parameters:
-            return choice.name
-        if choice.name not in self.registry:
-            return {self.key: choice.name, **choice.parameters}
-        cls = self.resolve(choice.name)
-        return {self.key: choice.name, **_written(cls, choice.parameters)}
+        if not value.parameters:
+            return value.name
+        if value.name not in self.registry:
+            return {self.key: value.name, **value.parameters}
+        return {self.key: value.name, **_written(self.resolve(value.name), value.parameters)}
+
+    def schema(self, classes: dict[str, Schema]) -> Schema:
+        """A name, or a mapping of the name and the settings of its class."""
+        own_name = {"description": "A class of your own, `package.module:Class`.", **OWN_CLASS}
+        own = {"type": "object", "properties": {self.key: own_name}, "required": [self.key]}
+        shipped = [self._shipped_schema(name, classes) for name in self.registry]
+        names = self.names_schema()
+        if self.presets is not None:
+            names = [{"enum": list(self.presets.choices)}]
+            text = f"A named {self.presets.what} that gives the settings left out."
+            like = {"like": {"description": text, "enum": list(self.presets.choices)}}
+            for schema in shipped:
+                schema["properties"] = like | schema["properties"]
+                schema.pop("required", None)
+        return {"anyOf": [*names, *shipped, own]}
+
+    def names_schema(self) -> list[Schema]:
+        """What a name alone may be."""
+        return [{"enum": list(self.registry)}, OWN_CLASS]
+
+    def _shipped_schema(self, name: str, classes: dict[str, Schema]) -> Schema:
+        schema = class_schema(self.resolve(name), classes)
+        schema["properties"] = {self.key: {"const": name}, **schema["properties"]}
+        if name != self.default:
+            schema["required"] = [self.key, *schema.get("required", ())]
+        return schema
+
+
+@dataclasses.dataclass(frozen=True)
+class PlugInName(Kind):
+    """The name of a plug-in alone, without settings, as a text."""
+
+    plug_in: PlugIn
+
+    def fits(self, value: object) -> bool:
+        return value is not None
+
+    def read(self, value: object, base: object = None) -> str:
+        return self.plug_in.name(value)
+
+    def schema(self, classes: dict[str, Schema]) -> Schema:
+        return {"anyOf": self.plug_in.names_schema()}
 
 
 def complete(name: str, cls: Callable[..., Any], **parameters: Any) -> Choice:
@@ -859,7 +717,7 @@ def chosen(value: object, path: str = "") -> Iterator[Chosen]:
     cls: Any = type(value)
     for setting in settings_of(cls):
         item = getattr(value, setting.name)
-        yield from _chosen(setting.kind, item, join(path, setting.key), path)
+        yield from _chosen(setting.annotation, item, join(path, setting.key), path)
 
 
 def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]:
@@ -881,38 +739,57 @@ def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]
 
 def plain_data(value: object) -> Any:
     """Settings as plain data for YAML and JSON, every one written out; ``read`` reads them back."""
-    return _plain(type(value), value, None)
-
-
-def _plain(kind: Any, value: Any, unit: Unit | None) -> Any:
-    """A value of an annotated type as plain data."""
-    if isinstance(value, Choice):
-        plug_in = mark_in(kind, PlugIn)
-        assert plug_in is not None, f"{kind} says nothing of its plug-ins"
-        return plug_in.write(value)
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return value if unit is None else unit.text(value)
-    if is_settings_class(type(value)):
-        if hasattr(value, "shorten"):
-            return value.shorten()
-        return _written(type(value), {name: getattr(value, name) for name in names_of(type(value))})
-    if isinstance(value, Mapping):
-        return {key: _plain(kind, item, unit) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(kind, item, unit) for item in value]
-    return value
+    return Nested(type(value)).plain(value)
 
 
 def plain_default(setting: Setting) -> Any:
     """The default of a setting as plain data."""
-    return _plain(setting.kind, setting.default, setting.unit)
+    return setting.kind.plain(setting.default)
 
 
 def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by their names in Python, as in YAML."""
     return {
-        setting.key: _plain(setting.kind, values[setting.name], setting.unit)
+        setting.key: setting.kind.plain(values[setting.name])
         for setting in settings_of(cls)
         if setting.name in values
-        and (mark_in(setting.kind, IfGiven) is None or values[setting.name] != setting.default)
+        and not (setting.if_given and values[setting.name] == setting.default)
     }
+
+
+# --- JSON Schema
+
+
+def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
+    """The mapping of a settings class; the classes of its own settings go to ``classes``."""
+    texts = descriptions(cls)
+    properties: Schema = {}
+    closed = True
+    for setting in settings_of(cls):
+        beside = mark_in(setting.annotation, Beside)
+        if beside is not None:
+            properties |= class_schema(beside.cls, classes)["properties"]
+            continue
+        mark = mark_in(setting.annotation, PlugIn)
+        if mark is not None and mark.beside:  # its own settings stand beside those of the class
+            closed = False
+            names = {"anyOf": mark.names_schema()}
+            properties[setting.key] = {"description": texts[setting.name], **names}
+            continue
+        text = {"description": texts[setting.name]} if setting.name in texts else {}
+        properties[setting.key] = {**text, **_setting_schema(setting, classes)}
+    schema: Schema = {
+        "type": "object",
+        "description": inspect.cleandoc(cls.__doc__ or ""),
+        "properties": properties,
+        "additionalProperties": not closed,
+    }
+    required = [setting.key for setting in settings_of(cls) if setting.default is REQUIRED]
+    return {**schema, "required": required} if required else schema
+
+
+def _setting_schema(setting: Setting, classes: dict[str, Schema]) -> Schema:
+    schema = setting.kind.schema(classes)
+    if setting.default is REQUIRED or setting.default is None:
+        return schema if setting.default is REQUIRED else {**schema, "default": None}
+    return {**schema, "default": plain_default(setting)}

@@ -63,7 +63,7 @@ class FaultEntry(FaultTimes):
         times = FaultTimes(
             **{field.name: getattr(self, field.name) for field in fields(FaultTimes)}
         )
-        written = FAULT.write(self.fault)
+        written = FAULT.plain(self.fault)
         assert isinstance(written, dict), "every fault has a target"
         given = {key: item for key, item in plain_data(times).items() if item is not None}
         return {**written, **given}

@@ -59,7 +59,7 @@ class MethodEntry:
 
     def shorten(self) -> object:
         """The settings of the method and of the scenario side by side."""
-        choice = METHOD.write(self.method)
+        choice = METHOD.plain(self.method)
         arguments = choice if isinstance(choice, dict) else {"method": choice}
         if arguments == {"method": self.name} and self.title is None and not self.settings:
             return self.name

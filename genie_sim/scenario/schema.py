@@ -4,7 +4,7 @@ mistakes.
 
 from typing import Any
 
-from genie_sim.scenario.class_schema import Schema, class_schema
+from genie_sim.base.settings import Schema, class_schema
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from genie_sim.scenario.class_schema import Schema, class_schema
+from genie_sim.base.settings import Schema, class_schema
 
 Settings = Callable[..., Any]  # a settings class
 Node = Mapping[str, Any]

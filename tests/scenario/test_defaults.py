@@ -14,7 +14,7 @@ import pytest
 
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.plugins import resolve
-from genie_sim.base.settings import keys_of
+from genie_sim.base.settings import class_schema, keys_of
 from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
@@ -24,7 +24,6 @@ from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
 from genie_sim.faults import FAULTS
 from genie_sim.methods import METHODS
-from genie_sim.scenario.class_schema import class_schema
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS, parts
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS

@@ -132,7 +132,7 @@ def unwritten(cls: Any, written: dict[str, Any], path: str = "") -> list[str]:
         value = written[setting.key]
         value = value[0] if isinstance(value, list) and value else value
         if isinstance(value, dict):
-            for inner in inner_classes(setting.kind, value):
+            for inner in inner_classes(setting.annotation, value):
                 found += unwritten(inner, value, f"{path}{setting.key}.")
     return found
 
@@ -184,7 +184,7 @@ def literal_choices(kind: Any) -> Iterator[tuple[str, ...]]:
         yield get_args(kind)
     elif is_settings_class(kind):
         for setting in settings_of(kind):
-            yield from literal_choices(setting.kind)
+            yield from literal_choices(setting.annotation)
     else:
         for argument in get_args(kind):
             yield from literal_choices(argument)
