@@ -29,7 +29,7 @@ from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.settings import plain_data
-from genie_sim.data.sources import Progress
+from genie_sim.data.source import Progress
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output

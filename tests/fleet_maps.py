@@ -9,6 +9,7 @@ from typing import Any
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.scenario.scenario import Scenario, read_scenario
 
 WEST_M, SOUTH_M = -1000.0, 5000.0
@@ -27,7 +28,7 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Way:
+class Way(Drive):
     """East through the map, from its western border on."""
 
     car: str
@@ -52,7 +53,7 @@ class Way:
 
 
 @dataclass
-class Plain:
+class Plain(FrameSource, Frames):
     """A plain of 300 m x 100 m. ``asked`` is what drives were asked for: car, trace, start."""
 
     seeded: bool = False
@@ -91,7 +92,7 @@ class Flat(Plain):
         super().__init__(extent_m=(0.0, 0.0, 300.0, 0.0))
 
 
-class NoMap:
+class NoMap(FrameSource, Frames):
     """A source whose cars have no place at any time."""
 
     seeded = False

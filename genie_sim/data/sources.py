@@ -1,21 +1,22 @@
 """Frame sources: where the frames of a scenario come from. The ``perception:`` section names one
 and its arguments.
 
-To add one, write a class with the method of ``FrameSource`` and name it in ``SOURCES`` (or in a
-scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
+To add one, write a subclass of ``source.FrameSource`` and name it in ``SOURCES`` (or in a scenario
+as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.geometry import Geodetic
-from genie_sim.core.messages import Encoding, Frame
+from genie_sim.core.messages import Encoding
+from genie_sim.data.source import Frames, FrameSource, Progress
 
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace
@@ -27,75 +28,10 @@ SOURCES: dict[str, str] = {
     "town": "genie_sim.worlds.town.source:InTown",
     "traffic": "genie_sim.worlds.traffic.source:RecordedTraffic",
 }
-Progress = Callable[[float, float, str], None]
-Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
-
-
-class Drive(Protocol):
-    """What one car's cameras see: frames by recording, in order of time, in the scenario's
-    east-north-up frame.
-    """
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def frames(self) -> Mapping[str, Sequence[Frame]]: ...
-
-
-class Frames(Protocol):
-    """An open source. ``seeded``: another seed gives other frames."""
-
-    seeded: bool
-
-    def truth_of(self, drive: Any) -> Any:
-        """What is really there on a drive from here (``recording.scenes.DriveTruth``); ``None``
-        where nobody knows.
-        """
-
-    def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
-        """What a car sees that starts at a time; ``trace`` is its route's. Raises ``UserError``."""
-
-    def digests(self) -> Mapping[str, str]:
-        """What decides the frames handed out so far, for the run's id: digests by name."""
-
-    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        """Where they come from, by name, for ``run.json``."""
-
-
-class MapDrive(Drive, Protocol):
-    """What one car sees on a map, where it can be anywhere at any time."""
-
-    @property
-    def duration_ns(self) -> int: ...
-
-    def position(self, t_ns: int) -> tuple[float, float]:
-        """East and north of the car [m], ``t_ns`` after it starts."""
-
-
-class MapFrames(Frames, Protocol):
-    """An open source that fleets can drive in. A source that has cars of its own, such as recorded
-    traffic, has a method ``starts_ns`` too: when each car starts [ns], by name.
-    """
-
-    @property
-    def extent_m(self) -> Extent: ...
-
-    def drive(self, car: str, trace: str | None, start_ns: int) -> MapDrive: ...
-
-
-class FrameSource(Protocol):
-    """The settings of a source. ``is_one_world`` says of its class that cars meet, ``is_map`` that
-    they drive on a map and replay no recording, ``has_cars`` that a fleet has no number of cars;
-    all are ``False`` where they are missing.
-    """
-
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
-        """The frames, placed around ``origin`` (``None``: the source's own). Raises UserError."""
 
 
 @dataclass(frozen=True)
-class Recorded:
+class Recorded(FrameSource):
     """What the cameras show comes from a perception trace: a name or a path."""
 
     trace: str = "kitti_0005"
@@ -111,7 +47,7 @@ class Recorded:
 
 
 @dataclass(frozen=True)
-class Live:
+class Live(FrameSource):
     """The frames of a KITTI drive go through a detector while the scenario is prepared.
 
     ``kitti`` may begin with an environment variable, ``drive`` is ``date/number``.
@@ -166,7 +102,7 @@ class Live:
 
 
 @dataclass
-class Recordings:
+class Recordings(Frames):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
     of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
     if it has no file.
@@ -176,7 +112,6 @@ class Recordings:
     origin: Geodetic | None = None
     path: Path | None = None
     truth: "TruthTable | None" = None
-    seeded: bool = False
     _read: "dict[str | None, Trace]" = field(default_factory=dict)
     _truths: "dict[str, TruthTable]" = field(default_factory=dict)  # by the trace's digest
     _known: "dict[str, RecordedTruth]" = field(default_factory=dict)  # of the same

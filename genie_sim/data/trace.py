@@ -18,6 +18,7 @@ from genie_sim.base.paths import remembered
 from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.data import world_table
+from genie_sim.data.source import Drive
 from genie_sim.data.world_table import in_range
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class TraceFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class Trace(Drive):
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``sequence`` names the drive of

@@ -14,7 +14,7 @@ from genie_sim.core.caches.features import feature_of
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.detector_laws import detector_laws
-from genie_sim.data.sources import Drive, Frames
+from genie_sim.data.source import Drive, Frames
 from genie_sim.runs.own_classes import CheckedLinkModel, CheckedMedium, CheckedMethod
 from genie_sim.scenario.faults import check_faults, timed
 from genie_sim.scenario.methods import METHOD, MethodEntry
@@ -127,9 +127,8 @@ def _interface_of(link: Choice) -> str | None:
 
 def _place(scenario: Scenario, car: Car, drive: Drive) -> Place:
     """Where a car is at any time; ``car`` is one whose start is drawn."""
-    position = getattr(drive, "position", None)
-    if position is not None:
-        return DrivenPlace(position, car.route.start_ns, drive.duration_ns)  # type: ignore[attr-defined]
+    if drive.position is not None:
+        return DrivenPlace(drive.position, car.route.start_ns, drive.duration_ns)
     return RecordedPlace(car.route, drive.frames[scenario.cameras_of(car)[0].recording])
 
 

@@ -11,7 +11,7 @@ from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.grid import cell_counts
 from genie_sim.base.plugins import Choice
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.data.sources import Drive, Extent, MapFrames
+from genie_sim.data.source import Drive, Extent, Frames
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import MAX_EDGES, Fleet
 from genie_sim.scenario.scenario import Scenario
@@ -110,18 +110,18 @@ class Cells:
         return cells
 
 
-def expanded(
-    scenario: Scenario, fleet: Fleet, frames: MapFrames
-) -> tuple[Scenario, dict[str, Drive]]:
+def expanded(scenario: Scenario, fleet: Fleet, frames: Frames) -> tuple[Scenario, dict[str, Drive]]:
     """The scenario with the fleet's cars and edges and its hand-overs, and the drive of each car.
 
     Raises ``UserError`` for a source that is no map, and for a car that is nowhere.
     """
     fields = f"{scenario.name}: fleet"
-    if not hasattr(frames, "extent_m"):
+    if frames.extent_m is None:
         raise UserError(f"{fields}: needs a town to drive in: 'perception: {{source: town}}'")
-    starts_ns = frames.starts_ns() if hasattr(frames, "starts_ns") else _starts_ns(fields, fleet)
-    if hasattr(frames, "starts_ns") and fleet.cars is not None:
+    starts_ns = frames.starts_ns()
+    if starts_ns is None:
+        starts_ns = _starts_ns(fields, fleet)
+    elif fleet.cars is not None:
         text = f"{scenario.perception.name} has {len(starts_ns):,} cars of its own: leave it out"
         raise UserError(f"{fields}.cars: {text}")
     west_m, south_m, east_m, north_m = frames.extent_m
@@ -148,6 +148,8 @@ def expanded(
         route = Route(start_ns=route_ns)
         start_ns = scenario.start_ns(Car(name, device, route=route))
         drive = frames.drive(name, None, start_ns)
+        if drive.position is None:
+            raise UserError(f"{fields}: the drive of {name} has no position at any time")
         drives[name] = drive
         with as_user_error(
             f"{scenario.name}: {name} is at no place of the map", ValueError, OverflowError

@@ -23,8 +23,9 @@ from genie_sim.base.contracts import (
     optional,
     require,
 )
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.core.messages import Detections, Expired, Forgotten, Image, Observation, Publish
+from genie_sim.data.source import Drive, Frames
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Radio, Sender
 from genie_sim.sim.method import HostConfig, HostContext, Interceptor, Method
 
@@ -123,12 +124,6 @@ MAPPING_BY_NAME = Contract(
 )
 
 
-FRAMES = Contract(
-    "an object with seeded, drive, digests and provenance",
-    lambda value: all(
-        hasattr(value, name) for name in ("seeded", "drive", "digests", "provenance")
-    ),
-)
 TRUTH = Contract(
     "an object with reach_m, range_m, knows, visible and is_there",
     lambda value: all(
@@ -240,20 +235,32 @@ class CheckedRadio:
         return Checked(self._own.sender(ends), self._owner, SENDER_METHODS)
 
 
+def check_base(own: Any, what: str, base: type[Any]) -> None:
+    """Raises ``UserError`` for an object of the user's own that is of no subclass of ``base``."""
+    if not isinstance(own, base):
+        raise UserError(
+            f"{what}: must be of a subclass of {base.__name__} in {base.__module__}, "
+            f"not {short_repr(own)}"
+        )
+
+
 def checked_frames(frames: Any, owner: str) -> Any:
     """What the ``open`` of a frame source of the user's own returned, checked while it is used.
     Raises ``UserError``.
     """
-    require(owner, "open()", frames, FRAMES)
+    check_base(frames, f"{owner}: what open() returns", Frames)
     require(owner, "seeded", frames.seeded, BOOLEAN)
-    contracts = {"digests": TEXT_BY_NAME, "provenance": MAPPING_BY_NAME}
-    if hasattr(frames, "truth_of"):
-        contracts["truth_of"] = optional(TRUTH)
+    contracts = {
+        "digests": TEXT_BY_NAME,
+        "provenance": MAPPING_BY_NAME,
+        "truth_of": optional(TRUTH),
+    }
     return Checked(frames, owner, contracts)
 
 
 def check_drive(drive: Any, owner: str) -> None:
     """Checks a drive of an own source, frame by frame. Raises ``UserError``."""
+    check_base(drive, f"{owner}: what drive() returns", Drive)
     require(owner, "drive().name", getattr(drive, "name", None), TEXT)
     recordings = require(owner, "drive().frames", getattr(drive, "frames", None), MAPPING)
     for recording, frames in recordings.items():

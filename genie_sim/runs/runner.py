@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import Any, Protocol
 
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -18,7 +18,7 @@ from genie_sim.base.settings import plain_data, read
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Encoding
 from genie_sim.core.monitor import Samples
-from genie_sim.data.sources import Drive, Frames, Progress
+from genie_sim.data.source import Drive, Frames, FrameSource, Progress
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.objects import Objects
@@ -48,9 +48,6 @@ from genie_sim.sim.settings import Car, Route
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 from genie_sim.version import VERSION
-
-if TYPE_CHECKING:
-    from genie_sim.data.sources import MapFrames
 
 TEXT_S = 0.1  # how long a text of progress holds
 
@@ -250,7 +247,7 @@ def _map_facts(prepared: Prepared) -> dict[str, Any]:
     frames = prepared.frames
     if isinstance(frames, TownDrives):
         return {}
-    return {"map": {"extent_m": [float(border_m) for border_m in cast(Any, frames).extent_m]}}
+    return {"map": {"extent_m": [float(border_m) for border_m in frames.extent_m or ()]}}
 
 
 def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
@@ -362,7 +359,7 @@ def prepare(
 
         own_metrics(scenario.metrics)
     source = frame_source(scenario)
-    if getattr(source, "is_map", False):
+    if source.is_map:
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
         for place, route in (routes or {"perception.duration": Route()}).items():
             scenario.check_time(f"{scenario.name}: {place}", route, source.duration_ns)
@@ -373,9 +370,13 @@ def prepare(
     return on_frames(scenario, frames, devices)
 
 
-def frame_source(scenario: Scenario) -> Any:
+def frame_source(scenario: Scenario) -> FrameSource:
     """What the ``perception`` section names. Raises ``UserError``."""
-    return FRAME_SOURCE.make(scenario.perception)
+    source: FrameSource = FRAME_SOURCE.make(scenario.perception)
+    owner = plugins.own_label("frame source", scenario.perception.name)
+    if owner is not None:
+        own_classes.check_base(source, owner, FrameSource)
+    return source
 
 
 def methods_of(prepared: Prepared) -> list[MethodInfo]:
@@ -389,7 +390,7 @@ def on_frames(
     """The same with a frame source that is open already. Raises ``UserError``."""
     full = scenario
     if scenario.fleet is not None:
-        full, drives = expanded(scenario, scenario.fleet, cast("MapFrames", frames))
+        full, drives = expanded(scenario, scenario.fleet, frames)
     else:
         drives = {
             car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
@@ -442,16 +443,17 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
     return replace(scenario, cars=cars)
 
 
-def _encoded(scenario: Scenario, frames: Any, car: str, encoding: Encoding) -> Any:
+def _encoded(scenario: Scenario, frames: Frames, car: str, encoding: Encoding) -> Any:
     """A car's drive after its pictures were sent. Raises ``UserError`` where the source has no such
     pictures.
     """
-    if not hasattr(frames, "encoded"):
+    drive = frames.encoded(car, encoding)
+    if drive is None:
         raise UserError(
             f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has no "
             "pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
         )
-    return frames.encoded(car, encoding)
+    return drive
 
 
 def simulate_with(
@@ -629,11 +631,9 @@ def accuracy_of(
         Cars that have driven with an earlier method, so that their zero-delay detector is judged.
     """
     record = prepared.expanded.record
-    # A frame source of the user's own need not know what is there.
-    truth_of = getattr(prepared.frames, "truth_of", None)
-    if truth_of is None or "held" not in record:
+    if "held" not in record:
         return None
-    truths = {car: truth_of(drive) for car, drive in prepared.drives.items()}
+    truths = {car: prepared.frames.truth_of(drive) for car, drive in prepared.drives.items()}
     truths = {car: truth for car, truth in truths.items() if truth is not None}
     if not truths:
         return None

@@ -32,6 +32,7 @@ from genie_sim.base.settings import (
 )
 from genie_sim.core.rules import GenieRules, ToldRules
 from genie_sim.core.without_effect import check_effect
+from genie_sim.data.source import FrameSource
 from genie_sim.data.sources import SOURCES
 from genie_sim.methods import METHODS
 from genie_sim.scenario import setting_paths
@@ -193,13 +194,14 @@ class Scenario(MethodSettings):
         return value
 
     @property
-    def source(self) -> Any:
+    def source(self) -> FrameSource | None:
         """The frame source, ``None`` for one of the user's own, whose code is not run to check a
         scenario.
         """
         if plugins.is_own(self.perception.name):
             return None
-        return FRAME_SOURCE.make(self.perception)
+        source: FrameSource = FRAME_SOURCE.make(self.perception)
+        return source
 
     def under(self, entry: MethodEntry) -> MethodSettings:
         """The settings of one method: the scenario's with those that the entry has otherwise.
@@ -225,7 +227,7 @@ class Scenario(MethodSettings):
         """Whether all cars are in one world at one time, and do not replay one recording at
         different times.
         """
-        return self.sequence is not None or bool(getattr(self.source, "is_one_world", False))
+        return self.sequence is not None or (self.source is not None and self.source.is_one_world)
 
     def cameras_of(self, car: Car) -> Sequence[Camera]:
         """A car's own cameras, or the scenario's."""
@@ -365,20 +367,19 @@ def checked(scenario: Scenario) -> Scenario:
 def _check_cars_or_fleet(scenario: Scenario) -> None:
     """Somebody drives: cars of their own, or a fleet in a town."""
     source = scenario.source
-    own = plugins.is_own(scenario.perception.name)  # looked at when it is open
-    is_map = bool(getattr(source, "is_map", False))
+    is_map = source is not None and source.is_map
     if scenario.fleet is None and not scenario.cars:
         raise SettingError("cars", "must not be empty")
     if scenario.fleet is not None:
         for key in ("cars", "edges"):
             if getattr(scenario, key):
                 raise SettingError(key, "a fleet brings its own; leave them out, or 'fleet'")
-        if not (is_map or own):
+        if source is not None and not is_map:
             text = "needs a town to drive in: 'perception: {source: town}'"
             raise SettingError("fleet", text)
-        if scenario.fleet.cars is None and not (own or getattr(source, "has_cars", False)):
+        if scenario.fleet.cars is None and not (source is None or source.has_cars):
             raise SettingError("fleet.cars", "missing")
-        if hasattr(source, "cells") and source.cells(scenario.fleet.cell_m) > MAX_EDGES:
+        if source is not None and source.cells(scenario.fleet.cell_m) > MAX_EDGES:
             raise SettingError("fleet.cell", f"makes more than {MAX_EDGES:,} edges of this town")
     if is_map:
         _check_on_map(scenario)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
-from genie_sim.data.sources import Frames, Progress
+from genie_sim.data.source import Frames, Progress
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs import runner

@@ -20,7 +20,7 @@ from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
 from genie_sim.base.paths import atomic_write
-from genie_sim.data.sources import Frames
+from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric

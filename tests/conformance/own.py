@@ -17,6 +17,7 @@ from genie_sim.core.freshness.never import Never
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
+from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.faults.attack import Attack
 from genie_sim.faults.outage import Outage
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
@@ -37,15 +38,13 @@ class StreetFrame:
 
 
 @dataclass(frozen=True)
-class Street:
+class Street(FrameSource, Frames):
     """A frame source: a straight street with a parked car every 8 m, two cameras ten times a
     second.
     """
 
     seconds: float = 2.0
     speed_mps: float = 5.0
-
-    seeded = False
 
     def open(self, seed, origin, progress=None):
         return self
@@ -76,7 +75,7 @@ class Street:
 
 
 @dataclass(frozen=True)
-class StreetDrive:
+class StreetDrive(Drive):
     """The street, as every car sees it."""
 
     frames: dict

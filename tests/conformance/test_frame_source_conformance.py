@@ -134,6 +134,23 @@ def test_a_source_that_does_not_work_is_one_line(source, message: str):
     assert "\n" not in str(error.value)
 
 
+class NoSource:
+    """Opens frames, but is no ``FrameSource``."""
+
+    def open(self, seed, origin, progress=None):
+        return Street()
+
+
+def test_a_source_without_the_base_class_is_told_which():
+    source = f"{__name__}:NoSource"
+    message = (
+        f"^frame source '{source}': must be of a subclass of FrameSource in "
+        "genie_sim.data.source, not "
+    )
+    with pytest.raises(UserError, match=message):
+        runner.prepare(small.scenario(perception={"source": source}))
+
+
 class Backwards(Street):
     """Its frames are in the wrong order."""
 

@@ -133,8 +133,20 @@ CASES = {
     ),
     "no check": ({"faults": [FAULT]}, own.Blackout, "check", "x", "check is 'x', but must be a"),
     "duration": ({"faults": [FAULT]}, own.Blackout, "duration_ns", "1 s", "duration_ns is '1 s'"),
-    "open": ({}, own.Street, "open", returns(None), "open() is None, but must be an object with"),
-    "drive": ({}, own.Street, "drive", returns("x"), "drive().name is None, but must be text"),
+    "open": (
+        {},
+        own.Street,
+        "open",
+        returns(None),
+        "what open() returns: must be of a subclass of Frames",
+    ),
+    "drive": (
+        {},
+        own.Street,
+        "drive",
+        returns("x"),
+        "what drive() returns: must be of a subclass of Drive",
+    ),
     "no frames": (
         {},
         own.Street,

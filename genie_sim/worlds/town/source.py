@@ -12,11 +12,12 @@ import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.data.source import Frames, FrameSource
 from genie_sim.worlds.town.objects import TownObject
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
-    from genie_sim.data.sources import Extent, Progress
+    from genie_sim.data.source import Progress
     from genie_sim.worlds.town.frames import TownFrame
     from genie_sim.worlds.town.town import Town, TownDrive
 
@@ -26,7 +27,7 @@ MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
 
 
 @dataclass(frozen=True)
-class InTown:
+class InTown(FrameSource):
     """Every car drives its own way through a generated town.
 
     Each drives for ``duration_ns`` and takes a frame every ``interval_ns``; recordings are "02" and
@@ -86,19 +87,16 @@ class InTown:
         return TownDrives(Town(self.town, seed), self)
 
 
-@dataclass(frozen=True)
-class TownDrives:
+class TownDrives(Frames):
     """A town with the drives through it. A car sees the town at the time that the simulation has
     then, but for the phases of its cameras.
     """
 
-    town: "Town"
-    settings: InTown
-    seeded: bool = True
+    seeded = True
 
-    @property
-    def extent_m(self) -> "Extent":
-        return 0.0, 0.0, *self.town.size_m
+    def __init__(self, town: "Town", settings: InTown) -> None:
+        self.town, self.settings = town, settings
+        self.extent_m = 0.0, 0.0, *town.size_m
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "TownDrive":
         return self.town.drive(car, self.settings.duration_ns, self.settings.interval_ns, start_ns)

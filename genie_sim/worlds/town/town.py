@@ -12,6 +12,7 @@ from dataclasses import asdict
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
 from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.data.source import Drive
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.detector import SyntheticDetector
 from genie_sim.worlds.town.frames import BASELINES_M, TownFrame, TownFrames
@@ -139,7 +140,7 @@ class Town:
         return routes.drive(self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
 
-class TownDrive:
+class TownDrive(Drive):
     """What the cameras of one car see in a town: has the frames of a ``Trace``.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are
@@ -175,6 +176,5 @@ class TownDrive:
         return self.town.course(self.car, self.start_ns, self.start_ns + self.duration_ns)
 
     def position(self, t_ns: int) -> tuple[float, float]:
-        """East and north of the car [m], ``t_ns`` after the drive's first frame."""
         east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
         return east_m, north_m

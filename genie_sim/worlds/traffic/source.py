@@ -10,10 +10,11 @@ from genie_sim.base import files
 from genie_sim.base.settings import Bounds, OneOf, SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.geometry import Geodetic
+from genie_sim.data.source import FrameSource
 from genie_sim.worlds.town.rules import MAX_VIEW_M
 
 if TYPE_CHECKING:
-    from genie_sim.data.sources import Progress
+    from genie_sim.data.source import Progress
     from genie_sim.worlds.traffic.traffic import TrafficDrives
 
 MAX_FRAMES = 100_000_000  # as a town's
@@ -35,7 +36,7 @@ class TypeRules:
 
 
 @dataclass(frozen=True)
-class RecordedTraffic:
+class RecordedTraffic(FrameSource):
     """Cars drive with recorded traffic, such as floating-car data of SUMO.
 
     All vehicles of the file are there, for cars to see and to be hidden by; those that are

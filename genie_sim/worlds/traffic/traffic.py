@@ -19,6 +19,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.classes import MOVING_MPS, VEHICLES
 from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.data.source import Drive, Frames
 from genie_sim.worlds.town.detector import SyntheticDetector
 from genie_sim.worlds.town.frames import BASELINES_M, BATCH_FRAMES, TownFrame, TownFrames
 from genie_sim.worlds.town.laws import detector_laws
@@ -30,7 +31,6 @@ from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType
 from genie_sim.worlds.traffic.view import TrafficView
 
 if TYPE_CHECKING:
-    from genie_sim.data.sources import Extent
     from genie_sim.worlds.traffic.source import RecordedTraffic
 
 STREAM = "traffic"
@@ -186,7 +186,7 @@ class _Way:
         )
 
 
-class TrafficDrive:
+class TrafficDrive(Drive):
     """What the cameras of one vehicle see from ``start_ns`` of the scene's clock until it leaves:
     has the frames of a ``Trace``.
     """
@@ -211,7 +211,6 @@ class TrafficDrive:
         }
 
     def position(self, t_ns: int) -> tuple[float, float]:
-        """East and north of the car [m], ``t_ns`` after the drive's first frame."""
         east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
         return east_m, north_m
 
@@ -233,13 +232,14 @@ def car_names(path: Path, ids: Sequence[str]) -> list[str]:
     return list(names)
 
 
-class TrafficDrives:
+class TrafficDrives(Frames):
     """Traffic with the drives of its equipped vehicles."""
 
     seeded = True
 
     def __init__(self, traffic: Traffic) -> None:
         self.traffic = traffic
+        self.extent_m = traffic.vehicles.extent_m
         vehicles, end_s = traffic.vehicles, traffic.end_s
         self._names = car_names(traffic.path, vehicles.ids)
         # Of each car: its stretch, and when it begins and ends.
@@ -249,10 +249,6 @@ class TrafficDrives:
             if last_s - begin_s >= SHORTEST_S:
                 span_ns = math.ceil(begin_s * 1e9), math.floor(last_s * 1e9)
                 self._stretches[name] = (stretch, *span_ns)
-
-    @property
-    def extent_m(self) -> "Extent":
-        return self.traffic.vehicles.extent_m
 
     def starts_ns(self) -> dict[str, int]:
         """When each equipped vehicle appears [ns], by its car's name. Raises ``UserError`` where

@@ -1,0 +1,96 @@
+"""What a source of frames has: base classes of its settings, of the open source and of the drives
+that it gives to cars. ``sources`` has the shipped ones.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+from genie_sim.core.geometry import Geodetic
+from genie_sim.core.messages import Encoding, Frame
+
+Progress = Callable[[float, float, str], None]
+Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
+
+
+class Drive:
+    """What one car's cameras see: frames by recording, in order of time, in the scenario's
+    east-north-up frame.
+
+    A drive on a map has a ``duration_ns`` and a ``position``, too.
+    """
+
+    __slots__ = ()
+
+    name: str
+    frames: Mapping[str, Sequence[Frame]]
+    duration_ns: int
+
+    position: Callable[[int], tuple[float, float]] | None = None
+    """A method that gives east and north of the car [m] so many nanoseconds after it starts;
+    ``None`` where its place is known only when a frame was taken.
+    """
+
+
+class Frames:
+    """An open source."""
+
+    seeded: bool = False
+    """Whether another seed gives other frames."""
+
+    extent_m: Extent | None = None
+    """The borders of the map; ``None`` where no fleet can drive."""
+
+    def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
+        """What a car sees that starts at a time; ``trace`` is its route's. Raises ``UserError``."""
+        raise NotImplementedError
+
+    def digests(self) -> Mapping[str, str]:
+        """What decides the frames handed out so far, for the run's id: digests by name."""
+        raise NotImplementedError
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        """Where they come from, by name, for ``run.json``."""
+        raise NotImplementedError
+
+    def starts_ns(self) -> Mapping[str, int] | None:
+        """When each car of a fleet starts [ns], by name, where the source brings the cars, such as
+        recorded traffic; ``None`` where the scenario says how many there are.
+        """
+        return None
+
+    def truth_of(self, drive: Any) -> Any:
+        """What is really there on a drive from here (``judge.scenes.DriveTruth``); ``None`` where
+        nobody knows.
+        """
+        return None
+
+    def encoded(self, car: str, encoding: Encoding) -> Drive | None:
+        """A car's drive with its pictures encoded and decoded; ``None`` where there are no
+        pictures. Raises ``UserError``.
+        """
+        return None
+
+
+class FrameSource:
+    """The settings of a source."""
+
+    is_one_world: ClassVar[bool] = False
+    """Whether all cars are there at one time: what one sees is there for the others."""
+
+    is_map: ClassVar[bool] = False
+    """Whether cars drive on a map, for ``duration_ns``, and replay no recording."""
+
+    has_cars: ClassVar[bool] = False
+    """Whether the source brings the cars of a fleet."""
+
+    duration_ns: int
+
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
+        """The frames, placed around ``origin`` (``None``: the source's own). Raises UserError."""
+        raise NotImplementedError
+
+    def cells(self, cell_m: float) -> float:
+        """About how many cells of that size the map has; 0 where that is not known before it is
+        opened.
+        """
+        return 0.0
