@@ -16,14 +16,18 @@ MAX_NUMBER = sys.float_info.max
 
 
 class Contract(NamedTuple):
-    """What a value must be: in words, and as a test."""
+    """What a value must be: in words, and as a test. ``then`` makes of a right one, its owner and
+    field what is handed on in its place, such as a ``Checked``.
+    """
 
     expected: str
     holds: Callable[[Any], bool]
+    then: Callable[[Any, str, str], Any] | None = None
 
 
 def require(owner: str, field: str, value: Any, contract: Contract) -> Any:
-    """``value`` if it is what the contract says. Raises ``UserError``.
+    """``value``, or what the contract makes of it, if it is what the contract says. Raises
+    ``UserError``.
 
     Parameters
     ----------
@@ -38,7 +42,7 @@ def require(owner: str, field: str, value: Any, contract: Contract) -> Any:
     """
     if not contract.holds(value):
         raise UserError(f"{owner}: {field} is {short_repr(value)}, but must be {contract.expected}")
-    return value
+    return value if contract.then is None else contract.then(value, owner, field)
 
 
 class Checked:
@@ -76,6 +80,23 @@ def _checked(
     return call
 
 
+def checked(own: Any, owner: str | None, contracts: Mapping[str, Contract]) -> Any:
+    """The object itself, or ``Checked`` where it has an ``owner``: is of a class of the user's own
+    (see ``plugins.own_label``).
+    """
+    return own if owner is None else Checked(own, owner, contracts)
+
+
+def has(contracts: Mapping[str, Contract]) -> Contract:
+    """An object with methods that return what these contracts say."""
+    *names, last = contracts
+    return Contract(
+        f"an object with {', '.join(names)} and {last}" if names else f"an object with {last}",
+        lambda value: all(callable(getattr(value, name, None)) for name in contracts),
+        lambda value, owner, _: Checked(value, owner, contracts),
+    )
+
+
 def _is_whole(value: Any) -> bool:
     return (
         isinstance(value, Integral) and not isinstance(value, bool) and 0 <= int(value) < MAX_WHOLE
@@ -95,8 +116,11 @@ def _is_texts(value: Any) -> bool:
 
 def optional(contract: Contract) -> Contract:
     """The same, or ``None``."""
+    then = contract.then
     return Contract(
-        f"{contract.expected}, or None", lambda value: value is None or contract.holds(value)
+        f"{contract.expected}, or None",
+        lambda value: value is None or contract.holds(value),
+        then and (lambda value, *of: None if value is None else then(value, *of)),
     )
 
 

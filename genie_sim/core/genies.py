@@ -6,7 +6,7 @@ from numbers import Real
 from typing import Any, Literal
 
 from genie_sim.base import plugins
-from genie_sim.base.contracts import Checked
+from genie_sim.base.contracts import checked
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.defences import Defence, Guard
@@ -20,8 +20,8 @@ from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.own_parts import (
     DEFENCE_CONTRACTS,
     POLICY_METHODS,
+    SIMILARITY_METHODS,
     CheckedEviction,
-    CheckedSimilarity,
 )
 from genie_sim.core.per_topic import PerTopicGenie
 from genie_sim.core.readings import pending_index, readings_of
@@ -122,9 +122,9 @@ def make_genie(
 def _similarity(rules: GenieRules) -> Similarity:
     """The similarity that the rules name. Raises ``UserError``."""
     choice = rules.similarity
-    own: Similarity = SIMILARITY.make(choice)
     owner = plugins.own_label("similarity", choice.name)
-    return own if owner is None else CheckedSimilarity(own, owner)
+    similarity: Similarity = checked(SIMILARITY.make(choice), owner, SIMILARITY_METHODS)
+    return similarity
 
 
 def make_paced_genie(
@@ -186,10 +186,8 @@ def _defence(looks: LookRules) -> Defence | None:
     choice = looks.defence
     if choice.name == "none":
         return None
-    defence: Defence = DEFENCE.make(choice)
     owner = plugins.own_label("defence", choice.name)
-    if owner is not None:
-        defence = Checked(defence, owner, DEFENCE_CONTRACTS)  # type: ignore[assignment]
+    defence: Defence = checked(DEFENCE.make(choice), owner, DEFENCE_CONTRACTS)
     return defence
 
 
@@ -239,10 +237,8 @@ def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
 def _policy(rules: GenieRules) -> Never:
     """The freshness policy that the rules name. Raises ``UserError``."""
     choice = rules.object_map.freshness
-    policy: Never = FRESHNESS_POLICY.make(choice)
     owner = plugins.own_label("freshness policy", choice.name)
-    if owner is not None:
-        policy = Checked(policy, owner, POLICY_METHODS)  # type: ignore[assignment]
+    policy: Never = checked(FRESHNESS_POLICY.make(choice), owner, POLICY_METHODS)
     return policy
 
 

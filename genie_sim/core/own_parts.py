@@ -16,32 +16,10 @@ from genie_sim.base.contracts import (
     require,
 )
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.messages import Image
-from genie_sim.core.similarity import KeyIndex, Similarity
+from genie_sim.core.similarity import KeyIndex
 
-INDEX = Contract(
-    "an object with add, discard and find",
-    lambda value: all(callable(getattr(value, name, None)) for name in ("add", "discard", "find")),
-)
 DEFENCE_CONTRACTS = dict.fromkeys(("counts", "tells", "believes", "admits"), BOOLEAN)
 POLICY_METHODS = {"expires_ns": optional(NUMBER), "serves": BOOLEAN, "existence": SHARE}
-
-
-class CheckedSimilarity:
-    """A similarity of the user's own; ``owner`` names it in error lines."""
-
-    def __init__(self, own: Similarity, owner: str) -> None:
-        self._own = own
-        self._owner = owner
-
-    def key(self, image: Image) -> Hashable:
-        key: Hashable = require(self._owner, "key()", self._own.key(image), HASHABLE)
-        return key
-
-    def index(self) -> KeyIndex:
-        index = self._own.index()
-        require(self._owner, "index()", index, INDEX)
-        return CheckedIndex(index, self._owner)
 
 
 class CheckedIndex:
@@ -86,3 +64,11 @@ class CheckedEviction(Checked):
         victim = Contract("a stored key", lambda key: HASHABLE.holds(key) and key in keys)
         super().__init__(own, owner, {"victim": victim, "expires_ns": optional(NUMBER)})
         self.__dict__.update(stored=stored, removed=removed)
+
+
+INDEX = Contract(
+    "an object with add, discard and find",
+    lambda value: all(callable(getattr(value, name, None)) for name in ("add", "discard", "find")),
+    lambda value, owner, _: CheckedIndex(value, owner),
+)
+SIMILARITY_METHODS = {"key": HASHABLE, "index": INDEX}

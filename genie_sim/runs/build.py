@@ -7,6 +7,7 @@ from itertools import chain
 from typing import Any, Literal
 
 from genie_sim.base import plugins
+from genie_sim.base.contracts import checked
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Chosen, PlugIn, SettingError, chosen, join, own_arguments
@@ -15,7 +16,7 @@ from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.detector_laws import detector_laws
 from genie_sim.data.source import Drive, Frames
-from genie_sim.runs.own_classes import CheckedLinkModel, CheckedMedium, CheckedMethod
+from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS, checked_method
 from genie_sim.scenario.faults import check_faults, timed
 from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS
@@ -65,7 +66,9 @@ def method(entry: MethodEntry) -> Method:
     """The method of an entry. Raises ``UserError``."""
     own: Method = METHOD.make(entry.method)
     owner = plugins.own_label("method", entry.method.name)
-    return own if owner is None else CheckedMethod(own, owner)
+    if owner is not None:
+        own = checked_method(own, owner)
+    return own
 
 
 def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
@@ -186,12 +189,11 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
 
 def link_model(choice: Choice) -> LinkModel | Medium:
     """The model of a link. Raises ``UserError``."""
-    own: Any = LINK.make(choice)
+    own = LINK.make(choice)
     owner = plugins.own_label("link model", choice.name)
-    if owner is None:
-        model: LinkModel | Medium = own
-        return model
-    return CheckedMedium(own, owner) if hasattr(own, "radio") else CheckedLinkModel(own, owner)
+    methods = MEDIUM_METHODS if hasattr(own, "radio") else LINK_MODEL_METHODS
+    model: LinkModel | Medium = checked(own, owner, methods)
+    return model
 
 
 def link_digests(scenario: Scenario) -> dict[str, str]:

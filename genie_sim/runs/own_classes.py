@@ -2,7 +2,7 @@
 their methods return must be what the simulator needs (``contracts``).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +19,7 @@ from genie_sim.base.contracts import (
     WHOLE,
     Checked,
     Contract,
+    has,
     is_number,
     optional,
     require,
@@ -26,8 +27,7 @@ from genie_sim.base.contracts import (
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.core.messages import Detections, Expired, Forgotten, Image, Observation, Publish
 from genie_sim.data.source import Drive, Frames
-from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Radio, Sender
-from genie_sim.sim.method import HostConfig, HostContext, Interceptor, Method
+from genie_sim.sim.method import HostConfig, Interceptor
 
 
 def _is_effects(value: Any) -> bool:
@@ -49,7 +49,6 @@ def _is_uplink(value: Any) -> bool:
 
 
 EFFECTS = Contract("a list of Publish and of observations such as ImageLookup", _is_effects)
-CONFIG = Contract("a HostConfig", lambda value: isinstance(value, HostConfig))
 CALLABLE = Contract("a function that makes an interceptor", callable)
 UPLINK = Contract("an Uplink of two topics", _is_uplink)
 CONFIG_FIELDS = {
@@ -64,9 +63,7 @@ CONFIG_FIELDS = {
 INTERCEPTOR_METHODS = {
     "subscriptions": TEXTS,
     "publications": TEXTS,
-    "on_message": EFFECTS,
     "next_deadline_ns": optional(WHOLE),
-    "on_deadline": EFFECTS,
     "cache_entries": WHOLE,
     "on_void": Contract(
         "a list of Expired and Forgotten",
@@ -76,13 +73,14 @@ INTERCEPTOR_METHODS = {
         ),
     ),
 }
-CHANNEL_METHODS = {"occupied_ns": WHOLE, "delay_ns": optional(WHOLE)}
-RADIO = Contract("a radio with sender", lambda value: hasattr(value, "sender"))
 NOTHING = Contract("None", lambda value: value is None)
 EVENT = Contract(
     "an event, such as air.clock.timeout(10**6)", lambda value: hasattr(value, "callbacks")
 )
-SENDER_METHODS = {"sent": EVENT, "delay_ns": optional(WHOLE), "set_up": NOTHING}
+DELAY = optional(WHOLE)
+LINK_MODEL_METHODS = {"channel": has({"occupied_ns": WHOLE, "delay_ns": DELAY})}
+SENDER = has({"sent": EVENT, "delay_ns": DELAY, "set_up": NOTHING})
+MEDIUM_METHODS = {"radio": has({"sender": SENDER})}
 
 POSE = Contract(
     "a CameraPose of four numbers",
@@ -136,103 +134,47 @@ def _is_hash(value: Any) -> bool:
     return isinstance(value, int | np.integer) and 0 <= int(value) < 2**64
 
 
-class CheckedMethod(Method):
-    """A method of the user's own; ``owner`` names it in error lines."""
-
-    def __init__(self, own: Any, owner: str) -> None:
-        self._own = own
-        self._owner = owner
-        self.title = require(owner, "title", own.title, TEXT)
-        self.baseline = require(owner, "baseline", own.baseline, BOOLEAN)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.__dict__["_own"], name)
-
-    def on_car(self, host: HostContext) -> HostConfig | None:
-        config = require(self._owner, "on_car()", self._own.on_car(host), optional(CONFIG))
-        return None if config is None else self._checked_config("on_car()", config)
-
-    def on_edge(self, host: HostContext) -> HostConfig:
-        config = require(self._owner, "on_edge()", self._own.on_edge(host), CONFIG)
-        return self._checked_config("on_edge()", config)
-
-    def _checked_config(self, field: str, config: HostConfig) -> HostConfig:
-        for name, contract in CONFIG_FIELDS.items():
-            require(self._owner, f"{field}.{name}", getattr(config, name), contract)
-        make = config.interceptor
-        if make is None:
-            return config
-
-        def checked(subscribed: tuple[str, ...], published: tuple[str, ...]) -> Interceptor:
-            node: Any = make(subscribed, published)
-            require(self._owner, "the interceptor's name", getattr(node, "name", None), TEXT)
-            return CheckedInterceptor(node, self._owner)
-
-        return replace(config, interceptor=checked)
+def checked_method(own: Any, owner: str) -> Any:
+    """A method of the user's own; ``owner`` names it in error lines. Raises ``UserError``."""
+    require(owner, "title", own.title, TEXT)
+    require(owner, "baseline", own.baseline, BOOLEAN)
+    return Checked(own, owner, {"on_car": optional(CONFIG), "on_edge": CONFIG})
 
 
-class CheckedInterceptor(Checked):
+def _checked_config(config: HostConfig, owner: str, field: str) -> HostConfig:
+    for name, contract in CONFIG_FIELDS.items():
+        require(owner, f"{field}.{name}", getattr(config, name), contract)
+    make = config.interceptor
+    if make is None:
+        return config
+
+    def checked(subscribed: tuple[str, ...], published: tuple[str, ...]) -> Interceptor:
+        node: Any = make(subscribed, published)
+        require(owner, "the interceptor's name", getattr(node, "name", None), TEXT)
+        interceptor: Interceptor = _checked_interceptor(node, owner)
+        return interceptor
+
+    return replace(config, interceptor=checked)
+
+
+CONFIG = Contract("a HostConfig", lambda value: isinstance(value, HostConfig), _checked_config)
+
+
+def _checked_interceptor(own: Any, owner: str) -> Any:
     """An interceptor of the user's own, which publishes on its own topics only."""
 
-    def __init__(self, own: Interceptor, owner: str) -> None:
-        super().__init__(own, owner, INTERCEPTOR_METHODS)
-        topics = frozenset(self.publications())
-        for name in ("on_message", "on_deadline"):
-            if hasattr(self, name):
-                own_name = f"{owner}: {name}()"
-                self.__dict__[name] = _publishing(getattr(self, name), own_name, topics)
-
-
-def _publishing(
-    method: Callable[..., Any], own_name: str, topics: frozenset[str]
-) -> Callable[..., Any]:
-    """The same method, whose effects may publish on ``topics`` only."""
-
-    def call(*arguments: Any, **parameters: Any) -> Any:
-        effects = method(*arguments, **parameters)
+    def on_its_topics(effects: Any, owner: str, field: str) -> Any:
         for effect in effects:
             if isinstance(effect, Publish) and effect.topic not in topics:
                 text = unknown("topic", effect.topic, topics)
-                raise UserError(f"{own_name} publishes on an {text}")
+                raise UserError(f"{owner}: {field} publishes on an {text}")
         return effects
 
-    return call
-
-
-class CheckedLinkModel:
-    """A link model of the user's own; ``owner`` names it in error lines."""
-
-    def __init__(self, own: LinkModel, owner: str) -> None:
-        self.own = own
-        self._owner = owner
-
-    def channel(self, up: bool, rng: np.random.Generator) -> Channel:
-        channel = self.own.channel(up, rng)
-        return Checked(channel, self._owner, CHANNEL_METHODS)
-
-
-class CheckedMedium:
-    """A medium of the user's own; ``owner`` names it in error lines."""
-
-    def __init__(self, own: Medium, owner: str) -> None:
-        self.own = own
-        self._owner = owner
-
-    def radio(self, air: Air) -> Radio:
-        return CheckedRadio(
-            require(self._owner, "radio()", self.own.radio(air), RADIO), self._owner
-        )
-
-
-class CheckedRadio:
-    """The radio of a medium of the user's own."""
-
-    def __init__(self, own: Radio, owner: str) -> None:
-        self._own = own
-        self._owner = owner
-
-    def sender(self, ends: LinkEnds) -> Sender:
-        return Checked(self._own.sender(ends), self._owner, SENDER_METHODS)
+    effects = EFFECTS._replace(then=on_its_topics)
+    methods = {**INTERCEPTOR_METHODS, "on_message": effects, "on_deadline": effects}
+    checked = Checked(own, owner, methods)
+    topics = frozenset(checked.publications())
+    return checked
 
 
 def check_base(own: Any, what: str, base: type[Any]) -> None:

@@ -100,7 +100,13 @@ CASES = {
         "next_deadline_ns() is 0.5, but must be a whole number, 0 or more, or None",
     ),
     "title": (METHOD, own.Again, "title", None, "title is None, but must be text"),
-    "channel": (LINK, own.Radio, "channel", returns(None), "occupied_ns is None, but must be a"),
+    "channel": (
+        LINK,
+        own.Radio,
+        "channel",
+        returns(None),
+        "channel() is None, but must be an object with occupied_ns and delay_ns",
+    ),
     "occupied": (
         LINK,
         own.RadioChannel,
@@ -114,9 +120,15 @@ CASES = {
         own.OneAtATime,
         "radio",
         returns(None),
-        "radio() is None, but must be a radio",
+        "radio() is None, but must be an object with sender",
     ),
-    "sender": (MEDIUM, own.Turns, "sender", returns(None), "sent is None, but must be a method"),
+    "sender": (
+        MEDIUM,
+        own.Turns,
+        "sender",
+        returns(None),
+        "sender() is None, but must be an object with sent, delay_ns and set_up",
+    ),
     "sender's delay": (
         MEDIUM,
         own.Turn,
