@@ -15,7 +15,8 @@ import time
 import cv2
 import numpy as np
 
-from genie_sim.analysis.text_table import markdown
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.data.encoding import FORMATS
 from genie_sim.data.kitti import open_drive, read_image
 from genie_sim.data.perceive import kitti_folder
@@ -50,7 +51,7 @@ def main() -> None:
             size, share, encode, decode = np.median(rows, axis=0)
             numbers = f"{size:,.0f}", f"{share:.3f}", f"{encode:.2f}", f"{decode:.2f}"
             lines.append([what, name, *numbers])
-    print(markdown(heads, lines))
+    print(renderers.markdown(ResultTable.of_texts(heads, lines)), end="")
 
 
 if __name__ == "__main__":

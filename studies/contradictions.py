@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from genie_sim.analysis.text_table import markdown
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.base.parallel import workers_here
 from genie_sim.paper.checks import load_claims
 from genie_sim.paper.claims import look
@@ -173,13 +174,16 @@ def tables(rows: Sequence[Mapping[str, str]]) -> str:
     explains = "what explains most (share of variance): share at each level"
     of_halves = ["best by", "hold of these", "of the other half", "at all points"]
     held = np.nansum(table, axis=0)
-    return "\n\n".join(
+    tables = [
+        (["claim", "holds at", explains], claims),
+        (["claims", "hold together at", "points expected by chance"], pairs),
+        ([*of_halves, "95 % of random choices"], halves(table)),
+    ]
+    return "\n".join(
         [
             f"{len(rows)} points: at most {held.max():.0f} claims hold at once, "
-            f"on average {held.mean():.1f}.",
-            markdown(["claim", "holds at", explains], claims),
-            markdown(["claims", "hold together at", "points expected by chance"], pairs),
-            markdown([*of_halves, "95 % of random choices"], halves(table)),
+            f"on average {held.mean():.1f}.\n",
+            *(renderers.markdown(ResultTable.of_texts(*each)) for each in tables),
         ]
     )
 

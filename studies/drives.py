@@ -41,9 +41,10 @@ import pandas as pd
 from scipy.stats import linregress
 
 import genie_sim as gs
+from genie_sim.analysis import renderers
 from genie_sim.analysis.genie_metrics import PLACEMENTS
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import t_quantile
-from genie_sim.analysis.text_table import markdown
 from genie_sim.base.parallel import workers_here
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Header, Image
@@ -277,7 +278,8 @@ def tables(runs: pd.DataFrame) -> str:
     cube = Cube(runs)
     headings = ["", "number of each drive", "more than", "median (range)"]
     rows = [row_of(direction, cube) for direction in DIRECTIONS]
-    table = markdown([*headings, "holds", "contrary", "open"], rows)
+    made = ResultTable.of_texts([*headings, "holds", "contrary", "open"], rows)
+    table = renderers.markdown(made).rstrip()
     return f"{table}\n\n{hypothesis(cube)}" if len(cube.drives) > 2 else table
 
 

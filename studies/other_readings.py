@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis.text_table import markdown
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.base import files
 from genie_sim.base.parallel import workers_here
 from genie_sim.data.trace import Trace, read_trace, write_trace
@@ -119,7 +120,8 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         of_claims.append([claim.id, f"{len(holds)} of {len(tried)}", ", ".join(holds)])
     headings = ["reading or value", "plausible", "claims that hold", *MEASURES]
     under = ["claim", "holds under", "which"]
-    return f"{markdown(headings, of_arms)}\n\n{markdown(under, of_claims)}"
+    found = ResultTable.of_texts(headings, of_arms), ResultTable.of_texts(under, of_claims)
+    return "\n".join(map(renderers.markdown, found))
 
 
 def main() -> None:

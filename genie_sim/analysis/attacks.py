@@ -20,6 +20,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.core.classes import class_of
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
+from genie_sim.record.results import MethodInfo
 
 NEAR_M = 2.0  # as far as what is held may be from what is there
 AFTER_NS = 10 * NS_PER_S
@@ -83,11 +84,16 @@ class AtOthers(NamedTuple):
         return [_union_ns(of_car) / NS_PER_S for of_car in spans.values()]
 
 
-def views(attacks: Columns, held: Columns, held_objects: Columns, methods: Sequence[str]) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """All attacks of each method; the component says at which cars: ``attackers``, ``receivers``
     (those to which an attacker sends messages itself) or ``others`` (all that do not attack,
     receivers included).
     """
+    if not {"attacks", "held", "held_objects"} <= tables.keys():
+        return
+    attacks, held, held_objects = (tables[name] for name in ("attacks", "held", "held_objects"))
     for method in methods:
         forgeries = attacks.where(method=method)
         instants = held.where(method=method, what=CONSUMER)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from genie_sim.analysis import text_table
+from genie_sim.analysis import renderers
 from genie_sim.analysis.compare import (
     BLOCKS,
     DRAWN,
@@ -26,15 +26,15 @@ PRICES = ("bytes_up_per_frame", "energy_per_frame")
 
 def text(comparison: ComparedRuns, format: str = "markdown") -> str:
     """The numbers; markdown and LaTeX round, csv does not. Raises UserError for another format."""
-    if text_table.checked(format) == "csv":
+    if renderers.checked(format) == "csv":
         if comparison.warning:
             rows = [(*row, comparison.warning) for row in comparison.rows]
-            return text_table.exact([*Difference._fields, "changed"], rows)
-        return text_table.exact(Difference._fields, comparison.rows)
+            return renderers.exact([*Difference._fields, "changed"], rows)
+        return renderers.exact(Difference._fields, comparison.rows)
     if format == "markdown":
-        return replace(pairs(comparison), notes=[comparison.warning]).markdown()
+        return renderers.markdown(replace(pairs(comparison), notes=[comparison.warning]))
     name = " and ".join(comparison.names)
-    return f"{values(comparison).latex(name)}\n{differences_latex(comparison, name)}"
+    return f"{renderers.latex(values(comparison), name)}\n{differences_latex(comparison, name)}"
 
 
 def about(comparison: ComparedRuns) -> str:
@@ -96,7 +96,7 @@ def values(comparison: ComparedRuns) -> ResultTable:
 
 def differences_latex(comparison: ComparedRuns, name: str) -> str:
     """The table of differences in LaTeX, of results of this name."""
-    return differences(comparison, name).latex(f"{name}-differences")
+    return renderers.latex(differences(comparison, name), f"{name}-differences")
 
 
 def differences(comparison: ComparedRuns, name: str) -> ResultTable:

@@ -3,7 +3,7 @@
 Sums are over answers or instants (micro averages); intervals are from blocks of one second.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ from genie_sim.analysis.metric import (
 from genie_sim.analysis.statistics import Blocks, Measured
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
+from genie_sim.record.results import MethodInfo
 
 CORRECTNESS, LAPS = "Correctness", "Laps"
 CAUSES = ("moved_away", "never_there", "duplicate")  # of false objects
@@ -48,7 +49,18 @@ class Lap(NamedTuple):
     held: Columns
 
 
-def answer_views(answers: Columns, methods: Sequence[str]) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
+    """What ``answers`` and ``held`` say of each method, and ``held`` of each lap."""
+    if "answers" in tables:
+        yield from answer_views(tables["answers"], methods)
+    if "held" in tables:
+        yield from held_views(tables["held"], methods)
+        yield from lap_views(tables["held"], tables["frames"], methods)
+
+
+def answer_views(answers: Columns, methods: Iterable[str]) -> Views:
     """The answers of each method, by where the cache is that a result comes from."""
     blocks = Blocks(answers["car"], answers["stamp_ns"])
     for method in methods:
@@ -58,7 +70,7 @@ def answer_views(answers: Columns, methods: Sequence[str]) -> Views:
             yield where, AnswerRows(answers, chosen, blocks, where)
 
 
-def held_views(held: Columns, methods: Sequence[str], intervals: bool = True) -> Views:
+def held_views(held: Columns, methods: Iterable[str], intervals: bool = True) -> Views:
     """What the consumers hold at each instant, and, as component ``zero_delay``, the zero-delay
     detector, which stands under the first method that a car drives with and holds for all.
     """
@@ -71,7 +83,7 @@ def held_views(held: Columns, methods: Sequence[str], intervals: bool = True) ->
             yield where, HeldRows(held, chosen & what, blocks, where)
 
 
-def lap_views(held: Columns, frames: Columns, methods: Sequence[str]) -> Views:
+def lap_views(held: Columns, frames: Columns, methods: Iterable[str]) -> Views:
     """Each lap as component; nothing where no car drives its route more than once."""
     if not len(frames) or not frames["lap"].max():
         return

@@ -1,6 +1,6 @@
-"""Metrics of published frames: response times, what became of them, improvements, and parts."""
+"""Metrics of published frames: response times, what became of them, and improvements."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -29,8 +29,7 @@ STATISTICS = {  # how the title ends, and how the meaning begins
     "p95": ("p95", "95th percentile of the time"),
     "p99": ("p99", "99th percentile of the time"),
 }
-# what each part of a mean took, by answer
-PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}
+ANSWERS = {"first": "first answer", "fresh": "fresh result"}  # as titles and meanings say
 
 
 class FrameRows(Rows):
@@ -45,43 +44,26 @@ class PairedFrames(NamedTuple):
     theirs: Rows
 
 
-class PartOfTime(NamedTuple):
-    """What a part took of all frames that got an answer [ns], and how many these are."""
-
-    answer: str
-    sum_ns: float
-    n: int
-
-
-def views(frames: Columns, methods: Sequence[MethodInfo], intervals: bool) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """The frames of each method, then each method beside each baseline."""
+    frames = tables["frames"]
+    if not len(frames):
+        return
     blocks = Blocks(frames["car"], frames["stamp_ns"], intervals)
     of_methods = {
         method: FrameRows(frames, frames["method"] == method.name, blocks, Where(method.name))
-        for method in methods
+        for method in methods.values()
     }
     ran = {method: rows for method, rows in of_methods.items() if rows.chosen.any()}
     for rows in ran.values():
         yield rows.where, rows
     baselines = [rows for method, rows in ran.items() if method.baseline]
     others = [rows for method, rows in ran.items() if not method.baseline]
-    for answer, ours, theirs in product(PART, others, baselines):
+    for answer, ours, theirs in product(ANSWERS, others, baselines):
         where = Where(ours.where.method, component=theirs.where.method)
         yield where, PairedFrames(answer, ours, theirs)
-
-
-def part_views(steps: Columns, frames: Columns, methods: Sequence[str]) -> Views:
-    """Each part of the time of each method's answers, with the part as component."""
-    for method, answer in product(methods, PART):
-        answered = frames.where(method=method).floats(f"{answer}_answer_ns")
-        n = int((~np.isnan(answered)).sum())
-        rows = steps.where(method=method)
-        rows = rows.rows(rows["which"].isin((answer, "both")))
-        parts = rows["part"]
-        sums_ns = np.bincount(parts.codes, rows["end_ns"] - rows["begin_ns"], len(parts.names))
-        for part, sum_ns in zip(parts.names, sums_ns.tolist(), strict=True):
-            if n and sum_ns:
-                yield Where(method, component=part), PartOfTime(answer, sum_ns, n)
 
 
 def response_ms(frames: Columns, answer: str) -> Floats:
@@ -129,24 +111,21 @@ def statistic_of(statistic: str, blocks: Blocks, values: Floats) -> Measured:
     return percentile(blocks, values, int(statistic.removeprefix("p")))
 
 
-class FirstAnswer(FrameTime):
-    """Time from when a frame reaches the queue of its first ROS node to its first answer."""
+class ResponseTime(FrameTime):
+    """Time from when a frame reaches the queue of its first ROS node to its {}."""
 
-    title = "first answer"
-    reads = "frames: received_ns, first_answer_ns"
+    def __init__(self, answer: str, statistic: str) -> None:
+        self._answer = answer
+        self.title = ANSWERS[answer]
+        self.reads = f"frames: received_ns, {answer}_answer_ns"
+        super().__init__(statistic)
 
-    def times_ms(self, frames: Columns) -> Floats:
-        return response_ms(frames, "first")
-
-
-class FreshResult(FrameTime):
-    """Time from when a frame reaches the queue of its first ROS node to its fresh result."""
-
-    title = "fresh result"
-    reads = "frames: received_ns, fresh_answer_ns"
+    @property
+    def meaning(self) -> str:
+        return super().meaning.format(ANSWERS[self._answer])
 
     def times_ms(self, frames: Columns) -> Floats:
-        return response_ms(frames, "fresh")
+        return response_ms(frames, self._answer)
 
 
 class LookAge(FrameTime):
@@ -186,27 +165,36 @@ class Answered(FrameShare):
         return ~np.isnan(frames.floats("first_answer_ns"))
 
 
-class FirstInTime(FrameShare):
-    """Share of all published frames with a first answer within 33 ms."""
+class InTime(FrameShare):
+    """Share of all published frames with a {} within 33 ms."""
 
-    title = f"first answer within {DEADLINE_MS:g} ms"
     better = HIGHER
     section = TIMES
-    answer = "first"
-    reads = "frames: received_ns, first_answer_ns"
+
+    def __init__(self, answer: str) -> None:
+        self._answer = answer
+        self.title = f"{ANSWERS[answer]} within {DEADLINE_MS:g} ms"
+        self.reads = f"frames: received_ns, {answer}_answer_ns"
+
+    @property
+    def meaning(self) -> str:
+        return super().meaning.format(ANSWERS[self._answer])
 
     def flags(self, frames: Columns) -> Any:
-        return response_ms(frames, self.answer) < DEADLINE_MS
+        return response_ms(frames, self._answer) < DEADLINE_MS
 
 
-class FirstInTimeOfAnswered(FirstInTime):
-    """Share of the answered frames with a first answer within 33 ms."""
+class InTimeOfAnswered(InTime):
+    """Share of the answered frames with a {} within 33 ms."""
 
-    title = f"{FirstInTime.title}, of answered frames"
     section = ""
 
+    def __init__(self, answer: str) -> None:
+        super().__init__(answer)
+        self.title += ", of answered frames"
+
     def parts(self, rows: Columns) -> tuple[Any, Any]:
-        return self.flags(rows), ~np.isnan(rows.floats("first_answer_ns"))
+        return self.flags(rows), ~np.isnan(rows.floats(f"{self._answer}_answer_ns"))
 
 
 class WithFreshResult(FrameShare):
@@ -218,14 +206,6 @@ class WithFreshResult(FrameShare):
 
     def flags(self, frames: Columns) -> Any:
         return ~np.isnan(frames.floats("fresh_answer_ns"))
-
-
-class FreshInTime(FirstInTime):
-    """Share of all published frames with a fresh result within 33 ms."""
-
-    title = f"fresh result within {DEADLINE_MS:g} ms"
-    answer = "fresh"
-    reads = FreshResult.reads
 
 
 class WithRecentResult(FrameShare):
@@ -287,37 +267,18 @@ class FramesPublished(MetricDefinition):
 class FrameCount(FramesPublished):
     """How many frames a share counts."""
 
-    share: FrameShare
+    def __init__(self, title: str, share: FrameShare) -> None:
+        self.title, self.better, self.reads = title, share.better, share.reads
+        self._share = share
+
+    @property
+    def meaning(self) -> str:
+        """What the share counts, counted."""
+        return self._share.meaning.replace("Share of all published frames", "Published frames")
 
     def of(self, view: FrameRows) -> Measured:
-        count = int((view.chosen & self.share.flags(view.table)).sum())
+        count = int((view.chosen & self._share.flags(view.table)).sum())
         return Measured(count, n=int(view.chosen.sum()))
-
-
-class FramesAnswered(FrameCount):
-    """Frames with any answer."""
-
-    title = "answered frames"
-    better = HIGHER
-    share = Answered()
-    reads = "frames: first_answer_ns"
-
-
-class FramesDropped(FrameCount):
-    """Frames that a queue or a link dropped."""
-
-    title = "dropped frames"
-    better = LOWER
-    share = Dropped()
-    reads = "frames: first_answer_ns, drop"
-
-
-class FramesInFlight(FrameCount):
-    """Frames still unanswered at the end."""
-
-    title = "frames in flight"
-    share = InFlight()
-    reads = "frames: first_answer_ns, drop"
 
 
 class FreshThroughput(MetricDefinition):
@@ -341,21 +302,29 @@ class FreshThroughput(MetricDefinition):
 
 
 class Improvement(MetricDefinition):
-    """1 - a mean time of the method / that of the baseline."""
+    """1 - mean {} of the method / that of the baseline."""
 
     better = HIGHER
     section = IMPROVEMENTS
     view = PairedFrames
-    answer: str
+
+    def __init__(self, answer: str) -> None:
+        self._answer = answer
+        self.title = f"improvement of the mean {ANSWERS[answer]}"
+        self.reads = f"frames: received_ns, {answer}_answer_ns"
+
+    @property
+    def meaning(self) -> str:
+        return super().meaning.format(ANSWERS[self._answer])
 
     def titled(self, placement: str = "all", component: str = "") -> str:
         return f"{self.title} over {component}" if component else self.title
 
     def of(self, view: PairedFrames) -> Measured | None:
         """Both methods see the same frames, so their blocks are paired."""
-        if view.answer != self.answer:
+        if view.answer != self._answer:
             return None
-        times_ms = response_ms(view.ours.table, self.answer)
+        times_ms = response_ms(view.ours.table, self._answer)
         known = ~np.isnan(times_ms)
         of_both, moves = [], []
         for rows in (view.ours, view.theirs):
@@ -374,80 +343,33 @@ class Improvement(MetricDefinition):
         return Measured(value, *around(value, half), min(map(len, of_both)))
 
 
-class ImprovementOfFirst(Improvement):
-    """1 - mean first answer of the method / that of the baseline."""
-
-    title = "improvement of the mean first answer"
-    answer = "first"
-    reads = "frames: received_ns, first_answer_ns"
-
-
-class ImprovementOfFresh(Improvement):
-    """1 - mean fresh result of the method / that of the baseline."""
-
-    title = "improvement of the mean fresh result"
-    answer = "fresh"
-    reads = "frames: received_ns, fresh_answer_ns"
-
-
-class PartOfFirst(MetricDefinition):
-    """Mean time that a part takes from when a frame reaches the queue of its first ROS node to its
-    first answer.
-    """
-
-    title = "part of the first answer"
-    unit = "ms"
-    better = LOWER
-    view = PartOfTime
-    answer = "first"
-    reads = "steps: which, part, begin_ns, end_ns; frames: first_answer_ns"
-
-    def of(self, view: PartOfTime) -> Measured | None:
-        """Over all frames that got the answer; the parts add up to the mean response time."""
-        if view.answer != self.answer:
-            return None
-        return Measured(view.sum_ns / view.n / NS_PER_MS, n=view.n)
-
-
-class PartOfFresh(PartOfFirst):
-    """Mean time that a part takes from when a frame reaches the queue of its first ROS node to its
-    fresh result.
-    """
-
-    title = "part of the fresh result"
-    answer = "fresh"
-    reads = "steps: which, part, begin_ns, end_ns; frames: fresh_answer_ns"
-
-
 METRICS = {
-    "first_answer_mean": FirstAnswer("mean"),
-    "first_answer_p50": FirstAnswer("p50"),
-    "first_answer_p95": FirstAnswer("p95"),
-    "first_answer_p99": FirstAnswer("p99"),
-    "fresh_answer_mean": FreshResult("mean"),
-    "fresh_answer_p50": FreshResult("p50"),
-    "fresh_answer_p95": FreshResult("p95"),
-    "fresh_answer_p99": FreshResult("p99"),
+    "first_answer_mean": ResponseTime("first", "mean"),
+    "first_answer_p50": ResponseTime("first", "p50"),
+    "first_answer_p95": ResponseTime("first", "p95"),
+    "first_answer_p99": ResponseTime("first", "p99"),
+    "fresh_answer_mean": ResponseTime("fresh", "mean"),
+    "fresh_answer_p50": ResponseTime("fresh", "p50"),
+    "fresh_answer_p95": ResponseTime("fresh", "p95"),
+    "fresh_answer_p99": ResponseTime("fresh", "p99"),
     "look_age_mean": LookAge("mean"),
     "look_age_p50": LookAge("p50"),
     "look_age_p95": LookAge("p95"),
     "look_age_p99": LookAge("p99"),
     "answered_share": Answered(),
-    "under_deadline_share": FirstInTime(),
+    "under_deadline_share": InTime("first"),
     "fresh_answered_share": WithFreshResult(),
-    "fresh_under_deadline_share": FreshInTime(),
+    "fresh_under_deadline_share": InTime("fresh"),
     "recent_share": WithRecentResult(),
     "dropped_share": Dropped(),
     "in_flight_share": InFlight(),
     "empty_answer_share": EmptyAnswer(),
-    "under_deadline_share_of_answered": FirstInTimeOfAnswered(),
+    "under_deadline_share_of_answered": InTimeOfAnswered("first"),
     "frames_published": FramesPublished(),
-    "frames_answered": FramesAnswered(),
-    "frames_dropped": FramesDropped(),
-    "frames_in_flight": FramesInFlight(),
+    "frames_answered": FrameCount("answered frames", Answered()),
+    "frames_dropped": FrameCount("dropped frames", Dropped()),
+    "frames_in_flight": FrameCount("frames in flight", InFlight()),
     "fresh_answer_throughput": FreshThroughput(),
-    "improvement_first_answer": ImprovementOfFirst(),
-    "improvement_fresh_answer": ImprovementOfFresh(),
-    "first_answer_part": PartOfFirst(),
-    "fresh_answer_part": PartOfFresh(),
+    "improvement_first_answer": Improvement("first"),
+    "improvement_fresh_answer": Improvement("fresh"),
 }

@@ -1,7 +1,8 @@
 """Metrics of Genies: reuse, confidence boosts, and how much their caches and maps hold."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from itertools import product
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from genie_sim.analysis.metric import (
 )
 from genie_sim.analysis.statistics import Blocks, Measured, around
 from genie_sim.record.columns import Columns, Text
+from genie_sim.record.results import MethodInfo
 
 if TYPE_CHECKING:
     Ints = np.ndarray[Any, Any]
@@ -33,13 +35,19 @@ class Lookups:
         is_image = rows["kind"] == "image"
         self.images, self.objects = rows.rows(is_image), rows.rows(~is_image)
         self.of_clients = self.images.where(requester="client")
+        self.sightings = self.objects.where(kind="sighting")
+        self.boosts = self.objects.where(kind="boost")
         self.intervals = intervals
 
 
-def views(lookups: Columns, methods: Sequence[str], intervals: bool) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """The look-ups of each method's Genies on cars, and on edges."""
+    if "lookups" not in tables:
+        return
     for method, placement in product(methods, PLACEMENTS):
-        rows = lookups.where(method=method, placement=placement)
+        rows = tables["lookups"].where(method=method, placement=placement)
         if len(rows):
             yield Where(method, placement), Lookups(rows, intervals)
 
@@ -123,9 +131,8 @@ class Reuse(MetricDefinition):
     mark = WINDOWS
     reads = "lookups: genie, t_ns, kind, requests, hits"
 
-    def asked(self, view: Lookups) -> Columns:
-        """The look-ups that count."""
-        raise NotImplementedError
+    asked: Callable[[Lookups], Columns]
+    """The look-ups that count."""
 
     def of(self, view: Lookups) -> Measured:
         asked = self.asked(view)
@@ -151,9 +158,7 @@ class ImageReuse(Reuse):
 
     title = "image reuse"
     reads = "lookups: genie, t_ns, kind, requests, hits, requester"
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.of_clients
+    asked = attrgetter("of_clients")
 
 
 class PooledImageReuse(PooledReuse):
@@ -161,18 +166,14 @@ class PooledImageReuse(PooledReuse):
 
     title = "image reuse, pooled"
     reads = "lookups: genie, t_ns, kind, requests, hits, requester"
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.of_clients
+    asked = attrgetter("of_clients")
 
 
 class ImageReuseWithNeighbours(Reuse):
     """Image reuse in which the requests of other edges count, too."""
 
     title = "image reuse with neighbours"
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.images
+    asked = attrgetter("images")
 
 
 class Coalesced(MetricDefinition):
@@ -192,18 +193,14 @@ class ObjectReuse(Reuse):
     """Object look-ups answered by an object with C >= C_T, mean over Genies."""
 
     title = "object reuse"
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.objects
+    asked = attrgetter("objects")
 
 
 class PooledObjectReuse(PooledReuse):
     """Object reuse over the look-ups of all Genies together."""
 
     title = "object reuse, pooled"
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.objects
+    asked = attrgetter("objects")
 
 
 class SightingReuse(Reuse):
@@ -211,9 +208,7 @@ class SightingReuse(Reuse):
 
     title = "object reuse, sightings"
     section = ""
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.objects.where(kind="sighting")
+    asked = attrgetter("sightings")
 
 
 class BoostReuse(Reuse):
@@ -221,9 +216,7 @@ class BoostReuse(Reuse):
 
     title = "object reuse, boosts"
     section = ""
-
-    def asked(self, view: Lookups) -> Columns:
-        return view.objects.where(kind="boost")
+    asked = attrgetter("boosts")
 
 
 class ConfidenceBoost(MetricDefinition):

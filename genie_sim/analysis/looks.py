@@ -1,6 +1,6 @@
 """What became of paced looks, how old the newest look of a view is, and what edges told."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from genie_sim.analysis.statistics import Blocks, Measured
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.record.columns import Columns, Floats
 from genie_sim.record.records import CONSUMER
+from genie_sim.record.results import MethodInfo
 
 ENDS = ("answered", "stale", "overtaken", "timed_out")  # of a frame that went up
 
@@ -51,8 +52,12 @@ class Looks:
         return Blocks(self.answered["car"], self.answered["stamp_ns"], self._intervals)
 
 
-def views(tables: Mapping[str, Columns], methods: Sequence[str], intervals: bool) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """Each method that paces its looks."""
+    if "looks" not in tables:
+        return
     for method in methods:
         events = tables["looks"].where(method=method)
         if len(events):

@@ -1,7 +1,7 @@
 """What a metric is: a class with its title, its unit, its meaning and its formula.
 
 A formula is given a *view*: the rows of one method in one place, such as its frames, or what its
-Genies on cars were asked. ``registry.METRICS`` names every metric.
+Genies on cars were asked. ``registry.MODULES`` lists the modules of metrics.
 """
 
 import math

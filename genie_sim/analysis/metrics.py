@@ -13,22 +13,12 @@
 - ``statistics.across_seeds``: the 95 % t interval over runs.
 """
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
-from genie_sim.analysis import (
-    attacks,
-    correctness,
-    frame_metrics,
-    genie_metrics,
-    looks,
-    outages,
-    prices,
-    resource_metrics,
-)
-from genie_sim.analysis.metric import Views, measured
-from genie_sim.analysis.registry import METRICS, own_metrics
+from genie_sim.analysis.metric import measured
+from genie_sim.analysis.registry import METRICS, own_metrics, views
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, Metric
@@ -72,40 +62,8 @@ def compute(
     """
     filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
     frames = with_fresh(Columns.of(tables["frames"]), fresh)
-    of_run = views({**filled, "frames": frames}, filled.keys(), methods, intervals)
+    of_run = views({**filled, "frames": frames}, methods, intervals)
     return [rounded(metric) for metric in measured({**METRICS, **own_metrics(own)}, of_run)]
-
-
-def views(
-    tables: Mapping[str, Columns],
-    filled: Set[str],
-    methods: Sequence[MethodInfo],
-    intervals: bool,
-) -> Views:
-    """What formulas are given, of all tables that have any rows."""
-    names = [method.name for method in methods]
-    frames, held = tables["frames"], tables.get("held")
-    if "frames" in filled:
-        yield from frame_metrics.views(frames, methods, intervals)
-    if "lookups" in filled:
-        yield from genie_metrics.views(tables["lookups"], names, intervals)
-    if "looks" in filled:
-        yield from looks.views(tables, names, intervals)
-    if "resources" in filled:
-        yield from resource_metrics.views(tables["resources"], frames, names)
-    if {"hosts", "frames"} <= filled:
-        yield from prices.views(tables, names)
-    if "answers" in filled:
-        yield from correctness.answer_views(tables["answers"], names)
-    if held is not None:
-        yield from correctness.held_views(held, names)
-        yield from correctness.lap_views(held, frames, names)
-    if {"faults", "frames"} <= filled:
-        yield from outages.views(tables["faults"], frames, held, names)
-    if {"attacks", "held", "held_objects"} <= filled:
-        yield from attacks.views(tables["attacks"], tables["held"], tables["held_objects"], names)
-    if "steps" in filled:
-        yield from frame_metrics.part_views(tables["steps"], frames, names)
 
 
 def with_fresh(frames: Columns, fresh: Fresh) -> Columns:

@@ -4,7 +4,7 @@ The fault is the first of each method that is no hand-over. A frame, or an insta
 belongs to the phase of its stamp, which is the component of the numbers.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
+from genie_sim.record.results import MethodInfo
 
 WINDOW_NS = NS_PER_S // 2
 RECOVERED = 0.95  # of the share of fresh results before the fault
@@ -45,19 +46,27 @@ class AfterFault(NamedTuple):
     end_ns: float
 
 
-def views(faults: Columns, frames: Columns, held: Columns | None, methods: Sequence[str]) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """The phases of the first fault of each method."""
+    frames, held = tables["frames"], tables.get("held")
+    if "faults" not in tables or not len(frames):
+        return
+    faults = tables["faults"]
+    faults = faults.rows(
+        np.array([fault != "hand_over" for fault in faults["fault"].tolist()], bool)
+    )
     for method in methods:
-        own = faults.where(method=method)
-        own = own.rows(np.array([fault != "hand_over" for fault in own["fault"].tolist()], bool))
-        if not len(own):
+        of_method = faults.where(method=method)
+        if not len(of_method):
             continue
-        first = own.by("begin_ns").rows(slice(0, 1))
+        first = of_method.by("begin_ns").rows(slice(0, 1))
         fault = int(first["begin_ns"][0]), float(first.floats("end_ns")[0])
-        of_method = frames.where(method=method)
-        for phase, rows in _phases(of_method, *fault):
-            yield Where(method, component=phase), PhaseFrames(of_method.rows(rows))
-        yield Where(method), AfterFault(of_method, *fault)
+        published = frames.where(method=method)
+        for phase, rows in _phases(published, *fault):
+            yield Where(method, component=phase), PhaseFrames(published.rows(rows))
+        yield Where(method), AfterFault(published, *fault)
         if held is None:
             continue
         of_consumers = held.where(method=method, what=CONSUMER)

@@ -19,6 +19,7 @@ from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
+from genie_sim.record.results import MethodInfo
 
 BITS_PER_MEGABIT = 10**6
 IDLE = ("idle", "port")  # what is always taken
@@ -146,8 +147,12 @@ class Consumed(NamedTuple):
     counts: Mapping[str, int]
 
 
-def views(tables: Mapping[str, Columns], methods: Sequence[str]) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """Bytes, computing time and energy of each method, in all, of cars and of edges."""
+    if "hosts" not in tables:
+        return
     for method in methods:
         hosts = tables["hosts"].where(method=method)
         frames = tables["frames"].where(method=method)

@@ -6,6 +6,7 @@ A class of the user's own (``metric.MetricDefinition``) is named ``package.modul
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 
 from genie_sim.analysis import (
     attacks,
@@ -14,30 +15,45 @@ from genie_sim.analysis import (
     genie_metrics,
     looks,
     outages,
+    part_metrics,
     prices,
     resource_metrics,
 )
-from genie_sim.analysis.metric import ZERO_DELAY, MetricDefinition
+from genie_sim.analysis.metric import ZERO_DELAY, MetricDefinition, Views
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.plugins import Choice
+from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.results import MethodInfo, Metric
 
 COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
 LOGARITHMIC_FROM = 20.0  # a list of numbers that spans so much, largest to smallest
 
+# Each has its metrics, and the views that they are given. In this order numbers are written.
+MODULES = (
+    frame_metrics,
+    genie_metrics,
+    looks,
+    resource_metrics,
+    prices,
+    correctness,
+    outages,
+    attacks,
+    part_metrics,
+)
 METRICS: Mapping[str, MetricDefinition] = {
-    **frame_metrics.METRICS,
-    **genie_metrics.METRICS,
-    **looks.METRICS,
-    **correctness.METRICS,
-    **outages.METRICS,
-    **attacks.METRICS,
-    **prices.METRICS,
-    **resource_metrics.METRICS,
+    name: metric for module in MODULES for name, metric in module.METRICS.items()
 }
+
+
+def views(
+    tables: Mapping[str, Columns], methods: Sequence[MethodInfo], intervals: bool = True
+) -> Views:
+    """What formulas are given, of all tables that there are; ``frames`` may be empty."""
+    by_name = {method.name: method for method in methods}
+    return chain.from_iterable(module.views(tables, by_name, intervals) for module in MODULES)
 
 
 class Unregistered(MetricDefinition):

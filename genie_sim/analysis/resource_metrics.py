@@ -6,7 +6,7 @@ only.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns, Floats
+from genie_sim.record.results import MethodInfo
 
 
 class Samples:
@@ -27,9 +28,13 @@ class Samples:
         self.seconds = float(self.active["t_ns"].max()) / NS_PER_S if len(self.active) else 0.0
 
 
-def views(resources: Columns, frames: Columns, methods: Sequence[str]) -> Views:
+def views(
+    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
+) -> Views:
     """Each resource under each method; a link has the placement ``all``."""
-    ordered = resources.by("t_ns")
+    if "resources" not in tables:
+        return
+    ordered, frames = tables["resources"].by("t_ns"), tables["frames"]
     cars = set(frames["car"].unique())
     for method in methods:
         stamps = frames["stamp_ns"][frames["method"] == method]

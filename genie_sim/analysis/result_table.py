@@ -1,19 +1,13 @@
-"""A table of results, written for a terminal, as Markdown, as LaTeX or as HTML."""
+"""A table of results: cells in rows and columns. ``renderers`` writes it."""
 
 import math
-import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from html import escape
 from typing import NamedTuple
 
-from genie_sim.analysis import latex, text_table
 from genie_sim.base.text import number_text, one_line
 
 UNKNOWN = "-"  # the text of a value that is not defined
-GAP = 2  # characters between columns on a terminal
-MIN_TITLE_WIDTH, LEGIBLE_TITLE_WIDTH = 8, 24  # characters
-NOTE_WIDTH = 120  # characters in a line of Markdown
 
 
 class Cell(NamedTuple):
@@ -98,6 +92,14 @@ class ResultTable:
     corner: str = ""
     marks: Mapping[str, str] = field(default_factory=dict)
 
+    @classmethod
+    def of_texts(
+        cls, headings: Sequence[str], rows: Iterable[Sequence[str]], title: str = ""
+    ) -> "ResultTable":
+        """A table of texts alone; the first of each row is its title."""
+        made = [Row(first, [Cell(text) for text in texts]) for first, *texts in rows]
+        return cls(headings[1:], made, title, corner=headings[0])
+
     @property
     def headings(self) -> list[str]:
         """The titles of all columns, that of the row titles first."""
@@ -124,96 +126,3 @@ class ResultTable:
         ]
         rows = [row._replace(cells=[row.cells[place] for place in known]) for row in self.rows]
         return replace(self, columns=[self.columns[place] for place in known], rows=rows)
-
-    def markdown(self, intervals: bool = True) -> str:
-        """The title as a heading, the table, and its notes as a paragraph."""
-        table = text_table.rounded(
-            "markdown", self.headings, self.texts(intervals), f"l{''.join(self._sides())}"
-        )
-        notes = textwrap.fill(one_line(" ".join(filter(None, self.notes))), NOTE_WIDTH)
-        parts = [self.title and f"## {self.title}", table.rstrip(), notes]
-        return "\n\n".join(filter(None, parts)) + "\n"
-
-    def _sides(self) -> Iterator[str]:
-        """``l`` for each column of texts, ``r`` for one of numbers."""
-        for place in range(len(self.columns)):
-            is_text = any(isinstance(row.cells[place].value, str) for row in self.rows)
-            yield "l" if is_text else "r"
-
-    def html(self) -> str:
-        """The title, the table and its notes as a piece of HTML; text is text."""
-        head = "".join(f"<th>{escape(heading)}</th>" for heading in self.headings)
-        body = "".join(
-            f"<tr><th>{escape(title)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}"
-            "</tr>"
-            for title, *cells in self.texts()
-        )
-        below = "".join(f"<p><small>{escape(note)}</small></p>" for note in self.notes if note)
-        return (
-            f"<p><b>{escape(self.title)}</b></p>"
-            f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
-        )
-
-    def latex(self, name: str) -> str:
-        """A floating table; ``\\ref`` calls it ``tab:`` and the name. See ``analysis.latex``."""
-        return latex.table(self, f"tab:{latex.key(name)}")
-
-    def terminal(self, width: int, intervals: bool = True) -> str:
-        """Lines of at most ``width`` characters, from 40 on.
-
-        Long titles are wrapped, columns that do not fit beside the others stand below them, and
-        each block has the rows in which it has a number.
-        """
-        paragraphs = [
-            "\n".join(block._lines(width, intervals)) for block in self._blocks(width, intervals)
-        ]
-        notes = [line for note in self.notes for line in textwrap.wrap(note, width)]
-        return "\n\n".join([*paragraphs, "\n".join(notes)]) + "\n"
-
-    def _blocks(self, width: int, intervals: bool) -> list["ResultTable"]:
-        """The columns that stand side by side, in as few blocks of about equal size as leave room
-        for legible titles.
-        """
-        texts = self.texts(intervals)
-        widths = _widths([heading.split() for heading in self.columns], texts)
-        longest = max((len(row.title) for row in self.rows), default=0)
-        title_width = min(longest, max(LEGIBLE_TITLE_WIDTH, width // 4))
-        count = len(widths)
-        for size in dict.fromkeys(-(-count // blocks) for blocks in range(1, count + 1)):
-            parts = [slice(first, first + size) for first in range(0, count, size)]
-            if all(title_width + sum(widths[part]) <= width for part in parts) or size == 1:
-                return [self.part(part) for part in parts]
-        return []
-
-    def _lines(self, width: int, intervals: bool) -> Iterator[str]:
-        """The lines of a block, its headings in lines of a word each where they must."""
-        known = [row for row in self.rows if any(cell.is_known for cell in row.cells)]
-        texts = replace(self, rows=known).texts(intervals)
-        title_width = max((len(title) for title, *_ in texts), default=0)
-        headings = [[one_line(heading)] for heading in self.columns]
-        widths = _widths(headings, texts)
-        if title_width + sum(widths) > width:
-            headings = [heading.split() for (heading,) in headings]
-            widths = _widths(headings, texts)
-            title_width = min(title_width, max(width - sum(widths), MIN_TITLE_WIDTH))
-        height = max(map(len, headings), default=0)
-        above = [[""] * (height - len(words)) + words for words in headings]
-        for words in zip(*above, strict=True):
-            yield _line("", title_width, words, widths)
-        for title, *cells in texts:
-            *lines, last = textwrap.wrap(title, title_width) or [""]
-            yield from lines
-            yield _line(last, title_width, cells, widths)
-
-
-def _widths(headings: Sequence[Sequence[str]], texts: Sequence[Sequence[str]]) -> list[int]:
-    """The width of each column with its gap [characters]; a heading has a word or more a line."""
-    return [
-        GAP + max(map(len, [*words, *(row[place] for row in texts)]))
-        for place, words in enumerate(headings, 1)
-    ]
-
-
-def _line(title: str, title_width: int, cells: Sequence[str], widths: Sequence[int]) -> str:
-    numbers = "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-    return f"{title:<{title_width}}{numbers}".rstrip()

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from genie_sim.analysis import renderers
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.summary import about_seeds, main_table
 from genie_sim.base.text import number_text, one_line
@@ -48,4 +49,4 @@ def text(run: Run | SeedRuns, width: int = 80) -> str:
     if isinstance(run, SeedRuns):
         table = replace(table, notes=[about_seeds(run), *table.notes])
     lines = textwrap.wrap(header(run), width, subsequent_indent="  ")
-    return "\n".join([*lines, "", table.terminal(width, intervals=several)])
+    return "\n".join([*lines, "", renderers.terminal(table, width, intervals=several)])

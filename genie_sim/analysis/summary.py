@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from genie_sim.analysis import compare_tables, correctness, prices, text_table
+from genie_sim.analysis import compare_tables, correctness, prices, renderers
 from genie_sim.analysis.attacks import ATTACKS
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
@@ -219,11 +219,11 @@ def table(run: Run | SeedRuns, format: str) -> str:
         if run.changed:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]
-        return text_table.exact(names, rows)
+        return renderers.exact(names, rows)
     if format == "latex":
         return _latex(run)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
-    return replace(main_table(run), notes=[*notes, run.warning]).markdown()
+    return renderers.markdown(replace(main_table(run), notes=[*notes, run.warning]))
 
 
 def _latex(run: Run | SeedRuns) -> str:
@@ -233,12 +233,13 @@ def _latex(run: Run | SeedRuns) -> str:
     table, several = main_table(run), isinstance(run, SeedRuns)
     seeds = seeds_text([of_seed.seed for of_seed in run.runs])
     about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
-    text = replace(
+    titled = replace(
         table,
         title=f"{run.title}: response times, correctness and cost ({seeds})",
         notes=[about, *table.notes, run.warning],
         marks={} if several else MARKS,
-    ).latex(run.title)
+    )
+    text = renderers.latex(titled, run.title)
     if several and len(run.methods) > 1:
         text += "\n" + compare_tables.differences_latex(compared([run]), run.title)
     return text
@@ -260,7 +261,7 @@ def markdown(run: Run | SeedRuns) -> str:
         about_intervals = ABOUT_INTERVALS
     abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
     parts += [textwrap.fill(about, 120) for about in abouts]
-    parts += [table.markdown().rstrip() for table in _tables(_Numbers(run)) if table.rows]
+    parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
 

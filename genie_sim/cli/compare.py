@@ -48,13 +48,13 @@ def compare(
 
     Of one result alone, its methods are compared.
     """
-    from genie_sim.analysis import compare_tables, text_table
+    from genie_sim.analysis import compare_tables, renderers
     from genie_sim.analysis.compare import compare as compare_runs
     from genie_sim.analysis.seed_runs import load
     from genie_sim.analysis.verdict import verdicts
     from genie_sim.report import comparison
 
-    text_table.checked(format)
+    renderers.checked(format)
     runs = [load(folder, allow_changed=allow_changed) for folder in folders]
     compared = compare_runs(runs, listed("--methods", methods), listed("--labels", labels))
     click.echo(compare_tables.text(compared, format), nl=False)

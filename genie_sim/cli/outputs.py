@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import compare_tables, summary, text_table
+from genie_sim.analysis import compare_tables, renderers, summary
 from genie_sim.analysis import figures as of_runs
 from genie_sim.analysis.compare import ComparedRuns, compare
 from genie_sim.analysis.seed_runs import ABOUT, is_seeds_folder, load, with_methods
@@ -52,13 +52,13 @@ def table(
     methods: Sequence[str] = (),
     allow_changed: bool = False,
 ) -> str:
-    """The numbers of results in one of ``text_table.FORMATS``, of all ``methods`` or of these in
+    """The numbers of results in one of ``renderers.FORMATS``, of all ``methods`` or of these in
     this order. Raises ``UserError``.
     """
     from genie_sim.paper import verdict_table
     from genie_sim.study import printed
 
-    text_table.checked(format)
+    renderers.checked(format)
     if len(folders) > 1:
         return compare_tables.text(_compared(folders, allow_changed, methods), format)
     (folder,) = folders

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from genie_sim.analysis import text_table
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.scenario.profiles import load_profile
 
 DEVICES = {"Nano": "orin_nano", "AGX": "agx_xavier", "Orin": "agx_orin", "A4500": "rtx_a4500"}
@@ -81,11 +82,11 @@ def cells() -> list[TableCell]:
 def markdown() -> str:
     """The table with its printed speed-ups."""
     table_cells = cells()
-    table = text_table.markdown(
+    table = ResultTable.of_texts(
         ["model", *DEVICES],
         ([model, *(str(cell) for cell in table_cells if cell.model == model)] for model in MODELS),
     )
     legend = (
         "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
     )
-    return f"{table}\n\n{legend}"
+    return f"{renderers.markdown(table)}\n{legend}"

@@ -2,16 +2,15 @@
 results.
 """
 
-import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from genie_sim.analysis import latex, text_table
+from genie_sim.analysis import renderers
 from genie_sim.analysis.registry import component_title, title_of
-from genie_sim.analysis.text_table import markdown
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.paper import table1
 from genie_sim.paper.claims import VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding, rounded
@@ -54,10 +53,8 @@ def by_claim(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
     return grouped
 
 
-def table(rows: Sequence[Row]) -> str:
-    """The claims, one line each, with what was found and the verdict under each reading; the counts
-    below.
-    """
+def table(rows: Sequence[Row]) -> ResultTable:
+    """The claims in words, with what was found and the verdict under each reading."""
     readings = _readings(rows)
     lines = []
     for claim, by_reading in by_claim(rows).items():
@@ -66,63 +63,53 @@ def table(rows: Sequence[Row]) -> str:
         ]
         first = by_reading[readings[0]]
         lines.append([claim, first["claim"], _words(first["kind"]), *cells])
-    return "\n".join(
-        [markdown(["", "the paper says", "kind", *readings], lines), "", *counts(rows)]
-    )
+    return ResultTable.of_texts(["", "the paper says", "kind", *readings], lines)
 
 
-def printed(rows: Sequence[Row], format: str) -> str:
-    """The claims for a paper: each with its verdict and number under each reading, and what the
-    marks mean; in ``csv`` with all digits.
+def marks_table(rows: Sequence[Row], says: str) -> ResultTable:
+    """The claims with a mark and the number found under each reading, and what the marks mean;
+    ``says``: what stands beside a claim's id, ``claim`` or ``kind``.
     """
-    if format == "csv":
-        names = ("reading", "id", "kind", "verdict", "marginal", "value", "low", "high", "unit")
-        return text_table.exact(names, ([row[name] for name in names] for row in rows))
-    if format == "markdown":
-        return table(rows) + "\n"
     readings = _readings(rows)
     lines = [
         [
-            claim,
-            _words(by_reading[readings[0]]["kind"]),
-            *(" ".join(_short_text(by_reading[name]).split()) for name in readings),
+            f"{claim} {_words(by_reading[readings[0]][says])}",
+            *(_marked(by_reading[name]) for name in readings),
         ]
         for claim, by_reading in by_claim(rows).items()
     ]
-    headings = ["claim", "kind", *readings]
-    tabular = text_table.rounded("latex", headings, lines, "l" * len(headings))
-    return latex.floating(
-        tabular,
-        caption="Claims of the paper; verdicts.md says them in words",
-        label="tab:claims",
-        notes=[_legend()],
-        wide=False,
-    )
+    marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
+    legend = f"{marks}; * marginal, another set of seeds could say otherwise."
+    title = "Claims of the paper; verdicts.md says them in words"
+    return replace(ResultTable.of_texts(["claim", *readings], lines, title), notes=[legend])
+
+
+def printed(rows: Sequence[Row], format: str) -> str:
+    """The claims for a paper, in ``markdown`` or ``latex``; in ``csv`` with all digits."""
+    if format == "csv":
+        names = ("reading", "id", "kind", "verdict", "marginal", "value", "low", "high", "unit")
+        return renderers.exact(names, ([row[name] for name in names] for row in rows))
+    if format == "markdown":
+        return in_markdown(rows)
+    return renderers.latex(marks_table(rows, "kind"), "claims")
+
+
+def in_markdown(rows: Sequence[Row]) -> str:
+    """The claims in words, and the counts below."""
+    return "\n".join([renderers.markdown(table(rows)), *counts(rows), ""])
 
 
 def text(rows: Sequence[Row], width: int) -> str:
     """Each claim with its verdict and number under each reading, for a terminal of ``width``
     columns.
     """
-    readings = _readings(rows)
-    lines = [f"{'':4} {' '.join(f'{name:18}' for name in readings)}"]
-    for claim, by_reading in by_claim(rows).items():
-        cells = " ".join(_short_text(by_reading[name]) for name in readings)
-        line = f"{claim:4} {cells} {by_reading[readings[0]]['claim']}"
-        lines.append(line if len(line) <= width else f"{line[: max(width - 3, 0)]}...")
-    return "\n".join([*lines, "", *textwrap.wrap(_legend(), width), "", *counts(rows)])
+    found = marks_table(rows, "claim")
+    return renderers.terminal(replace(found, notes=[*found.notes, *counts(rows)]), width).rstrip()
 
 
-def _legend() -> str:
-    """What the marks mean."""
-    marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
-    return f"{marks}; * marginal, another set of seeds could say otherwise"
-
-
-def _short_text(row: Row) -> str:
-    """Mark and number, 18 columns wide."""
-    marginal = "*" if row["marginal"] else " "
-    return f"{MARKS[row['verdict']]}{marginal} {_number(row):15}"
+def _marked(row: Row) -> str:
+    """Mark and number."""
+    return f"{MARKS[row['verdict']]}{'*' if row['marginal'] else ''} {_number(row)}"
 
 
 def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row]) -> str:
@@ -132,8 +119,7 @@ def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row
     parts = [
         "# What of the paper holds here",
         "",
-        table(rows),
-        "",
+        in_markdown(rows),
         "## The readings",
         "",
         readings_text(readings),
@@ -186,7 +172,8 @@ def readings_text(readings: Sequence[Row]) -> str:
         for metric in readings[0]["metrics"]
     ]
     headings = ["what is meant by", *(reading["name"] for reading in readings)]
-    return "\n".join([*parts, markdown(headings, meanings)])
+    meant = renderers.markdown(ResultTable.of_texts(headings, meanings))
+    return "\n".join([*parts, meant.rstrip()])
 
 
 def map_quality_table(rows: Sequence[Row]) -> str:
@@ -208,7 +195,8 @@ def map_quality_table(rows: Sequence[Row]) -> str:
             for method in methods
         ]
         lines.append([heading, *cells])
-    return markdown(["", *(component_title(method, METHODS) for method in methods)], lines)
+    headings = ["", *(component_title(method, METHODS) for method in methods)]
+    return renderers.markdown(ResultTable.of_texts(headings, lines)).rstrip()
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:

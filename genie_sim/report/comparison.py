@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import compare_tables, summary, text_table
+from genie_sim.analysis import compare_tables, renderers, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
 from genie_sim.analysis.style import COLUMN_IN
@@ -152,7 +152,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     from genie_sim.analysis.figures import save
 
     (folder / "figures").mkdir(parents=True, exist_ok=True)
-    for name, suffix in text_table.FORMATS.items():
+    for name, suffix in renderers.FORMATS.items():
         with atomic_write(folder / f"table{suffix}") as beside:
             beside.write_text(compare_tables.text(comparison, name), encoding="utf-8")
     for name, figure in figures(comparison).items():

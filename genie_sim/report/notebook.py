@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from genie_sim.analysis import compare_tables, screen, summary
+from genie_sim.analysis import compare_tables, renderers, screen, summary
 from genie_sim.analysis.compare import ComparedRuns
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -13,11 +13,11 @@ def run_html(run: Run | SeedRuns) -> str:
     """What was run, and the main table."""
     about = summary.about_seeds(run) if isinstance(run, SeedRuns) else summary.ABOUT_INTERVALS
     table = summary.main_table(run)
-    return replace(table, title=screen.header(run), notes=[about, run.warning]).html()
+    return renderers.html(replace(table, title=screen.header(run), notes=[about, run.warning]))
 
 
 def comparison_html(comparison: ComparedRuns) -> str:
     """Who is better, and the table of differences."""
     notes = [compare_tables.about(comparison), comparison.warning]
     title = " ".join(verdicts(comparison))
-    return replace(compare_tables.pairs(comparison), title=title, notes=notes).html()
+    return renderers.html(replace(compare_tables.pairs(comparison), title=title, notes=notes))

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import text_table
+from genie_sim.analysis import renderers
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, unknown
@@ -62,20 +62,20 @@ def table_of(
     if methods:
         points = points[points["method"].isin(methods)]
     if format == "csv":
-        return text_table.exact(
+        return renderers.exact(
             list(map(str, points.columns)), points.itertuples(index=False, name=None)
         )
     columns = list(map(str, points.columns[1 : 1 + len(about["sweep"]["axes"])]))
     name = str(about.get("label") or about["sweep"]["name"])
     table = _table(points, columns, _titles(about), f"{name}: {', '.join(columns)}")
     if format == "markdown":
-        return replace(table, title="").markdown(intervals=False)
+        return renderers.markdown(replace(table, title=""), intervals=False)
     seeds = len(about["sweep"]["seeds"])
     several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
     notes = [several if seeds > 1 else "One seed."]
     if len(table.rows) > MAX_ROWS:
         notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
-    return replace(table, rows=table.rows[:MAX_ROWS], notes=notes).latex(name)
+    return renderers.latex(replace(table, rows=table.rows[:MAX_ROWS], notes=notes), name)
 
 
 def _table(

@@ -30,9 +30,9 @@ def metrics(forgeries: list, rows: list, cars=("car1", "car2", "car3", "car4")):
     instants = [("genie", "consumer", car, at * S) for car in cars for at in (0, 12)]
     held = table(instants, "method", "what", "car", "stamp_ns")
     forgery_table = table(forgeries, *FORGED, "begin_ns", "end_ns")
-    computed = measured(
-        attacks.METRICS, attacks.views(forgery_table, held, table(rows, *HELD), ["genie", "local"])
-    )
+    tables = {"attacks": forgery_table, "held": held, "held_objects": table(rows, *HELD)}
+    views = attacks.views(tables, dict.fromkeys(["genie", "local"]), intervals=True)
+    computed = measured(attacks.METRICS, views)
     return {(item.metric, item.component): item.value for item in computed}
 
 

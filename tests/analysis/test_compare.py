@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import compare_tables, latex
+from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main as cli
@@ -211,7 +211,7 @@ def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     values, differences = compare_tables.text(made, "latex").split("% needs")[1:]
     assert r"first answer, mean [ms] & " in values and r"\caption" in differences
     gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)
-    assert f"& {latex.printed(gap.difference, '+')}" in differences
+    assert f"& {renderers.siunitx(gap.difference, '+')}" in differences
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import asdict
 
-from genie_sim.analysis import latex, summary
+from genie_sim.analysis import renderers, summary
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
@@ -25,7 +25,7 @@ def run_of(*metrics: Metric) -> Run:
 
 
 def test_numbers_are_printed_as_siunitx_reads_them():
-    assert [latex.printed(value) for value in (0, 9.124, 342.4, 931548.2, 0.01234, -1.5)] == [
+    assert [renderers.siunitx(value) for value in (0, 9.124, 342.4, 931548.2, 0.01234, -1.5)] == [
         "0",
         "9.12",
         "342",
@@ -33,12 +33,12 @@ def test_numbers_are_printed_as_siunitx_reads_them():
         "0.0123",
         "-1.5",
     ]
-    assert latex.printed(2.0, "+") == "+2"
+    assert renderers.siunitx(2.0, "+") == "+2"
 
 
 def test_a_column_has_room_for_its_longest_number_on_both_sides_of_the_point():
     rows = [Row("a", [Cell(342), Cell()]), Row("b", [Cell(9.12), Cell(1.5, sign="+")])]
-    text = ResultTable(["x", "y"], rows, "c").latex("c")
+    text = renderers.latex(ResultTable(["x", "y"], rows, "c"), "c")
     assert re.findall(r"S\[(.*)\]", text) == [
         "table-format=3.2",
         "table-format=+1.1, retain-explicit-plus",
@@ -48,7 +48,7 @@ def test_a_column_has_room_for_its_longest_number_on_both_sides_of_the_point():
 
 
 def test_more_columns_than_fit_one_of_two_span_the_page():
-    text = ResultTable(list("wxyz"), [Row("a", [Cell(1)] * 4)], "c", ["n"]).latex("c")
+    text = renderers.latex(ResultTable(list("wxyz"), [Row("a", [Cell(1)] * 4)], "c", ["n"]), "c")
     assert r"\begin{table*}" in text and r"\end{table*}" in text and "n}" in text
 
 
@@ -73,7 +73,7 @@ def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kin
 
 def test_what_fits_no_page_is_divided_into_several_tables():
     rows = [Row(f"row {number}", [Cell(1)] * 8) for number in range(30)]
-    text = ResultTable(list("abcdefgh"), rows, "c", ["n"]).latex("c")
+    text = renderers.latex(ResultTable(list("abcdefgh"), rows, "c", ["n"]), "c")
     assert re.findall(r"\\label\{(.*)\}", text) == ["tab:c", "tab:c-2", "tab:c-3", "tab:c-4"]
     assert re.findall(r"\\caption\{(.*)\}", text)[3] == "c (part 4 of 4)"
     assert text.count("S[") == 2 * 8 and text.count("row 29 &") == 2
@@ -81,11 +81,13 @@ def test_what_fits_no_page_is_divided_into_several_tables():
 
 
 def test_a_unit_that_begins_a_line_of_a_heading_is_no_length():
-    text = ResultTable(["share of frames [%]"], [], "c").latex("c")
+    text = renderers.latex(ResultTable(["share of frames [%]"], [], "c"), "c")
     assert r"share of\\{}frames [\%]" in text
 
 
 def test_a_column_of_texts_is_no_column_of_numbers():
-    text = ResultTable(["verdict", "n"], [Row("C1", [Cell("50 % & up"), Cell(3)])], "c").latex("c")
+    text = renderers.latex(
+        ResultTable(["verdict", "n"], [Row("C1", [Cell("50 % & up"), Cell(3)])], "c"), "c"
+    )
     assert re.findall(r"^  (l|S.*)$", text, re.MULTILINE) == ["l", "S[table-format=1.0]"]
     assert r"C1 & 50 \% \& up & 3 \\" in text

@@ -61,7 +61,7 @@ def held(shared: int, shared_right: int) -> pd.DataFrame:
 def measured(**tables: pd.DataFrame) -> dict[str, Metric]:
     parts: dict[str, Any] = {"looks": looks(), "frames": frames(), **tables}
     columns = {name: Columns.of(table) for name, table in parts.items()}
-    views = look_metrics.views(columns, ["other", "genie"], intervals=True)
+    views = look_metrics.views(columns, dict.fromkeys(["other", "genie"]), intervals=True)
     return {number.metric: number for number in of_metric.measured(look_metrics.METRICS, views)}
 
 

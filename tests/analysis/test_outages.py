@@ -22,10 +22,10 @@ def metrics(faults: list[tuple], frames: list[tuple], held: list[tuple] | None =
         frames, "method", "stamp_ns", "first_answer_ns", "first_looked_ns", "fresh_answer_ns"
     )
     names = ("method", "what", "stamp_ns", "held", "right", "visible_static", "visible_moving")
-    held_table = None if held is None else table(held, *names)
-    found = measured(
-        outages.METRICS, outages.views(fault_table, frame_table, held_table, ["remote"])
-    )
+    tables = {"faults": fault_table, "frames": frame_table}
+    if held is not None:
+        tables["held"] = table(held, *names)
+    found = measured(outages.METRICS, outages.views(tables, dict.fromkeys(["remote"]), True))
     return {(one.metric, one.component): (one.value, one.n) for one in found}
 
 

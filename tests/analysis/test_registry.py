@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.analysis import attacks, correctness, metrics, outages, prices
 from genie_sim.analysis.metric import HIGHER, LOWER, measured
-from genie_sim.analysis.registry import METRICS, cell
+from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric, Run
 from genie_sim.runs import runner
@@ -63,8 +63,8 @@ def test_every_metric_reads_the_columns_that_it_says(run: Run):
             table: Columns({one: run.tables[table][one] for one in sorted(read)})
             for table, read in columns.items()
         }
-        views = metrics.views(tables, set(tables), run.methods, intervals=True)
-        numbers = [metrics.rounded(one) for one in measured({name: metric}, views)]
+        given = views(tables, run.methods)
+        numbers = [metrics.rounded(one) for one in measured({name: metric}, given)]
         assert numbers == [one for one in run.measured if one.metric == name]
 
 

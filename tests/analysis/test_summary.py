@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 import pytest
 
-from genie_sim.analysis import metrics, screen, summary, text_table
+from genie_sim.analysis import metrics, renderers, screen, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
@@ -73,14 +73,14 @@ def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format
             screen.text(run_of(found), 200).splitlines()[3:], table.rows, strict=False
         )
     ]
-    markdown = table.markdown().splitlines()
+    markdown = renderers.markdown(table).splitlines()
     assert markdown[1] == "|---|---:|---:|---:|" and shown in markdown[2].split(" | ")
     latex = summary.table(run_of(found), "latex")
     assert f"[{one.low:.3g}, {one.high:.3g}]" in latex and r"[\%]" in latex
 
 
 def test_csv_has_all_digits_and_no_formula():
-    text = text_table.exact(["a", "b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
+    text = renderers.exact(["a", "b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
     assert text == "a,b\n'=1+1,0.3333333333\n'-,\nplain,-2.0\n"
 
 
@@ -203,7 +203,7 @@ def test_titles_of_somebody_else_cannot_steer_a_terminal_or_run_latex():
     assert r"\input" not in latex and "^^" not in latex and "\x1b" not in latex
     assert r"\textbackslash{}input\{" in "".join(latex.split(r"\\{}"))
     assert r"a\|b" in summary.table(bad, "markdown")
-    assert "\x1b" not in text_table.exact(["title"], [["\x1b[2J"]])
+    assert "\x1b" not in renderers.exact(["title"], [["\x1b[2J"]])
 
 
 def test_every_placement_method_and_component_has_its_own_number():

@@ -199,7 +199,7 @@ def test_one_seed_shows_nothing_of_other_seeds():
         verdict_table.row(alone),
         verdict_table.row(judge_one(CLAIMS["C37"], evidence(seeds=1))),
     ]
-    shown = verdict_table.table(rows)
+    shown = verdict_table.in_markdown(rows)
     assert "0.31 (one seed)" in shown and "5.02 |" in shown
     assert "One seed has no interval: every verdict on a simulated number is marginal." in shown
 

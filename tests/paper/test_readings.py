@@ -242,7 +242,7 @@ def test_counts_tell_kinds_and_readings_apart():
 def test_a_line_of_a_table_has_every_reading_s_verdict():
     line = next(
         one
-        for one in verdict_table.table(default() + bench()).splitlines()
+        for one in verdict_table.in_markdown(default() + bench()).splitlines()
         if one.startswith("| C11 ")
     )
     assert line.endswith("| calibrated | calibrated: 0.31 | reproduced: 0.31 |")
@@ -251,7 +251,7 @@ def test_a_line_of_a_table_has_every_reading_s_verdict():
         for one in verdict_table.text(default() + bench(), 100).splitlines()
         if one.startswith("C11 ")
     )
-    assert line.split()[1:5] == ["=", "0.31", "+", "0.31"]
+    assert line.split()[-4:] == ["=", "0.31", "+", "0.31"]
     shown = [load_reading(one).as_json() for one in ("default", "bench")]
     document = verdict_table.document(default() + bench(), shown, [])
     assert (

@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.analysis import text_table
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.paper import table1, verdict_table
 from genie_sim.paper.checks import CASE, load_claims
 from genie_sim.paper.readings import NAMES, load_readings
@@ -68,14 +69,14 @@ def counts_table(rows: list[dict]) -> str:
         ]
         cells = [f"{n} of {len(ones)}" if ones else "" for n, ones in zip(held, mine, strict=True)]
         lines.append([kind.replace("_", " "), *cells])
-    table = text_table.markdown(["reproduced", *readings], lines)
-    return "\n".join([table, "", *verdict_table.counts(rows)])
+    table = renderers.markdown(ResultTable.of_texts(["reproduced", *readings], lines))
+    return "\n".join([table, *verdict_table.counts(rows)])
 
 
 def generated_parts(folder: Path) -> dict[str, str]:
     """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
     rows = verdict_table.read_rows(folder)
-    parts = {"verdicts": verdict_table.table(rows), "counts": counts_table(rows)}
+    parts = {"verdicts": verdict_table.in_markdown(rows).rstrip(), "counts": counts_table(rows)}
     parts |= {"section V": section_v(rows), "table I": table1.markdown()}
     parts["readings"] = verdict_table.readings_text(provenance.read_json(folder / "readings.json"))
     quality = folder / "quality.json"

@@ -1,0 +1,309 @@
+"""A table of results as text: for a terminal, as Markdown, HTML, LaTeX or CSV.
+
+No cell can steer a terminal, end its row, or run a command of LaTeX or a formula of a spreadsheet.
+"""
+
+import csv
+import io
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from html import escape
+from itertools import pairwise
+from typing import Any
+
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.text import one_line, significant
+from genie_sim.record.tables import harmless
+
+FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
+GAP = 2  # characters between columns on a terminal
+MIN_TITLE_WIDTH, LEGIBLE_TITLE_WIDTH = 8, 24  # characters
+NOTE_WIDTH = 120  # characters in a line of Markdown
+
+ESCAPES = str.maketrans(
+    {
+        "\\": r"\textbackslash{}",
+        "_": r"\_",
+        "%": r"\%",
+        "&": r"\&",
+        "#": r"\#",
+        "$": r"\$",
+        "{": r"\{",
+        "}": r"\}",
+        "~": r"\textasciitilde{}",
+        "^": r"\textasciicircum{}",
+    }
+)
+PACKAGES = ("booktabs", "siunitx")
+MAX_NARROW = 3  # columns of numbers in a column of two
+MAX_WIDE = 6  # and over both
+MAX_ROWS = 25  # with intervals below them they take the height of a page
+HEADING_CHARACTERS = 14
+UNDEFINED = "--"
+
+
+def checked(format: str) -> str:
+    """The format, if it is known. Raises ``UserError``."""
+    if format not in FORMATS:
+        raise UserError(f"--format: {unknown('format', format, FORMATS)}")
+    return format
+
+
+def markdown(table: ResultTable, intervals: bool = True) -> str:
+    """The title as a heading, the table, and its notes as a paragraph."""
+    sides = "".join("---:|" if is_number else "---|" for is_number in _are_numbers(table))
+    rows = [
+        " | ".join(text.replace("|", r"\|") for text in row)
+        for row in (map(one_line, table.headings), *table.texts(intervals))
+    ]
+    lines = [f"| {rows[0].lstrip()} |", f"|---|{sides}", *(f"| {row} |" for row in rows[1:])]
+    notes = textwrap.fill(one_line(" ".join(filter(None, table.notes))), NOTE_WIDTH)
+    parts = [table.title and f"## {table.title}", "\n".join(lines), notes]
+    return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def _are_numbers(table: ResultTable) -> Iterator[bool]:
+    """Of each column whether it holds no text."""
+    for place in range(len(table.columns)):
+        yield not any(isinstance(row.cells[place].value, str) for row in table.rows)
+
+
+def html(table: ResultTable) -> str:
+    """The title, the table and its notes as a piece of HTML; text is text."""
+    head = "".join(f"<th>{escape(heading)}</th>" for heading in table.headings)
+    body = "".join(
+        f"<tr><th>{escape(title)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
+        for title, *cells in table.texts()
+    )
+    below = "".join(f"<p><small>{escape(note)}</small></p>" for note in table.notes if note)
+    return (
+        f"<p><b>{escape(table.title)}</b></p>"
+        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
+    )
+
+
+def terminal(table: ResultTable, width: int, intervals: bool = True) -> str:
+    """Lines of at most ``width`` characters, from 40 on.
+
+    Long titles are wrapped, columns that do not fit beside the others stand below them, and
+    each block has the rows in which it has a number.
+    """
+    paragraphs = [
+        "\n".join(_block_lines(block, width, intervals))
+        for block in _side_by_side(table, width, intervals)
+    ]
+    notes = [line for note in table.notes for line in textwrap.wrap(note, width)]
+    return "\n\n".join([*paragraphs, "\n".join(notes)]) + "\n"
+
+
+def _side_by_side(table: ResultTable, width: int, intervals: bool) -> list[ResultTable]:
+    """The columns that stand side by side, in as few blocks of about equal size as leave room
+    for legible titles.
+    """
+    texts = table.texts(intervals)
+    widths = _widths([heading.split() for heading in table.columns], texts)
+    longest = max((len(row.title) for row in table.rows), default=0)
+    title_width = min(longest, max(LEGIBLE_TITLE_WIDTH, width // 4))
+    count = len(widths)
+    for size in dict.fromkeys(-(-count // blocks) for blocks in range(1, count + 1)):
+        parts = [slice(first, first + size) for first in range(0, count, size)]
+        if all(title_width + sum(widths[part]) <= width for part in parts) or size == 1:
+            return [table.part(part) for part in parts]
+    return []
+
+
+def _block_lines(table: ResultTable, width: int, intervals: bool) -> Iterator[str]:
+    """The lines of a block, its headings in lines of a word each where they must."""
+    known = [row for row in table.rows if any(cell.is_known for cell in row.cells)]
+    texts = replace(table, rows=known).texts(intervals)
+    title_width = max((len(title) for title, *_ in texts), default=0)
+    headings = [[one_line(heading)] for heading in table.columns]
+    widths = _widths(headings, texts)
+    if title_width + sum(widths) > width:
+        headings = [heading.split() for (heading,) in headings]
+        widths = _widths(headings, texts)
+        title_width = min(title_width, max(width - sum(widths), MIN_TITLE_WIDTH))
+    height = max(map(len, headings), default=0)
+    above = [[""] * (height - len(words)) + words for words in headings]
+    for words in zip(*above, strict=True):
+        yield _line("", title_width, words, widths)
+    for title, *cells in texts:
+        *lines, last = textwrap.wrap(title, title_width) or [""]
+        yield from lines
+        yield _line(last, title_width, cells, widths)
+
+
+def _widths(headings: Sequence[Sequence[str]], texts: Sequence[Sequence[str]]) -> list[int]:
+    """The width of each column with its gap [characters]; a heading has a word or more a line."""
+    return [
+        GAP + max(map(len, [*words, *(row[place] for row in texts)]))
+        for place, words in enumerate(headings, 1)
+    ]
+
+
+def _line(title: str, title_width: int, cells: Sequence[str], widths: Sequence[int]) -> str:
+    numbers = "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+    return f"{title:<{title_width}}{numbers}".rstrip()
+
+
+def latex(table: ResultTable, name: str) -> str:
+    """A floating table with rules of ``booktabs`` and columns of ``siunitx``, over both columns of
+    a page if one is too narrow. What fits no page is divided into several tables, with the notes
+    below the last. A value stands above its interval, so a table of three methods fits a column of
+    two.
+
+    Parameters
+    ----------
+    table : ResultTable
+        Its title is the caption.
+    name : str
+        ``\\ref`` calls the table ``tab:`` and the name; further parts end in ``-2`` and so on.
+    """
+    label = "".join(each if each.isalnum() and each.isascii() else "-" for each in name)
+    parts = [
+        table.part(columns, rows)
+        for rows in _blocks(len(table.rows), MAX_ROWS)
+        for columns in _blocks(len(table.columns), MAX_WIDE)
+    ]
+    texts = []
+    for number, part in enumerate(parts, 1):
+        of_parts = f" (part {number} of {len(parts)})" if len(parts) > 1 else ""
+        notes = [_escaped(note) for note in table.notes if note and number == len(parts)]
+        below = " ".join([*notes, *_signs(part)])
+        wide = len(part.columns) > MAX_NARROW
+        environment = "table*" if wide else "table"
+        lines = [
+            f"% needs \\usepackage{{{','.join(PACKAGES)}}}",
+            rf"\begin{{{environment}}}[!t]",
+            r"\centering",
+            r"\setlength{\tabcolsep}{3pt}",
+            rf"\caption{{{_escaped(table.title + of_parts)}}}",
+            rf"\label{{tab:{label}{f'-{number}' if number > 1 else ''}}}",
+            r"\footnotesize",
+            _tabular(part, wide),
+            *(["", r"\smallskip", rf"\parbox{{\linewidth}}{{{below}}}"] if below else []),
+            rf"\end{{{environment}}}",
+        ]
+        texts.append("\n".join([*lines, ""]))
+    return "\n".join(texts)
+
+
+def _blocks(length: int, most: int) -> list[slice]:
+    """As few slices of about equal length as there must be for none to be longer than ``most``."""
+    count = max(-(-length // most), 1)
+    ends = [length * number // count for number in range(count + 1)]
+    return [slice(first, end) for first, end in pairwise(ends)]
+
+
+def _tabular(table: ResultTable, wide: bool) -> str:
+    formats = [
+        _format([row.cells[place] for row in table.rows]) for place in range(len(table.columns))
+    ]
+    width = 0.30 if wide else 0.34
+    lines = [
+        rf"\begin{{tabular}}{{@{{}}>{{\raggedright\arraybackslash}}p{{{width:.2f}\linewidth}}",
+        *(f"  {numbers}" for numbers in formats),
+        r"  @{}}",
+        r"\toprule",
+        " & ".join([_escaped(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
+        r"\midrule",
+        *(line for row in table.rows for line in _lines(row, _marks(table, row))),
+        r"\bottomrule",
+        r"\end{tabular}",
+    ]
+    return "\n".join(lines)
+
+
+def _marks(table: ResultTable, row: Row) -> list[str]:
+    """The marks of a row's intervals that the table explains."""
+    return [mark for mark in table.marks if any(cell.mark == mark for cell in row.cells)]
+
+
+def _signs(table: ResultTable) -> list[str]:
+    """What the signs of a table mean, in LaTeX."""
+    used = dict.fromkeys(mark for row in table.rows for mark in _marks(table, row))
+    signs = [rf"\textsuperscript{{{mark}}} {_escaped(table.marks[mark])}." for mark in used]
+    if not all(cell.is_defined for row in table.rows for cell in row.cells):
+        signs.append("--: not defined.")
+    return signs
+
+
+def _escaped(text: str) -> str:
+    """Text in which no character is a command of LaTeX."""
+    return one_line(text).translate(ESCAPES)
+
+
+def siunitx(value: float, sign: str = "") -> str:
+    """A number to three significant digits as siunitx reads it: without commas and exponents."""
+    if value == 0:
+        return "0"
+    places = max(2 - int(f"{value:e}".partition("e")[2]), 0)
+    text = f"{value:{sign}.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def _value(cell: Cell) -> str:
+    """A number as siunitx reads it; anything else in braces, so that siunitx takes it for text."""
+    if isinstance(cell.value, str):
+        return _escaped(cell.value)
+    if cell.value is None or not cell.is_defined:
+        return f"{{{UNDEFINED}}}"
+    return siunitx(cell.value, cell.sign)
+
+
+def _ends(cell: Cell) -> str:
+    """The interval in brackets; none that is no wider than the number is exact."""
+    if cell.low is None or cell.high is None:
+        return ""
+    low, high = siunitx(cell.low, cell.sign), siunitx(cell.high, cell.sign)
+    return "" if low == high == _value(cell) else rf"{{\scriptsize [{low}, {high}]}}"
+
+
+def _format(cells: Sequence[Cell]) -> str:
+    """The column in which all these numbers stand with their points below each other; one of
+    texts is ragged.
+    """
+    if any(isinstance(cell.value, str) for cell in cells):
+        return "l"
+    numbers = [_value(cell) for cell in cells if cell.is_defined]
+    parts = [number.lstrip("+-").partition(".") for number in numbers]
+    whole = max((len(before) for before, _, _ in parts), default=1)
+    decimals = max((len(after) for _, _, after in parts), default=0)
+    signed = any(number[0] in "+-" for number in numbers)
+    sign = "+" if signed else ""
+    more = ", retain-explicit-plus" if signed else ""
+    return f"S[table-format={sign}{whole}.{decimals}{more}]"
+
+
+def _heading(heading: str) -> str:
+    """In braces, so that siunitx takes it for text; long ones in lines of their own."""
+    lines = textwrap.wrap(one_line(heading), HEADING_CHARACTERS) or [""]
+    stacked = r"\\{}".join(map(_escaped, lines))  # braces: a line may begin with "["
+    return rf"{{\shortstack{{{stacked}}}}}"
+
+
+def _lines(row: Row, marks: Sequence[str]) -> list[str]:
+    """The row, and below it the intervals if there are any."""
+    raised = "".join(rf"\textsuperscript{{{mark}}}" for mark in marks)
+    lines = [[_escaped(row.title) + raised, *map(_value, row.cells)]]
+    if any(ends := [_ends(cell) for cell in row.cells]):
+        lines.append(["", *ends])
+    return [" & ".join(line).strip() + r" \\" for line in lines]
+
+
+def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """All numbers as CSV, to ten digits; no cell is a formula to a spreadsheet."""
+    to = io.StringIO()
+    writer = csv.writer(to, lineterminator="\n")
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow([_exact_cell(cell) for cell in row])
+    return to.getvalue()
+
+
+def _exact_cell(cell: Any) -> Any:
+    if isinstance(cell, float):
+        return significant(cell, digits=10)
+    return harmless(one_line(cell)) if isinstance(cell, str) else cell
