@@ -16,7 +16,7 @@ from genie_sim.paper import page as evaluation
 from genie_sim.record import provenance, results
 from genie_sim.runs import runner
 from genie_sim.scenario.scenario import load_scenario
-from tests.checkout import REPOSITORY
+from tests.checkout import REPOSITORY, copied
 
 SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]
 READERS = (
@@ -229,7 +229,7 @@ def test_the_committed_evaluation_is_what_was_written():
 
 @pytest.mark.slow
 def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
-    folder = Path(shutil.copytree(REPOSITORY / "results" / "paper", tmp_path / "paper"))
+    folder = copied(REPOSITORY / "results" / "paper", tmp_path / "paper")
     page = tmp_path / "page.html"
     assert main(["report", str(folder), "--out", str(page)]) == 0
     (folder / "quality.json").write_text((folder / "quality.json").read_text() + "\n")

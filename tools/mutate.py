@@ -1,17 +1,18 @@
 """Puts single errors into the package, one at a time: does a test notice?
 
-    python -m tools.mutate --seed 7 --count 150 [--room core] [--work FOLDER] [--list]
+    python -m tools.mutate --seed 7 --count 150 [--room core ...] [--work FOLDER] [--list]
 
 Every place of the package where an operator below fits is a candidate. Places are drawn with the
 seed, one file after the other and in each file one operator after the other, so that neither large
-files nor frequent operators fill the sample. The fast tests run once under coverage, which says
-which of them run each line. Each error then goes into a copy of the checkout, in which the tests
-that run its line are done, those first that run the fewest lines in all; then whole files: those
-that name its module, those of these tests, and those that start processes, which coverage does not
-see. What is left goes into one copy all together, in which every fast test runs; those that fail
-there are done with each error by itself. No real data is used. Errors that no test notices are
-listed, with a diff each; the exit status is 1 if there are more than 5 %. ``--work FOLDER`` keeps
-the coverage and the outcomes, so that a run goes on where it was interrupted.
+files nor frequent operators fill the sample; several rooms give one error each in turn. The fast
+tests run once under coverage, which says which of them run each line. Each error then goes into a
+copy of the checkout, in which the tests that run its line are done, those first that run the fewest
+lines in all; then whole files: those that name its module, those of these tests, and those that
+start processes, which coverage does not see. What is left goes into one copy all together, in which
+every fast test runs; those that fail there are done with each error by itself. No real data is
+used. Errors that no test notices are listed, with a diff each; the exit status is 1 if there are
+more than 5 %. ``--work FOLDER`` keeps the coverage and the outcomes, so that a run goes on where it
+was interrupted.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -219,6 +221,12 @@ def is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str)
     )
+
+
+def drawn_by_room(seed: int, count: int, rooms: Sequence[str]) -> list[Mutation]:
+    """``count`` different errors, one of each room in turn."""
+    turns = zip_longest(*(drawn(seed, count, room) for room in rooms))
+    return [mutation for turn in turns for mutation in turn if mutation is not None][:count]
 
 
 def drawn(seed: int, count: int, room: str | None) -> list[Mutation]:
@@ -477,13 +485,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.mutate", description=__doc__)
     parser.add_argument("--seed", type=int, default=1, help="of the draw")
     parser.add_argument("--count", type=int, default=150, help="how many errors")
-    parser.add_argument("--room", help="a folder or file of the package: core, sim/link.py")
+    parser.add_argument(
+        "--room", nargs="+", default=[""], help="folders of the package, in turn: core sim/cars"
+    )
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="copies at a time")
     parser.add_argument("--work", type=Path, help="a folder for the coverage and the outcomes")
     parser.add_argument("--list", action="store_true", help="show the errors and stop")
     options = parser.parse_args()
     PROCESSES.set_forkserver_preload(PRELOADED)
-    sample = drawn(options.seed, options.count, options.room)
+    sample = drawn_by_room(options.seed, options.count, options.room)
     if options.list:
         print("\n".join(map(report, sample)))
         return 0

@@ -76,6 +76,14 @@ def test_a_draw_is_the_same_each_time_and_spread_over_the_files():
     assert len({mutation.operator for mutation in sample}) > 6
 
 
+def test_rooms_take_turns_until_there_are_enough_errors():
+    sample = mutate.drawn_by_room(seed=3, count=7, rooms=["core", "sim", "faults"])
+    rooms = [mutation.file.split("/")[1] for mutation in sample]
+    assert rooms == ["core", "sim", "faults", "core", "sim", "faults", "core"]
+    small = mutate.drawn_by_room(seed=3, count=10**6, rooms=["version.py", "faults"])
+    assert len(small) == len(set(small)), "and go on where one has no more"
+
+
 def test_a_copy_has_several_errors_at_once_and_is_whole_again(tmp_path: Path):
     (tmp_path / "file.py").write_text(SOURCE)
     changed = {

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis import compare, metrics, prices, summary
-from genie_sim.base.settings import SettingError
 from genie_sim.data.sources import Recordings
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import HOSTS, POWER, HostRow, PowerRow
@@ -257,13 +256,6 @@ def test_the_interface_fits_the_link(link: Any, name: str | None):
     setting = scenario([{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": link}])
     found = build._interfaces(setting)
     assert (found["car1"].name if found else None) == name
-
-
-@pytest.mark.parametrize(("value", "low", "high"), [(4, 5, 6), (7, 5, 6), (5, 6, 4)])
-def test_a_power_lies_within_its_range(value: float, low: float, high: float):
-    assert watts(5, 5, 5).value_w == 5
-    with pytest.raises(SettingError, match="'low' to 'high'"):
-        watts(value, low, high)
 
 
 def ledger(**seconds: float) -> prices.Ledger:

@@ -142,6 +142,15 @@ def test_yaml_that_is_no_scenario(data: bytes, message: str, tmp_path: Path) -> 
     assert refusal(data, tmp_path) == message
 
 
+def test_yaml_may_be_nested_as_deep_as_the_message_says() -> None:
+    def nested(depth: int) -> str:
+        return "[" * depth + "]" * depth
+
+    parse(nested(40), "text")
+    with pytest.raises(UserError, match="nested more than 40 deep"):
+        parse(nested(41), "text")
+
+
 def test_a_billion_laughs(tmp_path: Path) -> None:
     lines = ["a0: &a0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10)]

@@ -178,8 +178,8 @@ def test_exact_texts_are_readable() -> None:
     assert units.duration_text(1_500_000_000) == "1.5 s"
     assert units.duration_text(123_456_789) == "123.456789 ms"
     assert units.duration_text(0) == "0 s"
-    assert units.size_text(465_800) == "465.8 kB"
-    assert units.rate_text(10**9) == "1 Gbit/s"
+    assert units.size_text(465_800) == "465.8 kB" and units.size_text(0) == "0 B"
+    assert units.rate_text(10**9) == "1 Gbit/s" and units.rate_text(0) == "0 bit/s"
     assert units.angle_text(math.radians(15)) == "15 deg"
 
 

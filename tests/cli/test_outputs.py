@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 
 import pytest
 
@@ -11,7 +10,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli import outputs
 from genie_sim.cli.main import main
 from genie_sim.paper import figure_tables, paper_figures
-from tests.checkout import REPOSITORY
+from tests.checkout import REPOSITORY, copied
 
 PAPER = REPOSITORY / "results" / "paper"
 
@@ -43,8 +42,7 @@ def _only(name: str):
 
 
 def test_figures_are_not_drawn_from_changed_data(tmp_path):
-    folder = tmp_path / "evaluation"
-    shutil.copytree(PAPER, folder, ignore=shutil.ignore_patterns("figures"))
+    folder = copied(PAPER, tmp_path / "evaluation", "figures")
     quality = folder / "quality.json"
     quality.write_text(quality.read_text(encoding="utf-8").replace("0.1", "0.2"))
     with pytest.raises(UserError, match=r"quality\.json"):

@@ -113,6 +113,17 @@ def test_an_answer_replaces_older_ones_only_within_its_field_of_view(off_axis_de
     assert bool(held(consumer, 1.0)) is remaining
 
 
+def test_of_many_frames_the_newest_are_remembered():
+    consumer = Newest()
+    tell(consumer, 0.0, car(20.0), camera="03")
+    frames = [image(0.01 * i) for i in range(1, 301)]
+    for frame in frames:
+        consumer.on_frame(frame)
+    answer = Detections(frames[-1].header, (), "map").with_look(None, 3 * S)
+    consumer.on_answer(answer, 3 * S)
+    assert held(consumer, 3.0) == [], "nothing is in its field of view"
+
+
 def test_of_two_answers_for_one_instant_the_later_one_counts():
     """A cached answer to a frame, then the detector's to the same."""
     consumer = Newest()

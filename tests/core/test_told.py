@@ -38,7 +38,7 @@ def test_a_told_object_goes_on_with_its_velocity_for_a_second():
 
 
 def test_what_is_near_the_car_is_the_car():
-    assert believed(told((3.0, 0.0))) == []
+    assert believed(told((3.0, 0.0))) == [] == believed(told((4.0, 0.0)))
     assert believed(told((0.0, 4.1))) == [(0.0, 4.1, 0.0)]
 
 

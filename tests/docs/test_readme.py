@@ -13,7 +13,6 @@ from __future__ import annotations
 import os
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 import tomllib
@@ -23,6 +22,7 @@ from pathlib import Path
 import pytest
 
 from tests import tiers
+from tests.checkout import copied
 from tests.docs.blocks import matches, script, session
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -79,7 +79,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory):
     root = tmp_path_factory.mktemp("readme")
     work, path = root / "work", root / "bin"
     for folder in FOLDERS:
-        shutil.copytree(REPOSITORY / folder, work / folder)
+        copied(REPOSITORY / folder, work / folder)
     path.mkdir()
     for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
         (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')

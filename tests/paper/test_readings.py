@@ -163,13 +163,13 @@ def test_the_highest_running_ratio_is_that_of_any_genie_of_the_role():
 
 
 def verdicts_of(name, usual, other=None):
-    """Under a reading, in a made-up world of ten seeds with the same facts in all six scenarios:
+    """Under a reading, in a made-up world of three seeds with the same facts in all six scenarios:
     ``usual`` with the usual definitions, ``other`` with the reading's own.
     """
     reading = load_reading(name)
     judged = {USUAL: usual} | ({} if other is None else {reading.definitions: other})
     run = Outcome({meant: facts_by_notation(values) for meant, values in judged.items()})
-    groups = {("base", scenario): [run] * 10 for scenario in ALL}
+    groups = {("base", scenario): [run] * 3 for scenario in ALL}
     return judge_readings([reading], [()], [groups], workers=1)[0]
 
 
@@ -201,7 +201,6 @@ def of(claim, shown):
     return next(one for one in shown if one["id"] == claim)
 
 
-@pytest.mark.slow
 def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
     assert (of("C11", default())["kind"], of("C11", default())["verdict"]) == (
         "calibrated",
@@ -213,7 +212,6 @@ def test_where_nothing_was_fitted_the_two_numbers_are_predictions():
     )
 
 
-@pytest.mark.slow
 def test_a_reading_is_judged_by_its_own_metrics_and_by_the_default_s():
     assert (
         of("C26", default())["verdict"] == "not reproduced"

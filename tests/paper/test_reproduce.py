@@ -202,7 +202,7 @@ def test_refreshing_what_is_committed_changes_nothing(tmp_path):
     """What ``python tests/paper/test_reproduce.py`` does after an evaluation."""
     for path in GENERATED:
         (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(path, tmp_path / path.relative_to(REPOSITORY))
+        shutil.copyfile(path, tmp_path / path.relative_to(REPOSITORY))
     refresh(tmp_path)
     for path in GENERATED:
         assert (tmp_path / path.relative_to(REPOSITORY)).read_bytes() == path.read_bytes(), path

@@ -303,6 +303,13 @@ def test_a_column_that_is_never_empty_refuses_none():
             table.to_frame()
 
 
+def test_a_column_says_so_if_it_may_be_empty():
+    table = Table(Schema("one", "a row", (Column("name", "int64", "", ""),)))
+    table.append((None,))
+    with pytest.raises(TypeError, match="is never empty"):
+        table.to_frame()
+
+
 ONE_OF_EACH = Schema(
     "one",
     "a row",

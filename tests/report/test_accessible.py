@@ -5,7 +5,6 @@ critical.
 from __future__ import annotations
 
 import json
-import shutil
 from importlib import resources
 from pathlib import Path
 
@@ -14,6 +13,7 @@ import pytest
 import genie_sim as gs
 from genie_sim.paper import page as evaluation
 from tests.browser import Browser
+from tests.checkout import copied
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 AXE = resources.files("axe_core_python").joinpath("axe.min.js")
@@ -50,7 +50,7 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
         return Path(str(seeds.folder)) / "report.html"
     if what == "comparison":
         return gs.compare(run).report(folder)
-    few = Path(shutil.copytree(PAPER, folder / "evaluation"))
+    few = copied(PAPER, folder / "evaluation")
     rows, numbers = (
         json.loads((few / f"{name}.json").read_text()) for name in ("verdicts", "metrics")
     )

@@ -5,7 +5,6 @@ time.
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -18,6 +17,7 @@ from genie_sim.paper.readings import load_reading
 from genie_sim.record import provenance
 from genie_sim.report import html_page
 from tests.browser import Browser
+from tests.checkout import copied
 from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
@@ -48,14 +48,14 @@ def with_bench(folder: Path) -> Path:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> str:
     """Of the committed evaluation with a made-up reading beside the default."""
-    copy = shutil.copytree(PAPER, tmp_path_factory.mktemp("page") / "evaluation")
+    copy = copied(PAPER, tmp_path_factory.mktemp("page") / "evaluation")
     return evaluation.page(signed(with_bench(copy)))
 
 
 @pytest.fixture
 def folder() -> Path:
     """A copy of the same evaluation, to be changed."""
-    copy = Path(shutil.copytree(PAPER, "evaluation"))
+    copy = copied(PAPER, Path("evaluation"))
     return signed(with_bench(copy))
 
 

@@ -113,6 +113,15 @@ def test_what_only_other_methods_use_is_not_refused():
     assert scenario.under(scenario.methods[0]).genie.similarity.name == "exact"
 
 
+def test_a_car_without_cameras_asks_a_cache_whose_settings_are_not_refused():
+    """What is refused is that the cars of this scenario cannot be told of one another."""
+    genie = "algorithm: recommended, similarity: {cell: 2 m}, looks: {told: {gate: 1 m}}"
+    with pytest.raises(UserError, match=r"genie\.looks\.told: cars replay recordings"):
+        load_scenario(
+            "case_study", [f"methods=[{{name: paced, method: genie, genie: {{{genie}}}}}]"]
+        )
+
+
 def test_a_genie_in_front_of_edges_has_a_cache():
     """So its settings have an effect."""
     load_scenario("1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")])

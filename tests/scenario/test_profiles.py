@@ -15,7 +15,9 @@ import yaml
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
+from genie_sim.base.settings import SettingError
 from genie_sim.runs import build
+from genie_sim.scenario.power import Watts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.sim.service import ServiceTime
 
@@ -121,6 +123,16 @@ def test_an_image_s_ipc_takes_3_ms_on_a_jetson_and_half_on_a_server() -> None:
     }
     assert 3.0e6 <= hops["jetson_tx2"] <= 3.5e6
     assert hops["quadro_rtx_4000"] == pytest.approx(3.5e6 / 2, rel=0.01)
+
+
+def test_a_power_lies_within_its_range() -> None:
+    def watts(value: float, low: float, high: float) -> Watts:
+        return Watts(value_w=value, low_w=low, high_w=high, tag="A", source="test")
+
+    assert watts(5, 5, 5).value_w == 5
+    for wrong in ((4, 5, 6), (7, 5, 6), (5, 6, 4)):
+        with pytest.raises(SettingError, match="'low' to 'high'"):
+            watts(*wrong)
 
 
 def test_every_number_says_where_it_comes_from() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,6 +127,11 @@ def discrete(values: Mapping[str, Any], case: Case) -> dict[str, float]:
     }
 
 
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    """The tables of a search."""
+    return {name: (folder / name).read_bytes() for name in TABLES}
+
+
 class Found(NamedTuple):
     """A finished search: its tuned designs, its picks, and itself."""
 
@@ -139,7 +145,7 @@ class Found(NamedTuple):
 
     @property
     def bytes(self) -> dict[str, bytes]:
-        return {name: (self.search.folder / name).read_bytes() for name in TABLES}
+        return bytes_of(self.search.folder)
 
 
 def run(data: Mapping[str, Any], function: Function, out: str = "out", jobs: int = 1) -> Found:
@@ -214,9 +220,9 @@ def test_the_search_never_sees_the_held_out_set():
 
 
 def test_another_held_out_set_changes_no_point():
-    first = run(search_of(LIST), reversed_later, "first").bytes
+    first = run(search_of(LIST, points=6), reversed_later, "first").bytes
     more = {"tuning": 3, "held_out": [77, 78, 91]}
-    second = run(search_of(LIST, seeds=more), reversed_later, "second").bytes
+    second = run(search_of(LIST, points=6, seeds=more), reversed_later, "second").bytes
     assert first["points.csv"] == second["points.csv"]
     assert first["designs.csv"] != second["designs.csv"]
 
@@ -254,7 +260,7 @@ def nothing_but_noise(values: Mapping[str, Any], case: Case) -> dict[str, float]
 
 
 def test_designs_that_cannot_be_told_apart_are_said_to_be_equal():
-    data = search_of(LIST, points=40, seeds={"tuning": 5, "held_out": 8})
+    data = search_of(LIST, points=24, seeds={"tuning": 5, "held_out": 8})
     designs = run(data, nothing_but_noise).designs
     has_twin = 0
     for _, design in designs.iterrows():
@@ -342,11 +348,21 @@ class Killed(BaseException):
     """Not caught by anything, like a signal."""
 
 
-@pytest.mark.parametrize("after", [0, 5, 20, 43])
+SHORT = {**MIXED, "points": 6, "batch": 2}  # 18 runs, 3 of the reference, then the held-out ones
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a short search that is done; only looked at and copied."""
+    out = tmp_path_factory.mktemp("done")
+    run(SHORT, mixed, str(out))
+    return out
+
+
+@pytest.mark.parametrize("after", [0, 3, 11, 22])
 def test_a_killed_search_goes_on_as_if_nothing_had_been(
-    after: int, monkeypatch: pytest.MonkeyPatch
+    after: int, done: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    whole = run(MIXED, mixed, "whole").bytes
     simulated: list[str] = []
     measure = MadeUpRun.measure
 
@@ -358,11 +374,11 @@ def test_a_killed_search_goes_on_as_if_nothing_had_been(
 
     monkeypatch.setattr(MadeUpRun, "measure", counted)
     with pytest.raises(Killed):
-        run(MIXED, mixed, "killed")
+        run(SHORT, mixed, "killed")
     before = set(kept("killed"))
     after = 10**6
     simulated.clear()
-    assert run(MIXED, mixed, "killed").bytes == whole
+    assert run(SHORT, mixed, "killed").bytes == bytes_of(done / "made-up")
     assert not before & set(simulated), "what was written is not run again"
 
 
@@ -372,17 +388,18 @@ def kept(out: str) -> list[str]:
     return [run_id for part in parts for run_id in pd.read_parquet(part)["run_id"].unique()]
 
 
-def test_a_search_that_is_done_runs_nothing_again(monkeypatch: pytest.MonkeyPatch):
-    before = run(MIXED, mixed).bytes
+def test_a_search_that_is_done_runs_nothing_again(done: Path, monkeypatch: pytest.MonkeyPatch):
+    shutil.copytree(done, "out")
     monkeypatch.setattr(MadeUpRun, "measure", None)  # cannot be called
-    assert run(MIXED, mixed).bytes == before
+    assert run(SHORT, mixed).bytes == bytes_of(done / "made-up")
 
 
-def test_more_points_go_on_from_those_that_are_there():
-    few = run({**MIXED, "points": 6}, mixed).table("points")
+def test_more_points_go_on_from_those_that_are_there(done: Path):
+    shutil.copytree(done, "out")
     before = set(kept("out"))
-    many = run({**MIXED, "points": 10}, mixed).table("points")
-    assert len(few) == 6 and len(many) == 10 and len(kept("out")) > len(before)
+    few = pd.read_csv(done / "made-up" / "points.csv", keep_default_na=False, na_values=[""])
+    many = run({**SHORT, "points": 9}, mixed).table("points")
+    assert len(few) == 6 and len(many) == 9 and len(kept("out")) > len(before)
     pd.testing.assert_frame_equal(many.iloc[:6][few.columns], few, check_dtype=False)
 
 
