@@ -320,6 +320,7 @@ class Log:
                 way=event.way,
                 outcome=event.outcome,
                 looked_ns=looked_ns,
+                gap_ns=event.gap_ns,
             )
             self._looks.append(row)
 

@@ -124,6 +124,12 @@ class LookRow(NamedTuple):
         "of way map: stamp of the newest frame of this view that a detector had looked at; null:"
         " none yet",
     ]
+    gap_ns: Annotated[
+        int | None,
+        "ns",
+        "of outcome sent: time since the stamp of the frame of this view that went up before; null:"
+        " the first",
+    ]
 
 
 class ResourceRow(NamedTuple):
