@@ -436,5 +436,7 @@ class Log:
                 resource.completed,
                 resource.drops,
                 resource.sent_bytes,
+                resource.occupancy.total_ns,
+                resource.occupancy.most,
             )
         self._resources.append(values)

@@ -242,8 +242,8 @@ class Pacer:
         """
         if self._stale_in_a_row == 0:
             return self._every_ns
-        doubled = 2 ** min(self._stale_in_a_row - 1, 10)
-        return max(self._every_ns, min(doubled * self._stale_ns, MAX_PROBE_NS))
+        probe_ns = self._stale_ns << min(self._stale_in_a_row - 1, 10)
+        return max(self._every_ns, min(probe_ns, MAX_PROBE_NS))
 
 
 def _due_ns(view: Collection[Stream], every_ns: int) -> int | None:
