@@ -118,9 +118,10 @@ def resources(cars: int = 3, samples: int = 100) -> Table:
                     (f"car{car}->edge{car}", "link", 0.1 * car, i, i * 1_397_297),
                 )
                 for name, kind, busy, completed, carried in serving:
-                    table.append(
-                        (method, t_ns, name, kind, 1, int(busy * t_ns), 0, completed, 0, carried)
-                    )
-                queue = f"car{car}/detector:/image_raw"
-                table.append((method, t_ns, queue, "queue", None, 0, (i + car) % 3, i, 2 * i, None))
+                    used = (1, int(busy * t_ns), 0, completed, 0, carried, 0, 0)
+                    table.append((method, t_ns, name, kind, *used))
+                name = f"car{car}/detector:/image_raw"
+                waiting_ns = sum((k + car) % 3 * 100 * MS for k in range(1, i + 1))
+                used = (None, 0, (i + car) % 3, i, 2 * i, None, waiting_ns, 2)
+                table.append((method, t_ns, name, "queue", *used))
     return table

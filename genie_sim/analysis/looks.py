@@ -95,6 +95,20 @@ class LooksSent(MetricDefinition):
         return quotient(view.sent_up("sent"), view.published, view.published)
 
 
+class LookGap(MetricDefinition):
+    """Mean time between the frames of a view that went up one after the other."""
+
+    title = "gap between looks, mean"
+    unit = "ms"
+    section = FRAMES
+    view = Looks
+    reads = "looks: way, gap_ns"
+
+    def of(self, view: Looks) -> Measured:
+        gaps_ms = view.way_up.floats("gap_ns") / NS_PER_MS
+        return average(gaps_ms[~np.isnan(gaps_ms)])
+
+
 class LooksAnswered(MetricDefinition):
     """Share of the frames sent up that were answered in time."""
 
@@ -233,6 +247,7 @@ class SharedRight(MetricDefinition):
 METRICS = {
     "looks_own_share": OwnLooks(),
     "looks_sent_share": LooksSent(),
+    "look_gap_mean": LookGap(),
     "looks_answered_share": LooksAnswered(),
     "looks_stale_share": LooksStale(),
     "looks_overtaken_share": LooksOvertaken(),

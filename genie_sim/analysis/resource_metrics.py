@@ -1,8 +1,8 @@
 """Metrics of devices, links and queues, each of which is the component of its numbers.
 
 Utilization, mean queue and throughput are those until the last frame was published (afterwards a
-run only waits for answers); the other counts are those at its end. Queues are seen at the samples
-only.
+run only waits for answers); the other counts are those at its end. Queues are counted at each
+change, not at samples.
 """
 
 import re
@@ -53,7 +53,7 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
     t_ns = np.concatenate([[0.0], samples.floats("t_ns")])
     capacity = samples.floats("capacity")
     if np.isnan(capacity).any():
-        return t_ns, np.concatenate([[0.0], np.cumsum(samples.floats("queue") * np.diff(t_ns))])
+        return t_ns, np.concatenate([[0.0], samples.floats("queue_ns")])
     return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
 
 
@@ -82,17 +82,18 @@ class Utilization(ResourceMetric):
 
 
 class QueueMean(ResourceMetric):
-    """Mean number of messages that wait."""
+    """Mean number of messages that wait, over time."""
 
     title = "queue length, mean"
     unit = "messages"
     better = LOWER
-    reads = "resources: t_ns, queue"
+    reads = "resources: t_ns, queue_ns"
 
     def of(self, view: Samples) -> Measured | None:
         if not view.seconds:
             return None
-        return Measured(float(view.active["queue"].mean()), n=len(view.active))
+        waited_s = float(view.active["queue_ns"][-1]) / NS_PER_S
+        return Measured(waited_s / view.seconds, n=len(view.active))
 
 
 class Throughput(ResourceMetric):
@@ -114,10 +115,10 @@ class QueueMax(ResourceMetric):
     title = "queue length, maximum"
     unit = "messages"
     better = LOWER
-    reads = "resources: queue"
+    reads = "resources: queue_max"
 
     def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["queue"].max()), n=len(view.all))
+        return Measured(int(view.all["queue_max"][-1]), n=len(view.all))
 
 
 class Completed(ResourceMetric):

@@ -404,11 +404,13 @@ class LookEvent:
     ``way`` is ``own`` (the car's detector) or ``edge``. ``outcome`` is ``sent``, ``answered``,
     ``stale`` (answered too late to count), ``overtaken`` (a later frame was answered first, so this
     one is given up), ``timed_out`` (given up, too) or ``late`` (answered after it was given up).
+    ``gap_ns``, of one that is sent: the time since the frame of its view that went up before.
     """
 
     header: Header
     way: str
     outcome: str
+    gap_ns: int | None = None
 
 
 @dataclass(slots=True)

@@ -94,6 +94,16 @@ class Forgery(NamedTuple):
     end_ns: int
 
 
+class Occupied(Protocol):
+    """How many waited somewhere: the time in all [ns], and the most at a time."""
+
+    @property
+    def most(self) -> int: ...
+
+    @property
+    def total_ns(self) -> int: ...
+
+
 class Resource(Protocol):
     """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes."""
 
@@ -110,6 +120,9 @@ class Resource(Protocol):
 
     @property
     def queued(self) -> int: ...
+
+    @property
+    def occupancy(self) -> "Occupied": ...
 
     @property
     def sent_bytes(self) -> int | None:

@@ -174,15 +174,17 @@ class LookRules:
     """When detectors look at frames, apart from the answers, which come out of the map at once."""
 
     every_ns: int = 75_000_000
-    """A frame goes up when the view it shows was last looked at by the edge this long ago. Streams
-    whose headings differ by less than 15 degrees show one view and take turns."""
+    """Mean gap between the frames of a view that go up, or that of its frames where it is longer; a
+    frame goes up that is nearest to when a look falls due. Streams whose headings differ by less
+    than 15 degrees show one view and take turns."""
 
     in_flight: Count = 4
     """At most this many frames of a car are on their way to the edge and back."""
 
     stale_ns: Annotated[int, Bounds(above=0)] = 500_000_000
-    """An answer about an older frame counts as no look; while the round trip is longer than this,
-    only one frame is on its way."""
+    """An answer about an older frame counts as no look. While the round trip is longer than this,
+    only one frame is on its way; with each such answer in a row the gap between looks grows: to
+    this time, then twice as long each time, up to 10 s."""
 
     own: Literal["all", "free", "rest"] = "all"
     """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come

@@ -320,6 +320,7 @@ class Log:
                 way=event.way,
                 outcome=event.outcome,
                 looked_ns=looked_ns,
+                gap_ns=event.gap_ns,
             )
             self._looks.append(row)
 
@@ -435,5 +436,7 @@ class Log:
                 resource.completed,
                 resource.drops,
                 resource.sent_bytes,
+                resource.occupancy.total_ns,
+                resource.occupancy.most,
             )
         self._resources.append(values)

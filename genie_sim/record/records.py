@@ -124,6 +124,12 @@ class LookRow(NamedTuple):
         "of way map: stamp of the newest frame of this view that a detector had looked at; null:"
         " none yet",
     ]
+    gap_ns: Annotated[
+        int | None,
+        "ns",
+        "of outcome sent: time since the stamp of the frame of this view that went up before; null:"
+        " the first",
+    ]
 
 
 class ResourceRow(NamedTuple):
@@ -147,6 +153,8 @@ class ResourceRow(NamedTuple):
     completed: Annotated[int, "messages", "served so far"]
     dropped: Annotated[int, "messages", "lost or pushed out so far"]
     bytes: Annotated[int | None, "B", "carried so far; null: neither a link nor a cell"]
+    queue_ns: Annotated[int, "ns", "time waited so far, summed over the messages"]
+    queue_max: Annotated[Int32, "messages", "that have waited at a time so far"]
 
 
 class PoseRow(NamedTuple):

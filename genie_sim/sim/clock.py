@@ -213,6 +213,49 @@ def _whole_ns(delay: Any) -> int:
     return delay_ns
 
 
+class Occupancy:
+    """How many wait somewhere, counted at each change and not at samples.
+
+    Parameters
+    ----------
+    clock : Clock
+        The run's clock.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._count = 0
+        self._since_ns = 0  # for how long so many wait
+        self._most = 0  # before that
+        self._total_ns = 0
+
+    @property
+    def total_ns(self) -> int:
+        """The time waited until now, summed over all that waited or still do."""
+        return self._total_ns + self._count * (self._clock.now - self._since_ns)
+
+    @property
+    def most(self) -> int:
+        """How many have waited at a time; who is taken at once has not waited."""
+        return max(self._most, self._count if self._clock.now > self._since_ns else 0)
+
+    def enter(self) -> None:
+        """One more waits."""
+        self._change(1)
+
+    def leave(self, count: int = 1) -> None:
+        """So many do not wait any more."""
+        self._change(-count)
+
+    def _change(self, by: int) -> None:
+        now_ns = self._clock.now
+        if now_ns > self._since_ns:
+            self._total_ns += self._count * (now_ns - self._since_ns)
+            self._most = max(self._most, self._count)
+            self._since_ns = now_ns
+        self._count += by
+
+
 class OfFlow(Protocol):
     """An item of a queue; those of one ``flow`` push each other out."""
 
@@ -237,6 +280,7 @@ class Newest(Generic[Item]):
 
     def __init__(self, clock: Clock, length: int) -> None:
         self.items: list[Item] = []  # that wait, in the order of their arrival
+        self.occupancy = Occupancy(clock)
         self._clock = clock
         self._length = length
         self._takers: list[simpy.Event] = []
@@ -253,8 +297,9 @@ class Newest(Generic[Item]):
             return None
         oldest = self.in_the_way(item.flow) if self.items else None
         if oldest is not None:
-            self.items.remove(oldest)
+            self.take(oldest)
         self.items.append(item)
+        self.occupancy.enter()
         return oldest
 
     def get(self) -> simpy.Event:
@@ -262,9 +307,15 @@ class Newest(Generic[Item]):
         event = self._clock.event()
         if self.items:
             self._clock.wake(event, self.items.pop(0))
+            self.occupancy.leave()
         else:
             self._takers.append(event)
         return event
+
+    def take(self, item: Item) -> None:
+        """An item waits no more."""
+        self.items.remove(item)
+        self.occupancy.leave()
 
     def in_the_way(self, flow: Any) -> Item | None:
         """The item that a new one of a flow pushes out; ``None`` if there is room."""
@@ -273,4 +324,5 @@ class Newest(Generic[Item]):
 
     def clear(self) -> None:
         """Empties the queue."""
+        self.occupancy.leave(len(self.items))
         self.items.clear()

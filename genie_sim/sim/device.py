@@ -6,7 +6,7 @@ import numpy as np
 import simpy
 
 from genie_sim.core.monitor import SpanLabel
-from genie_sim.sim.clock import Clock, Steps
+from genie_sim.sim.clock import Clock, Occupancy, Steps
 from genie_sim.sim.service import Device
 
 
@@ -31,6 +31,7 @@ class Processor:
         self._service = SpanLabel("inference" if kind == "accelerator" else "genie", name)
         self._free = capacity
         self._waiting: list[simpy.Event] = []  # for a free server, in the order of their arrival
+        self.occupancy = Occupancy(clock)  # of those that wait
         self._busy_ns = 0  # of completed jobs, minus the beginnings of those in service
         self._stalls = 0  # how many faults keep it from going on
         self._stall_began_ns = 0
@@ -117,11 +118,13 @@ class Processor:
         """Waits for a free server, which is taken then."""
         turn = self.clock.event()
         self._waiting.append(turn)
+        self.occupancy.enter()
         try:
             yield turn
         except simpy.Interrupt:  # a crash
             if turn in self._waiting:
                 self._waiting.remove(turn)
+                self.occupancy.leave()
             else:  # the job was just about to begin
                 self._release_server()
             raise
@@ -131,6 +134,7 @@ class Processor:
         while self._waiting and self._free and not self._stalls:
             self._take_server()
             self.clock.wake(self._waiting.pop(0))
+            self.occupancy.leave()
 
     def _take_server(self) -> None:
         self._free -= 1

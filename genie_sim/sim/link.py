@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
-from genie_sim.sim.clock import Clock, Newest, Steps
+from genie_sim.sim.clock import Clock, Newest, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
@@ -98,6 +98,11 @@ class Link:
     @property
     def queued(self) -> int:
         return len(self._waiting)
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """How many have waited, over time."""
+        return self._waiting.occupancy
 
     @property
     def busy_ns(self) -> int:

@@ -10,7 +10,7 @@ import simpy
 
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
-from genie_sim.sim.clock import Newest, Steps
+from genie_sim.sim.clock import Newest, Occupancy, Steps
 from genie_sim.sim.device import Host
 
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
@@ -223,6 +223,11 @@ class Node(Subscriber):
     def queued(self) -> int:
         """How many messages wait, over all topics."""
         return len(self._waiting)
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """How many have waited, over time."""
+        return self._waiting.occupancy
 
     @property
     def is_busy(self) -> bool:

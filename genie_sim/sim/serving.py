@@ -125,7 +125,7 @@ class BatchingDetectorNode(DetectorNode):
             waiting = sorted(waiting, key=attrgetter("stamp_ns"))
         batch = waiting[: self._serving.batch]
         for picture in batch:
-            self._pictures.remove(picture)
+            self._waiting.take(picture)
             self.clock.waited(picture.path, self._queueing)
             picture.path = self.clock.path
         return batch

@@ -271,9 +271,9 @@ def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_
     table = Table(RESOURCES)
     for tenth in range(1, 31):
         t_ns = tenth * 100_000_000
-        table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None))
+        table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None, 0, 0))
         table.append(
-            ("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None)
+            ("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None, 0, 0)
         )
     local, remote = figures.resource_use(table.to_frame(), METHODS).axes
     assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
@@ -281,7 +281,7 @@ def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_
 
 def test_an_unused_kind_has_no_panel_and_each_host_one_colour():
     frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
-    idle = resources.assign(busy_ns=0, queue=0)
+    idle = resources.assign(busy_ns=0, queue_ns=0)
     assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
     colours: dict[str, set[str]] = {}
     for axis in figures.resource_use(resources, METHODS).axes:
@@ -408,7 +408,7 @@ def test_utilization_is_that_of_the_last_second():
         t_ns = tenth * 100_000_000
         busy_ns = max(t_ns - 2 * 10**9, 0)
         table.append(
-            ("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None)
+            ("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None, 0, 0)
         )
     t_s, busy = curves(figures.resource_use(table.to_frame(), METHODS))["edge1"]
     at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))

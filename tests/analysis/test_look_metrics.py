@@ -42,7 +42,8 @@ def looks() -> pd.DataFrame:
     looked_ms = dict(zip(range(600, 1000, 100), (500, 500, 600, 200), strict=True))
     of_map = table["stamp_ns"].where(table["way"] == "map")
     table["looked_ns"] = of_map.map(looked_ms)
-    table[["t_ns", "stamp_ns", "looked_ns"]] *= MS
+    table["gap_ns"] = table["stamp_ns"].where(table["outcome"] == "sent").map({100: 100, 30: 30})
+    table[["t_ns", "stamp_ns", "looked_ns", "gap_ns"]] *= MS
     return table.assign(method="genie", car="car1", genie="car1/genie")
 
 
@@ -96,3 +97,8 @@ def test_what_another_car_saw_counts_by_itself():
 def test_where_nothing_was_shared_nobody_knows_how_right_it_is():
     table = held(0, 0).assign(shared=0)
     assert measured(held=table)["shared_right_share"].value is None
+
+
+def test_the_gap_between_looks_is_that_of_the_frames_that_went_up():
+    """Of two it is known: 100 and 30 ms."""
+    assert measured()["look_gap_mean"].value == pytest.approx(65)

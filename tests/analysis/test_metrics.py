@@ -343,17 +343,23 @@ def test_the_running_boost_weighs_updates_not_events():
 
 
 def test_resources_tell_utilization_queue_and_throughput():
-    """An accelerator of 2 slots, busy for 3 of 2 x 2 slot-seconds; a queue of 0 and 4 messages."""
+    """An accelerator of 2 slots, busy for 3 of 2 x 2 slot-seconds; messages have waited there for
+    4 s in 2 s, once six of them.
+    """
     table = Table(RESOURCES)
-    table.append(("genie", 1 * S, "edge1.accelerator", "accelerator", 2, 1 * S, 0, 10, 0, None))
-    table.append(("genie", 2 * S, "edge1.accelerator", "accelerator", 2, 3 * S, 4, 30, 1, None))
-    table.append(("genie", 2 * S, "edge1:/image_raw", "queue", None, 0, 1, 5, 7, None))
-    table.append(("genie", 2 * S, "car1->edge1", "link", 1, 1 * S, 0, 3, 0, 4_000))
+    table.append(
+        ("genie", 1 * S, "edge1.accelerator", "accelerator", 2, 1 * S, 0, 10, 0, None, 0, 0)
+    )
+    table.append(
+        ("genie", 2 * S, "edge1.accelerator", "accelerator", 2, 3 * S, 4, 30, 1, None, 4 * S, 6)
+    )
+    table.append(("genie", 2 * S, "edge1:/image_raw", "queue", None, 0, 1, 5, 7, None, 0, 1))
+    table.append(("genie", 2 * S, "car1->edge1", "link", 1, 1 * S, 0, 3, 0, 4_000, 0, 0))
     result = of_tables(resources=table.to_frame())
     accelerator = "edge1.accelerator"
     assert result["utilization", accelerator].value == 0.75
     assert result["queue_mean", accelerator].value == 2.0
-    assert result["queue_max", accelerator].value == 4
+    assert result["queue_max", accelerator].value == 6
     assert result["throughput", accelerator].value == 15.0
     assert result["dropped", "edge1:/image_raw"].value == 7
     assert ("utilization", "edge1:/image_raw") not in result
@@ -371,7 +377,20 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
     for second in range(11):
         busy_ns, done = min(second, 2) * S, min(3 * second, 7)
         resources.append(
-            ("local", second * S, "car1.accelerator", "accelerator", 1, busy_ns, 0, done, 0, None)
+            (
+                "local",
+                second * S,
+                "car1.accelerator",
+                "accelerator",
+                1,
+                busy_ns,
+                0,
+                done,
+                0,
+                None,
+                0,
+                0,
+            )
         )
     result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
     assert result["utilization", "car1.accelerator"].value == 1.0
@@ -447,7 +466,7 @@ def test_a_resource_is_placed_where_it_is():
         "car.one->edge1": "all",
     }
     for name in names:
-        resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None))
+        resources.append(("local", S, name, "cpu", 1, 0, 0, 0, 0, None, 0, 0))
     made = metrics.compute(
         METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()}
     )
@@ -487,7 +506,7 @@ def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
     """Four cores that work 6 s in 2 s: each is busy for 1.5 s."""
     table = Table(RESOURCES)
     for second, busy_s in ((1, 2), (2, 6)):
-        table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None))
+        table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None, 0, 0))
     t_ns, worked_ns = resource_metrics.running_use(Columns.of(table.to_frame()))
     assert t_ns.tolist() == [0, 1 * S, 2 * S]
     assert worked_ns.tolist() == [0, 0.5 * S, 1.5 * S]

@@ -159,7 +159,7 @@ def test_an_overtaken_frame_is_told_and_a_stale_answer_is_no_look():
 )
 def test_which_frames_go_to_the_own_detector(own: str, to_own: list[bool]):
     """Every second frame goes up; the own detector answers after the third."""
-    genie = paced_genie(every_ms=150, own=own)
+    genie = paced_genie(every_ms=200, own=own)
     frames = [frame(0.0), frame(0.1), frame(0.2)]
     effects = [on_frame(genie, image) for image in frames]
     assert [IMAGES + "-remote" in topics(of_one) for of_one in effects] == [True, False, True]

@@ -91,9 +91,11 @@ def one_of_each() -> list[Table]:
     )
     resources = Table(RESOURCES)
     resources.append(
-        ("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None)
+        ("genie", 100 * MS, "car1.accelerator", "accelerator", 1, 62 * MS, 1, 2, 5, None, 0, 0)
     )
-    resources.append(("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594))
+    resources.append(
+        ("genie", 100 * MS, "car1->edge1", "link", 1, 24 * MS, 0, 2, 0, 2_794_594, 0, 0)
+    )
     poses = Table(POSES)
     poses.append(("genie", "car1", "camera_02", 0, 0, 12.5, -3.0, 0.25, 1.4))
     objects = Table(OBJECTS)

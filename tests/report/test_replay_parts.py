@@ -29,7 +29,9 @@ def samples(*rows: tuple[int, str, str, int | None, int, int, int]) -> Columns:
     """Of time [ms], resource, kind, capacity, busy [ms], queue and dropped."""
     table = Table(RESOURCES)
     for t_ms, name, kind, capacity, busy_ms, queue, dropped in rows:
-        table.append(("m", t_ms * MS, name, kind, capacity, busy_ms * MS, queue, 0, dropped, None))
+        table.append(
+            ("m", t_ms * MS, name, kind, capacity, busy_ms * MS, queue, 0, dropped, None, 0, 0)
+        )
     return Columns.of(table.to_frame())
 
 

@@ -15,7 +15,7 @@ import simpy
 
 from genie_sim.base.errors import UserError
 from genie_sim.runs.runner import prepare, simulate
-from genie_sim.sim.clock import Clock, Newest
+from genie_sim.sim.clock import Clock, Newest, Occupancy
 from tests.conformance import small
 
 
@@ -214,3 +214,53 @@ def test_a_run_leaves_nothing_to_pythons_collector():
         assert gc.collect() == 0
     finally:
         gc.enable()
+
+
+def test_a_queue_is_counted_between_samples_too():
+    """Two come at 10, one is taken at 40, two more at 50, of which one pushes the other out."""
+    clock = Clock()
+    queue = Newest[Item](clock, 2)
+
+    def course():
+        yield clock.timeout(10)
+        queue.put(Item("a", 1))
+        queue.put(Item("a", 2))
+        yield clock.timeout(30)
+        yield queue.get()
+        yield clock.timeout(10)
+        queue.put(Item("a", 3))
+        queue.put(Item("a", 4))
+        yield clock.timeout(40)
+        assert (queue.occupancy.total_ns, queue.occupancy.most) == (150, 2)
+        queue.clear()
+        yield clock.timeout(100)
+
+    clock.process(course())
+    clock.run()
+    assert queue.occupancy.total_ns == 2 * 30 + 10 + 2 * 40
+
+
+def test_the_occupancy_is_the_integral_of_how_many_wait():
+    clock, rng = Clock(), random.Random(5)
+    waiting, total_ns, most = 0, 0, 0
+    occupancy = Occupancy(clock)
+
+    def course():
+        nonlocal waiting, total_ns, most
+        for _ in range(500):
+            if waiting and rng.random() < 0.5:
+                count = rng.randint(1, waiting)
+                occupancy.leave(count)
+                waiting -= count
+            else:
+                occupancy.enter()
+                waiting += 1
+            delay_ns = rng.randrange(50)
+            most = max(most, waiting if delay_ns else 0)
+            total_ns += waiting * delay_ns
+            yield clock.timeout(delay_ns)
+            assert occupancy.total_ns == total_ns
+        assert occupancy.most == most
+
+    clock.process(course())
+    clock.run()

@@ -1,8 +1,10 @@
 """When a car sends a frame up for a look: a detector's pass over one frame.
 
 Looks are a flow of their own beside answers. A *view* is where a car's cameras look: streams whose
-headings differ by less than 15 degrees share one. A frame goes up when its view has not been looked
-at for a while, if the way is free. What is lost on the way is noticed as TCP does (RFC 6298).
+headings differ by less than 15 degrees share one. Looks of a view have a timetable: one falls due
+every so often, and the frame nearest to that instant goes up, if the way is free. While answers
+come too late to count, fewer and fewer go up. What is lost on the way is noticed as TCP does (RFC
+6298).
 """
 
 import math
@@ -17,6 +19,7 @@ LIVE_NS = 500_000_000  # a stream without a frame for this long is no part of a 
 FIRST_TIMEOUT_NS = 1_000_000_000  # RFC 6298, section 2.1: before the first round trip is known
 MAX_TIMEOUT_NS = 5_000_000_000
 MAX_BACKOFF = 8
+MAX_PROBE_NS = 10_000_000_000  # between frames that go up while answers come back stale
 
 LossCause = Literal["overtaken", "timed_out"]
 
@@ -76,13 +79,27 @@ class RoundTrip:
 
 @dataclass(slots=True)
 class Stream:
-    """What is known of one camera stream: stamps [ns] and heading [rad] of its newest frame, and
-    the stamp of the frame that last went up, ``None`` before the first.
+    """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, and the
+    time to it from the one before; the stamp of the frame that last went up, and when the next look
+    of its view was due then. ``None`` before the first.
     """
 
     stamp_ns: int
     heading_rad: float
+    interval_ns: int | None = None
     sent_stamp_ns: int | None = None
+    due_ns: int | None = None
+
+    def next_ns(self, newest: "Stream") -> float:
+        """When its next frame is expected, at the time of the ``newest`` frame of its view, whose
+        interval counts where its own is not known yet. Infinity if neither is, or if the frame
+        should have been there for more than half an interval: then the camera stands still.
+        """
+        interval_ns = self.interval_ns or newest.interval_ns
+        if interval_ns is None:
+            return math.inf
+        next_ns = self.stamp_ns + interval_ns
+        return next_ns if newest.stamp_ns - next_ns <= interval_ns / 2 else math.inf
 
 
 class Views:
@@ -96,6 +113,8 @@ class Views:
         stream = self._streams.get(header.frame_id)
         if stream is None:
             stream = self._streams[header.frame_id] = Stream(header.stamp_ns, heading_rad)
+        elif header.stamp_ns > stream.stamp_ns:
+            stream.interval_ns = header.stamp_ns - stream.stamp_ns
         stream.stamp_ns, stream.heading_rad = header.stamp_ns, heading_rad
         return {
             name: other
@@ -130,12 +149,14 @@ class Pacer:
     Parameters
     ----------
     every_ns : int
-        A view is due when the frame that last went up from it is this old.
+        Looks of a view fall due this far apart; 0: every frame is due. The frames that go up have
+        this mean gap, or that of the view's frames where it is longer.
     in_flight : int
         At most this many frames are on their way at a time.
     stale_ns : int
-        An answer about an older frame counts as no look; while the round trip is longer than this,
-        only one frame is on its way.
+        An answer about an older frame counts as no look. While the round trip is longer than this,
+        only one frame is on its way; with each such answer in a row the gap between looks grows: to
+        this time, then twice as long each time, up to 10 s.
     """
 
     def __init__(self, *, every_ns: int, in_flight: int, stale_ns: int) -> None:
@@ -144,6 +165,10 @@ class Pacer:
         self._stale_ns = stale_ns
         self._views = Views()
         self._outstanding: dict[Header, int] = {}  # when each went up, in that order
+        self._stale_in_a_row = 0
+        self.gap_ns: int | None = None
+        """Time between the stamps of the frame that went up last and of the one before it from its
+        view; ``None`` for a view's first."""
         self.round_trip = RoundTrip()
 
     @property
@@ -155,9 +180,13 @@ class Pacer:
         """Whether this new frame goes up; it then is on its way."""
         view = self._views.of_frame(header, heading_rad)
         stream = view[header.frame_id]
-        if self.outstanding >= self._window() or not self._due(stream, view.values()):
+        every_ns = self._gap_ns()
+        due_ns = _due_ns(view.values(), every_ns)
+        if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
             return False
-        stream.sent_stamp_ns = header.stamp_ns
+        sent = [other.sent_stamp_ns for other in view.values() if other.sent_stamp_ns is not None]
+        self.gap_ns = header.stamp_ns - max(sent) if sent else None
+        stream.sent_stamp_ns, stream.due_ns = header.stamp_ns, due_ns
         self._outstanding[header] = now_ns
         return True
 
@@ -175,6 +204,7 @@ class Pacer:
             if earlier == header:
                 break
             lost.append(Loss(earlier, "overtaken"))
+        self._stale_in_a_row = 0 if is_fresh else self._stale_in_a_row + 1
         self.round_trip.measured(now_ns - sent_ns)
         return LookArrival(is_fresh, is_awaited=True, lost=lost)
 
@@ -205,15 +235,55 @@ class Pacer:
         smoothed_ns = self.round_trip.smoothed_ns
         return 1 if smoothed_ns is not None and smoothed_ns > self._stale_ns else self._in_flight
 
-    def _due(self, stream: Stream, view: Collection[Stream]) -> bool:
-        """Whether the view of this stream's newest frame is to be looked at, and by this stream."""
-        sent = [other.sent_stamp_ns for other in view if other.sent_stamp_ns is not None]
-        if sent and stream.stamp_ns - max(sent) < self._every_ns:
-            return False
-        if stream.sent_stamp_ns is None:
-            return True
-        # The turn is that of the stream that has waited longest; a new one has waited for ever.
-        return len(sent) == len(view) and stream.sent_stamp_ns == min(sent)
+    def _gap_ns(self) -> int:
+        """How far apart the looks of a view fall due. An answer that is too late is of no use but
+        to show that the next would be, too: then a probe goes up, first after ``stale``, then after
+        twice as long each time.
+        """
+        if self._stale_in_a_row == 0:
+            return self._every_ns
+        probe_ns = self._stale_ns << min(self._stale_in_a_row - 1, 10)
+        return max(self._every_ns, min(probe_ns, MAX_PROBE_NS))
+
+
+def _due_ns(view: Collection[Stream], every_ns: int) -> int | None:
+    """When the next look of a view falls due, that of its newest frame: by the timetable, or anew
+    from the last look where a whole gap was missed. ``None`` before the first.
+    """
+    last = max(
+        (stream for stream in view if stream.sent_stamp_ns is not None),
+        key=lambda stream: stream.sent_stamp_ns or 0,
+        default=None,
+    )
+    if last is None:
+        return None
+    assert last.sent_stamp_ns is not None
+    if last.due_ns is None or last.sent_stamp_ns - last.due_ns >= every_ns:
+        return last.sent_stamp_ns + every_ns
+    return last.due_ns + every_ns
+
+
+def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int) -> bool:
+    """Whether this stream's newest frame is the one for the look that is due: no other frame of the
+    view is expected nearer to that instant, and none of a stream that has waited longer within half
+    a gap after it.
+    """
+    if due_ns is None:
+        return True
+    stamp_ns = stream.stamp_ns
+    next_ns = min(other.next_ns(stream) for other in view)
+    if stamp_ns < due_ns and not due_ns - stamp_ns <= next_ns - due_ns < math.inf:
+        return False
+    waits_ns, latest_ns = _waits_ns(stream), due_ns + every_ns / 2
+    return not any(
+        _waits_ns(other) < waits_ns and max(other.next_ns(stream), stamp_ns) < latest_ns
+        for other in view
+    )
+
+
+def _waits_ns(stream: Stream) -> float:
+    """Since when a stream has been waiting for its turn; a new one has been for ever."""
+    return -math.inf if stream.sent_stamp_ns is None else stream.sent_stamp_ns
 
 
 def _turn_rad(heading_rad: float, other_rad: float) -> float:

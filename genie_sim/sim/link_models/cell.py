@@ -9,7 +9,7 @@ import simpy
 
 from genie_sim.base.settings import Bounds, Count
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.sim.clock import Steps
+from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.link_models import Air, LinkEnds
 from genie_sim.sim.link_models.path_loss import StreetCanyon
 
@@ -241,6 +241,7 @@ class CellDirection:
         self.sent_bytes = 0
         self._follows_places = cell.needs_sites
         self._sent_by: list[Transmission] = []
+        self.occupancy = Occupancy(air.clock)  # of the cars that send
         self._served = 0  # how many of them have a rate
         self._since_ns = 0  # until when what was sent is subtracted
         self._busy_ns = 0
@@ -265,6 +266,7 @@ class CellDirection:
         self._sent_by.append(
             Transmission(sender, size_bytes, size_bytes * 8 * NS_PER_S, rate_bps, uncovered_ns)
         )
+        self.occupancy.enter()
         self._replan()
         if self._follows_places and not self._is_following:
             self._is_following = True
@@ -273,7 +275,10 @@ class CellDirection:
     def give_up(self, sender: CellSender) -> None:
         """A sender's link goes down."""
         self._advance()
-        self._sent_by = [sent for sent in self._sent_by if sent.sender is not sender]
+        given_up = [sent for sent in self._sent_by if sent.sender is sender]
+        for sent in given_up:
+            self._sent_by.remove(sent)
+        self.occupancy.leave(len(given_up))
         self._replan()
 
     def _advance(self) -> None:
@@ -302,6 +307,7 @@ class CellDirection:
         self._advance()
         ended = [sent for sent in self._sent_by if sent.left <= 0]
         self._sent_by = [sent for sent in self._sent_by if sent.left > 0]
+        self.occupancy.leave(len(ended))
         self._replan()
         for sent in ended:
             self.completed += 1
@@ -337,6 +343,7 @@ class CellDirection:
         failed = [sent for sent in self._sent_by if _has_failed(sent, self.clock.now)]
         for sent in failed:
             self._sent_by.remove(sent)
+            self.occupancy.leave()
             self.drops += 1
         for sent in failed:
             sent.sender.end(is_lost=True)
