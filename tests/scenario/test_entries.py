@@ -5,6 +5,7 @@ refused in one line.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import pytest
@@ -12,8 +13,9 @@ import pytest
 from genie_sim import methods
 from genie_sim.base.errors import UserError
 from genie_sim.runs import build
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 from tests.sim.street import drive, street
 
@@ -312,3 +314,26 @@ def test_pictures_are_encoded_where_there_are_such_pictures():
         match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
     ):
         prepare(town)
+
+
+def test_settings_of_methods_are_worked_out_once_a_run(monkeypatch):
+    resolved: list[int] = []
+    resolve = Scenario.__dict__["method_settings"].func
+
+    def counted(self: Scenario) -> Any:
+        resolved.append(len(self.methods))
+        return resolve(self)
+
+    counting = cached_property(counted)
+    counting.__set_name__(Scenario, "method_settings")
+    monkeypatch.setattr(Scenario, "method_settings", counting)
+    short = [f"cars[{car}].route.window=[0 s, 0.3 s]" for car in range(3)]
+    run_in_memory(load_scenario("3car_hetero", short))
+    assert resolved == [3]
+
+
+def test_a_scenario_that_is_changed_has_settings_of_its_own():
+    setting = load_scenario("3car_hetero")
+    changed = replace(setting, queue_length=7)
+    assert {one.queue_length for one in setting.method_settings.values()} == {1}
+    assert {one.queue_length for one in changed.method_settings.values()} == {7}
