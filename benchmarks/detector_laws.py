@@ -19,7 +19,7 @@ from genie_sim.core.freshness.measure import measured
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.perceive import DriveFrames, perceive
-from genie_sim.runs import runner
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.version import PACKAGE_FOLDER
 from genie_sim.worlds.town.town import drive_name
@@ -47,8 +47,8 @@ def laws(drives: list[Any], name: str, recordings: tuple[str, ...]) -> dict[str,
 def town() -> dict[str, Any]:
     """Of the generated town's detector."""
     scenario = load_scenario("fleet_30", seed=TOWN_SEED)
-    prepared = runner.prepare(scenario)
-    drives = [prepared.drives[car.name] for car in prepared.expanded.cars[:TOWN_CARS]]
+    prepared = prepare(scenario)
+    drives = [prepared.drives[car.name] for car in prepared.scenario.cars[:TOWN_CARS]]
     return laws(drives, drive_name(TOWN_SEED), ("02",))
 
 

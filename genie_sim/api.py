@@ -33,7 +33,8 @@ from genie_sim.data.source import Progress
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
-from genie_sim.runs import runner
+from genie_sim.runs import folder as run_folder
+from genie_sim.runs.simulate import Observer
 from genie_sim.scenario import scenario
 from genie_sim.scenario.scenario import Scenario, with_methods
 
@@ -93,7 +94,7 @@ class Run(results.Run):
         """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
         returns its path. Raises ``UserError``.
         """
-        return runner.save(self, expanded(out))
+        return run_folder.save(self, expanded(out))
 
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the
@@ -196,7 +197,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
-    observer: runner.Observer | None = None,
+    observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run: ...
 
@@ -227,7 +228,7 @@ def run(
     out: str | Path | None = None,
     jobs: int | None = None,
     workers: int = 1,
-    observer: runner.Observer | None = None,
+    observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run | Runs:
     """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
@@ -255,7 +256,7 @@ def run(
     workers : int
         Processes for one run: several methods side by side, or the only method of a fleet in parts.
         The results do not depend on it.
-    observer : runner.Observer, optional
+    observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
         at nodes and their maps. For one run in memory, in this process.
     progress : callable, optional
@@ -277,11 +278,13 @@ def run(
             raise UserError("workers: is for one run; with seeds give jobs")
         return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
-        run = runner.run_in_memory(
+        run = run_folder.run_in_memory(
             setting, progress, label=label, workers=workers, observer=observer
         )
     else:
-        run = runner.run_to_folder(setting, expanded(out), progress, label=label, workers=workers)
+        run = run_folder.run_to_folder(
+            setting, expanded(out), progress, label=label, workers=workers
+        )
     return _one_in_hand(run)
 
 

@@ -29,7 +29,7 @@ from genie_sim.data.trace import write_trace
 from genie_sim.data.truth_table import path_beside, write_truth
 from genie_sim.data.v2v4real import CarRecording
 from genie_sim.paper.facts import Fact, facts_of, placed
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import read_scenario
 from genie_sim.scenario.yaml_input import dump
 
@@ -179,7 +179,7 @@ def claims() -> None:
             facts = {}
             for cars in (1, 2):
                 scenario = base(sequence, cars) | {"record": ["lookups", "resources"]}
-                run = runner.run_in_memory(read_scenario(scenario, seed=seed))
+                run = run_in_memory(read_scenario(scenario, seed=seed))
                 frames, lookups, resources = (
                     run.tables[name] for name in ("frames", "lookups", "resources")
                 )

@@ -21,7 +21,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from genie_sim.runs.runner import prepare, simulate
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from tests.conformance import small
 

@@ -14,7 +14,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.paper import page as evaluation
 from genie_sim.record import provenance, results
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.scenario import load_scenario
 from tests.checkout import REPOSITORY, copied
 
@@ -33,7 +33,7 @@ READERS = (
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("results")
-    folder = runner.run_to_folder(load_scenario("1car_homo", SHORT), out).folder
+    folder = run_to_folder(load_scenario("1car_homo", SHORT), out).folder
     assert folder is not None
     return folder
 

@@ -239,7 +239,7 @@ def test_an_evaluation_starts_without_matplotlib():
 
 @pytest.mark.process
 def test_a_run_on_recorded_streets_needs_no_town():
-    assert "genie_sim.worlds.town" not in _loaded_by("import genie_sim.runs.runner")
+    assert "genie_sim.worlds.town" not in _loaded_by("import genie_sim.runs.folder")
 
 
 def _loaded_by(statement: str) -> set[str]:

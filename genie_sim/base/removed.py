@@ -27,7 +27,8 @@ NAMES: dict[str, str] = {
 MODULES: dict[str, str] = {
     **{name: f"genie_sim.core.{name}" for name in ("messages", "header", "monitor", "classes")},
     **{name: f"genie_sim.base.{name}" for name in ("errors", "units", "settings", "seeds")},
-    **{name: f"genie_sim.runs.{name}" for name in ("runner", "build", "fleet")},
+    **{name: f"genie_sim.runs.{name}" for name in ("build", "fleet")},
+    "runner": "genie_sim.runs.folder",
     "perception": "genie_sim.data",
     "recording": "genie_sim.record",
     "town": "genie_sim.worlds.town",

@@ -152,7 +152,8 @@ def run(
         setting = with_methods(setting, names, f"--methods {methods}")
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
-    from genie_sim.runs import build, runner
+    from genie_sim.runs import build
+    from genie_sim.runs.folder import run_to_folder
 
     label = checked_label(label, "--label")
     if own := build.plugin_names(setting):
@@ -163,9 +164,7 @@ def run(
     if several is not None:
         return _run_seeds(setting, several, out, jobs=jobs, label=label, output=output)
     with Progress() as progress:
-        result = runner.run_to_folder(
-            setting, out, progress, output, label=label, workers=workers or 1
-        )
+        result = run_to_folder(setting, out, progress, output, label=label, workers=workers or 1)
     _show(result, output)
 
 
@@ -339,10 +338,10 @@ def reproduce(
 @own_code_option
 def rerun(folder: Path, allow_changed: bool) -> None:
     """Run a result folder again and compare it byte for byte."""
-    from genie_sim.runs import runner
+    from genie_sim.runs import folder as run_folder
 
     with Progress() as progress:
-        compared = runner.rerun(folder, progress, allow_changed=allow_changed)
+        compared = run_folder.rerun(folder, progress, allow_changed=allow_changed)
     for name, same in compared.items():
         click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
     if not all(compared.values()):

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class WorldObserver(Subscriber):
-    """Watches the worlds of one run, method by method (``runner.Observer``).
+    """Watches the worlds of one run, method by method (``runs.simulate.Observer``).
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
     C_T is not for what edges send each other, and not for what a car's own node finds.

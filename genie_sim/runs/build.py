@@ -10,18 +10,16 @@ from genie_sim.base import plugins
 from genie_sim.base.contracts import checked
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Chosen, PlugIn, SettingError, chosen, join, own_arguments
-from genie_sim.core.caches.features import feature_of
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.detector_laws import detector_laws
 from genie_sim.data.source import Drive, Frames
 from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS, checked_method
-from genie_sim.scenario.faults import check_faults, timed
+from genie_sim.scenario.faults import timed
 from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS
 from genie_sim.scenario.profiles import DeviceProfile, KeyTime
-from genie_sim.scenario.scenario import Scenario, links_of
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_models import LinkModel, Medium
@@ -33,24 +31,23 @@ from genie_sim.sim.settings import Car
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import ALL_SHARE, NEAREST
 
-DETECTOR = PlugIn("detector", {})
-
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scenario with everything it names: its open frame source, devices by name, and each car's
-    drive by its name.
+    """A scenario with every car and edge of its fleet, and everything it names: its open frame
+    source, devices by name, and each car's drive by its name.
 
-    ``expanded`` is the scenario with every car and edge of its fleet; ``encoded`` what the drives
-    are after their pictures were sent, by encoding and car.
+    ``encoded`` is what the drives are after their pictures were sent, by encoding and car;
+    ``facts`` are plain data, everything that decides the outcome of a run, with the scenario as it
+    is written.
     """
 
     scenario: Scenario
-    expanded: Scenario
     devices: Mapping[str, DeviceProfile]
     frames: Frames
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
+    facts: Mapping[str, Any]
 
     @cached_property
     def laws(self) -> DetectorLaws:
@@ -75,9 +72,12 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     """The scenario under one method's settings. Its link models and faults are new objects, which
     no other method shares: classes of the user's own may keep state in them.
     """
-    scenario = prepared.expanded
-    settings = scenario.under(entry)
-    cars = [_started(scenario, car) for car in scenario.cars]
+    scenario = prepared.scenario
+    settings = scenario.method_settings[entry.name]
+    cars = [
+        replace(car, route=replace(car.route, start_ns=scenario.start_ns(car)))
+        for car in scenario.cars
+    ]
     devices = {
         name: device(profile, settings.model, settings.spread)
         for name, profile in prepared.devices.items()
@@ -133,11 +133,6 @@ def _place(scenario: Scenario, car: Car, drive: Drive) -> Place:
     if drive.position is not None:
         return DrivenPlace(drive.position, car.route.start_ns, drive.duration_ns)
     return RecordedPlace(car.route, drive.frames[scenario.cameras_of(car)[0].recording])
-
-
-def _started(scenario: Scenario, car: Car) -> Car:
-    """The car, with the random part of its start drawn."""
-    return replace(car, route=replace(car.route, start_ns=scenario.start_ns(car)))
 
 
 def _codec(prepared: Prepared, encoding: Encoding) -> ImageCodec | None:
@@ -199,7 +194,7 @@ def link_model(choice: Choice) -> LinkModel | Medium:
 def link_digests(scenario: Scenario) -> dict[str, str]:
     """Digests of the recordings that the links of a scenario replay."""
     digests: dict[str, str] = {}
-    for _, link in links_of(scenario):
+    for _, link in scenario.links():
         digests |= getattr(LINK.make(link), "digests", dict)()
     return digests
 
@@ -232,7 +227,7 @@ def notes(scenario: Scenario) -> list[str]:
     silent = [
         entry.title or entry.name
         for entry in scenario.methods
-        if (looks := scenario.asked(entry).genie.looks) is not None
+        if (looks := scenario.asked[entry.name].genie.looks) is not None
         and looks.told == "auto"
         and looks.edge == "beside"
         and not scenario.is_one_world
@@ -250,69 +245,12 @@ def notes(scenario: Scenario) -> list[str]:
     return said
 
 
-def check_faults_of(scenario: Scenario) -> None:
-    """Raises ``UserError`` for a fault whose target does not exist; a fleet's cars are generated
-    only now.
-    """
-    edges = [edge.name for edge in scenario.edges]
-    for field, text in check_faults(
-        scenario.faults, {car.name: car.edge for car in scenario.cars}, edges, own=True
-    ):
-        raise UserError(f"{scenario.name}: {field}: {text}")
-
-
-def check_features(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
-    """Raises ``UserError`` where a method needs a feature that a car's frames do not have."""
-    for index, entry in enumerate(scenario.methods):
-        name = getattr(method(entry), "feature", None)
-        if name is None:
-            continue
-        for car in scenario.cars:
-            drive = drives[car.name]
-            frame = drive.frames[scenario.cameras_of(car)[0].recording][0]
-            if feature_of(frame, name) is None:
-                where = f"{scenario.name}: methods[{index}].feature"
-                features = ", ".join(getattr(frame, "features", {})) or "none"
-                raise UserError(
-                    f"{where}: the frames of {drive.name} have no feature {name!r}, but "
-                    f"{features}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
-                    "features"
-                )
-
-
-def own_plugins(scenario: Scenario) -> list[Chosen]:
-    """The classes of the user's own that a scenario names, wherever it does."""
-    named = list(chosen(scenario))
-    for index, entry in enumerate(scenario.methods):
-        if entry.settings:
-            named += chosen(scenario.under(entry), f"methods[{index}]")
-    detector = Choice(str(scenario.perception.parameters.get("detector")))
-    named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
-    return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
-
-
 def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:
     """The kind and the name of each class of the user's own, by both in one text."""
     return {
         f"{mark.what} {choice.name}": (mark.what, choice.name)
-        for _, mark, choice, _ in own_plugins(scenario)
+        for _, mark, choice, _ in scenario.own_plugins()
     }
-
-
-def check_own_plugins(scenario: Scenario) -> None:
-    """Raises ``UserError`` where a class of the user's own does not take the settings that the
-    scenario gives it. Imports the classes.
-    """
-    for path, mark, choice, name_alone in own_plugins(scenario):
-        if name_alone:
-            continue
-        cls = mark.resolve(choice.name)
-        try:
-            own_arguments(cls, choice)
-        except SettingError as error:
-            field = join(path, error.field)
-            where = scenario.read_from.of(field)
-            raise UserError(f"{where}: {field}: {error.message}") from error
 
 
 def plugin_digests(scenario: Scenario) -> dict[str, str]:

@@ -9,9 +9,15 @@ from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Frames, Progress
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.runs import runner
 from genie_sim.runs.build import Prepared
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario, with_methods
+from genie_sim.runs.prepare import facts, on_frames, prepare
+from genie_sim.scenario.scenario import (
+    FRAME_SOURCE,
+    Scenario,
+    load_scenario,
+    read_scenario,
+    with_methods,
+)
 from genie_sim.study.design import Design, Level, Point
 from genie_sim.study.tasks import PointRun, Shared
 
@@ -95,7 +101,7 @@ def plan(
             if methods:
                 scenario = with_methods(scenario, methods, f"--methods {','.join(methods)}")
             name = f"point {number} ({levels})" if levels else ""
-            for run in runs_of(world.prepare(scenario), design.seeds, name):
+            for run in runs_of(scenario, world, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
                 planned.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
                 planned.runs.setdefault(run.run_id, run)
@@ -115,20 +121,24 @@ def _scenario(point: Point, base: Scenario | None) -> Scenario:
     return read_scenario(plain_data(base), point.overrides) if point.overrides else base
 
 
-def runs_of(prepared: Prepared, seeds: Sequence[int], point: str) -> Iterator[PointRun]:
-    """A point's run with each seed; ``point`` names it where a run fails."""
+def runs_of(
+    scenario: Scenario, world: "SharedFrames", seeds: Sequence[int], point: str
+) -> Iterator[PointRun]:
+    """A point's run with each seed; ``point`` names it where a run fails. Raises ``UserError``."""
+    prepared = world.prepare(scenario)
     key = None if prepared.frames.seeded else _key(prepared)
-    frames, facts = _frames(prepared), runner.facts(prepared)
+    frames = _frames(prepared)
     for seed in seeds:
-        scenario = replace(prepared.scenario, seed=seed)
+        seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
-            source = runner.frame_source(scenario).open(seed, scenario.origin)
-            facts = runner.facts(replace(prepared, scenario=scenario, frames=source))
+            source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
+            known = facts(seeded, prepared.devices, source, prepared.encoded)
         else:  # nothing else differs
-            facts["scenario"]["seed"] = seed
+            written = {**prepared.facts["scenario"], "seed": seed}
+            known = {**prepared.facts, "scenario": written}
         yield PointRun(
-            provenance.run_id(facts),
-            scenario,
+            provenance.run_id(known),
+            seeded,
             source=key,
             frames=frames,
             place=", ".join(filter(None, [point, f"seed {seed}"])),
@@ -145,12 +155,12 @@ class SharedFrames:
         self._known: dict[str, Frames] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
-        """As ``runner.prepare``."""
+        """As ``prepare`` alone."""
         needs = json.dumps(
             {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
         )
         known = self._known.get(needs)
-        prepared = runner.prepare(scenario) if known is None else runner.on_frames(scenario, known)
+        prepared = prepare(scenario) if known is None else on_frames(scenario, known)
         if not prepared.frames.seeded:
             self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
         return prepared
@@ -158,7 +168,7 @@ class SharedFrames:
 
 def _key(prepared: Prepared) -> str:
     """Names the frames that a scenario needs."""
-    scenario = plain_data(prepared.scenario)
+    scenario = prepared.facts["scenario"]
     source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
     return f"{source} {sorted(prepared.frames.digests().items())}"
 
@@ -166,8 +176,8 @@ def _key(prepared: Prepared) -> str:
 def _frames(prepared: Prepared) -> float:
     """About how many frames the cameras take, under all methods."""
     frames = 0.0
-    for car in prepared.expanded.cars:
-        for camera in prepared.expanded.cameras_of(car):
+    for car in prepared.scenario.cars:
+        for camera in prepared.scenario.cameras_of(car):
             recorded = prepared.drives[car.name].frames[camera.recording]
             length_ns = recorded[-1].stamp_ns - recorded[0].stamp_ns
             window_ns = car.route.window_ns

@@ -165,9 +165,7 @@ class Search:
         return [
             (run.scenario.seed if len(part.drives) == 1 else drive, run)
             for drive, settings in part.drives.items()
-            for run in runs_of(
-                self._world.prepare(self.scenario(point, settings)), part.seeds, point.name
-            )
+            for run in runs_of(self.scenario(point, settings), self._world, part.seeds, point.name)
         ]
 
     def scenario(self, point: Point, of_drive: Settings) -> Scenario:

@@ -26,8 +26,10 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Column, Schema, Table
 from genie_sim.report.output import USUAL, Output
-from genie_sim.runs import runner
+from genie_sim.runs import folder as run_folder
 from genie_sim.runs.build import Prepared
+from genie_sim.runs.prepare import on_frames, prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.version import VERSION
 
@@ -106,14 +108,14 @@ class PointRun:
     def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[Metric]]:
         """The metrics of its methods."""
         prepared = (
-            runner.prepare(self.scenario)
+            prepare(self.scenario)
             if self.source is None
-            else runner.on_frames(self.scenario, shared[self.source])
+            else on_frames(self.scenario, shared[self.source])
         )
         if not self.keep:
             return {self.run_id: measured(prepared)}
         path = self._results(folder.parent)
-        run = runner.write(prepared, path, self.run_id, output=self.output)
+        run = run_folder.write(prepared, path, self.run_id, output=self.output)
         return {self.run_id: _metrics_of(prepared, run.tables)}
 
     def is_kept(self, study_folder: Path) -> bool:
@@ -202,17 +204,17 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
     """
     # by the metrics of a sweep
     needed = {"lookups", "resources", "poses", "objects", "answers", "held"}
-    if prepared.expanded.faults:  # some may be attacks
+    if prepared.scenario.faults:  # some may be attacks
         needed.add("held_objects")
-    record = tuple(table_name for table_name in prepared.expanded.record if table_name in needed)
-    scenario = replace(prepared.expanded, record=record)
-    tables = runner.simulate(replace(prepared, expanded=scenario))
+    record = tuple(table_name for table_name in prepared.scenario.record if table_name in needed)
+    scenario = replace(prepared.scenario, record=record)
+    tables = simulate(replace(prepared, scenario=scenario))
     return _metrics_of(prepared, {name: tables[name].columns() for name in MEASURED})
 
 
 def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[Metric]:
     used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(runner.methods_of(prepared), used, own=prepared.scenario.metrics)
+    return metrics.compute(run_folder.methods_of(prepared), used, own=prepared.scenario.metrics)
 
 
 @functools.lru_cache(maxsize=1)

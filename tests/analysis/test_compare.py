@@ -21,7 +21,7 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
 from genie_sim.report import comparison
 from genie_sim.report.output import Output
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.scenario import load_scenario
 
 WINDOW = "cars[0].route.window=[2 s, 5 s]"
@@ -29,7 +29,7 @@ SLOWER = "edges[0].device=jetson_tx2"
 
 
 def ran(*settings: str, seed: int = 1, window: str = WINDOW) -> Run:
-    return runner.run_in_memory(
+    return run_in_memory(
         load_scenario("1car_hetero", [window, "record=[answers, held]", *settings], seed)
     )
 
@@ -186,7 +186,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
     shorter = ran(window="cars[0].route.window=[2 s, 4 s]")
     with pytest.raises(UserError, match=r"cannot be compared: other frames \(116 and 76\)"):
         compare([usual[0], shorter])
-    two = runner.run_in_memory(load_scenario("2car_hetero", ["record=[answers, held]"]))
+    two = run_in_memory(load_scenario("2car_hetero", ["record=[answers, held]"]))
     with pytest.raises(UserError, match=r"cannot be compared: other drives \(car2"):
         compare([usual[0], two])
     with pytest.raises(UserError, match="no seed in common: 1 and 2"):
@@ -237,7 +237,7 @@ def test_the_page_has_figures_and_the_same_runs_give_the_same_bytes(
 def test_the_command_and_the_library_say_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    made = runner.run_to_folder(
+    made = run_to_folder(
         load_scenario("1car_hetero", [WINDOW]), tmp_path, output=Output(page=False)
     )
     assert (

@@ -9,7 +9,7 @@ from genie_sim.analysis import summary
 from genie_sim.analysis.correctness import METRICS, lap_views
 from genie_sim.analysis.metric import measured
 from genie_sim.record.columns import Columns
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 S = 1_000_000_000
@@ -71,5 +71,5 @@ def test_one_lap_is_the_whole_run_and_not_judged_twice():
 
 def test_laps_stand_in_the_summary():
     settings = ["methods=[local]", "cars[0].route={window: [2 s, 3 s], laps: 2}"]
-    text = summary.markdown(runner.run_in_memory(load_scenario("1car_hetero", settings)))
+    text = summary.markdown(run_in_memory(load_scenario("1car_hetero", settings)))
     assert "## Laps" in text and "recall in a lap, lap 2 [%]" in text

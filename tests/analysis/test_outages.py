@@ -9,7 +9,7 @@ from genie_sim.analysis import outages, summary
 from genie_sim.analysis.metric import measured
 from genie_sim.analysis.registry import METRICS
 from genie_sim.report.data import SHADED
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from tests.analysis.outage_tables import table
 from tests.conformance import small
 
@@ -110,7 +110,7 @@ def test_a_run_tells_when_its_faults_began_and_ended():
             "mean_duration": "50 ms",
         },
     ]
-    run = runner.run_in_memory(small.scenario(["local", "remote"], faults=faults))
+    run = run_in_memory(small.scenario(["local", "remote"], faults=faults))
     rows = run.faults
     of_local, of_remote = (
         rows[rows["method"] == method].drop(columns="method").reset_index(drop=True)

@@ -12,7 +12,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import own_code
 from genie_sim.base.settings import plain_data
 from genie_sim.record.results import Run
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
@@ -59,7 +59,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def ran(name: str) -> Run:
     scenario = load_scenario("1car_homo", [WINDOW, "record=[]", f"metrics=[own_metric:{name}]"])
-    return runner.run_in_memory(scenario)
+    return run_in_memory(scenario)
 
 
 def test_it_is_in_every_table_with_its_interval():

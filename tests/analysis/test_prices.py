@@ -15,7 +15,9 @@ from genie_sim.record.records import HOSTS, POWER, HostRow, PowerRow
 from genie_sim.record.results import Run
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
-from genie_sim.runs.runner import finished, on_frames, run_in_memory, simulate
+from genie_sim.runs.folder import finished, run_in_memory
+from genie_sim.runs.prepare import on_frames
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import load_scenario

@@ -9,7 +9,7 @@ from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric, Run
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 
@@ -21,7 +21,7 @@ def run() -> Run:
     spoof = "{fault: spoof, target: edge1, begin: 1 s, end: 2 s}"
     remove = "{fault: remove, target: edge1, begin: 2 s, end: 3 s}"
     faults = f"faults=[{outage}, {spoof}, {remove}]"
-    return runner.run_in_memory(load_scenario("1car_hetero", [window, looks, faults]))
+    return run_in_memory(load_scenario("1car_hetero", [window, looks, faults]))
 
 
 def test_a_run_with_everything_has_a_number_of_every_metric(run: Run):

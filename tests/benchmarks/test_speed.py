@@ -10,7 +10,7 @@ from benchmarks import peers, plain_simpy, speed, speed_page
 from benchmarks.plain_simpy import Fleet, Frame
 from benchmarks.speed import QUICK, Spent, answers_of, fleet, plain_fleet
 from genie_sim.base.errors import UserError
-from genie_sim.runs.runner import prepare
+from genie_sim.runs.prepare import prepare
 
 MS = 1_000_000
 NO_PYTHON = "/no/such/python"

@@ -19,7 +19,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write
 from genie_sim.cli.arguments import PATH
 from genie_sim.cli.main import app, main
-from genie_sim.scenario.scenario import MAX_DAYS, load_scenario
+from genie_sim.scenario.checks import MAX_DAYS, check_time
+from genie_sim.scenario.scenario import load_scenario
 from tests.checkout import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
@@ -271,7 +272,7 @@ def test_years_of_simulated_time_get_one_line(scenario, setting, capsys):
 
 def test_a_month_is_not_too_long():
     scenario = load_scenario("1car_homo", ["cars[0].route={laps: 2, pause: 719 h}"])
-    scenario.check_time("route", scenario.cars[0].route, 15 * 10**9)
+    check_time(scenario, "route", scenario.cars[0].route, 15 * 10**9)
 
 
 @pytest.mark.parametrize(

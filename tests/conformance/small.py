@@ -18,7 +18,9 @@ from genie_sim.base.settings import from_plain
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.record.tables import Table
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World
@@ -66,7 +68,7 @@ def frames(setting: Scenario) -> pd.DataFrame:
 
 def simulated(setting: Scenario) -> Tables:
     """Every table of a run of all its methods, by name."""
-    return runner.simulate(runner.prepare(setting))
+    return simulate(prepare(setting))
 
 
 def _plain(table: Table) -> pd.DataFrame:
@@ -120,7 +122,7 @@ def check_twice_the_same(setting: Scenario) -> Tables:
 
 def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
-    prepared, filled = runner.prepare(setting), new_tables()
+    prepared, filled = prepare(setting), new_tables()
     entry = setting.methods[place]
     return World(
         build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, setting.record)

@@ -11,7 +11,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.settings import from_plain
 from genie_sim.core.messages import Expired, Header
 from genie_sim.faults import FAULTS
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
@@ -332,5 +332,5 @@ class Halt:
 )
 def test_a_fault_that_does_not_work_is_one_line(fault, message: str):
     with pytest.raises(UserError, match=message) as error:
-        runner.run_in_memory(small.scenario(["local"], faults=[{**fault, "begin": "1 s"}]))
+        run_in_memory(small.scenario(["local"], faults=[{**fault, "begin": "1 s"}]))
     assert "\n" not in str(error.value)

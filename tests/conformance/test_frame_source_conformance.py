@@ -12,8 +12,10 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.data.sources import SOURCES
-from genie_sim.runs import build, runner
-from genie_sim.scenario.scenario import Scenario
+from genie_sim.runs import build
+from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import prepare
+from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.conformance import small
 from tests.conformance.frame_sources import FrameSourceConformance
 from tests.conformance.own import Street
@@ -66,10 +68,10 @@ class TestStreet(FrameSourceConformance):
 
 
 def test_a_source_of_ones_own_is_run_and_decides_the_run():
-    run = runner.run_in_memory(small.scenario(["local"]))
+    run = run_in_memory(small.scenario(["local"]))
     assert run.facts["traces"] == {"street": "2.0 5.0"}
     assert f"frame source {STREET}" in run.facts["plugins"]
-    other = runner.run_in_memory(
+    other = run_in_memory(
         small.scenario(["local"], perception={"source": STREET, "speed_mps": 6.0})
     )
     assert other.run_id != run.run_id
@@ -87,7 +89,7 @@ def test_cars_with_cameras_of_their_own():
     alone = small.frames(small.scenario(["remote"])).query("car == 'car1'")
     theirs = rows.query("car == 'car1'")
     assert alone["stamp_ns"].tolist() == theirs["stamp_ns"].tolist(), "car1 does not feel that"
-    written = runner.read_scenario(plain_data(setting))
+    written = read_scenario(plain_data(setting))
     assert written == setting
 
 
@@ -98,7 +100,7 @@ def test_a_recording_that_is_not_there_names_car_and_trace():
         UserError,
         match=field + r"unknown recording 'up'; known: left, right \(car2 drives street\)$",
     ):
-        runner.prepare(small.scenario(cars=[small.car(1), small.car(2, cameras=own)]))
+        prepare(small.scenario(cars=[small.car(1), small.car(2, cameras=own)]))
     recorded = {
         "perception": {"source": "recorded", "trace": "kitti_0005"},
         "cameras": small.CAMERAS,
@@ -107,7 +109,7 @@ def test_a_recording_that_is_not_there_names_car_and_trace():
         UserError,
         match=r"^small: cameras\[0\]\.recording: .*known: 02, 03 \(car1 drives .*0005.*\)$",
     ):
-        runner.prepare(small.scenario(**recorded))
+        prepare(small.scenario(**recorded))
 
 
 @pytest.mark.parametrize(
@@ -130,7 +132,7 @@ def test_a_recording_that_is_not_there_names_car_and_trace():
 def test_a_source_that_does_not_work_is_one_line(source, message: str):
     assert "NOT_SET_AT_ALL" not in os.environ
     with pytest.raises(UserError, match=message) as error:
-        runner.prepare(small.scenario(perception=source))
+        prepare(small.scenario(perception=source))
     assert "\n" not in str(error.value)
 
 
@@ -148,7 +150,7 @@ def test_a_source_without_the_base_class_is_told_which():
         "genie_sim.data.source, not "
     )
     with pytest.raises(UserError, match=message):
-        runner.prepare(small.scenario(perception={"source": source}))
+        prepare(small.scenario(perception={"source": source}))
 
 
 class Backwards(Street):
@@ -162,7 +164,7 @@ def test_frames_out_of_order_are_one_line():
     source = {"source": f"{__name__}:Backwards", "seconds": 1.0}
     message = r"\[1\]\.stamp_ns is 800000000, but must be above 900000000"
     with pytest.raises(UserError, match=message):
-        runner.prepare(small.scenario(perception=source))
+        prepare(small.scenario(perception=source))
 
 
 def test_a_scenario_is_read_without_running_code_of_ones_own():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.core.freshness import FRESHNESS
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 SETTINGS: dict[str, dict[str, Any]] = {"ttl": {"ttl": "400 ms"}}
@@ -24,7 +24,7 @@ def short_run(policy: str, *settings: str) -> Any:
     freshness = {"name": policy, **SETTINGS.get(policy, {})}
     window = [f"cars[{car}].route.window=[3 s, 6 s]" for car in range(3)]
     overrides = [*window, "methods=[genie]", f"genie.object_map.freshness={freshness}", *settings]
-    return runner.run_in_memory(load_scenario("3car_hetero", overrides))
+    return run_in_memory(load_scenario("3car_hetero", overrides))
 
 
 def open_objects(rows: pd.DataFrame) -> pd.DataFrame:

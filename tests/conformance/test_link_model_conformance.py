@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire
@@ -126,7 +127,5 @@ def test_a_radio_of_ones_own_carries_the_frames():
 )
 def test_a_link_that_does_not_work_is_one_line(link, message: str):
     with pytest.raises(UserError, match=message) as error:
-        runner.run_in_memory(
-            small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)])
-        )
+        run_in_memory(small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)]))
     assert "\n" not in str(error.value)

@@ -11,11 +11,10 @@ from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Publish
 from genie_sim.methods import METHODS
-from genie_sim.record.log import Log
-from genie_sim.record.records import new_tables
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.sim.world import World
+from genie_sim.scenario.scenario import read_scenario
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 from tests.conformance.own import Again, Latest
@@ -43,14 +42,13 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
     with pytest.raises(UserError, match=r"unknown method 'gene'"):
         small.scenario([{"name": "mine", "method": "gene"}])
     entry = MethodEntry(name="gene", method=Choice("gene"))
-    prepared = runner.prepare(small.scenario())
     with pytest.raises(
         UserError,
         match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local",
     ):
-        World(build.setup(prepared, entry), build.method(entry), Log("gene", new_tables()))
+        build.method(entry)
     with pytest.raises(UserError, match="unknown method 'gene'"):
-        runner.run_in_memory(replace(small.scenario(), methods=(entry,)))
+        run_in_memory(replace(small.scenario(), methods=(entry,)))
 
 
 @pytest.mark.parametrize(
@@ -67,7 +65,7 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
 )
 def test_a_method_of_ones_own_that_does_not_work_is_one_line(method, message: str):
     with pytest.raises(UserError, match=message) as error:
-        runner.run_in_memory(small.scenario([method]))
+        run_in_memory(small.scenario([method]))
     assert "\n" not in str(error.value)
 
 
@@ -89,7 +87,7 @@ class Lost(Latest):
 
 def test_a_topic_that_an_own_interceptor_has_not_named_is_one_line():
     with pytest.raises(UserError, match=r"on_message\(\) publishes on an unknown topic '/objcts'"):
-        runner.run_in_memory(small.scenario([f"{__name__}:Astray"]))
+        run_in_memory(small.scenario([f"{__name__}:Astray"]))
 
 
 def test_one_method_several_times_with_other_settings():
@@ -111,7 +109,7 @@ def test_one_method_several_times_with_other_settings():
     slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
     setting = small.scenario(entries, **slow)
     swapped = small.scenario([entries[1], entries[0]], **slow)
-    run = runner.run_in_memory(setting)
+    run = run_in_memory(setting)
     assert [one.name for one in run.methods] == ["genie", "tiny", "strict", "half", "remote"]
     assert [one.title for one in run.methods] == [
         "Genie (DG)",
@@ -134,18 +132,18 @@ def test_one_method_several_times_with_other_settings():
         small.same(
             *(small.of(name, small.arrow(small.simulated(one))) for one in (setting, swapped))
         )
-    assert runner.read_scenario(plain_data(setting)).methods == setting.methods
+    assert read_scenario(plain_data(setting)).methods == setting.methods
 
 
 def test_each_method_that_is_no_baseline_is_compared_with_each_that_is():
-    run = runner.run_in_memory(small.scenario(["remote", AGAIN, "local", "genie"]))
+    run = run_in_memory(small.scenario(["remote", AGAIN, "local", "genie"]))
     compared = {
         (one.method, one.component) for one in run.measured if one.metric.startswith("improvement")
     }
     assert compared == {
         (mine, usual) for mine in ("Again", "genie") for usual in ("remote", "local")
     }
-    alone = runner.run_in_memory(small.scenario([AGAIN, "genie"]))
+    alone = run_in_memory(small.scenario([AGAIN, "genie"]))
     assert not [one for one in alone.measured if one.metric.startswith("improvement")], (
         "nothing to compare with"
     )

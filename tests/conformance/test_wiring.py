@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE_UPLINK, HostConfig, Uplink
 from genie_sim.sim.nodes import TIMER_LATE_NS
 from tests.conformance import own, small
@@ -81,7 +81,7 @@ def test_a_topic_that_reaches_nobody_is_one_line(mistake: str, monkeypatch: pyte
     if edge is not None:
         monkeypatch.setattr(own.Wired, "edge", edge)
     with pytest.raises(UserError, match=f"^wired: {message}") as error:
-        runner.run_in_memory(small.scenario(["tests.conformance.own:Wired"]))
+        run_in_memory(small.scenario(["tests.conformance.own:Wired"]))
     assert "\n" not in str(error.value)
 
 
@@ -90,7 +90,7 @@ def test_a_method_that_connects_a_car_without_an_edge_is_one_line():
     del lonely["edge"], lonely["link"]
     setting = small.scenario(["tests.conformance.own:Again"], cars=[lonely, small.car(2)])
     with pytest.raises(UserError, match=r"^again and again: car1 has an uplink, but no edge$"):
-        runner.run_in_memory(setting)
+        run_in_memory(setting)
 
 
 def test_a_car_without_an_edge_may_be_left_without_any_node():

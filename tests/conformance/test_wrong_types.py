@@ -7,7 +7,8 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import prepare
 from tests.conformance import own, small
 from tests.conformance.wrong_types import CASES, OWN
 
@@ -19,7 +20,7 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
     setting = small.scenario(**{**usual, **settings})
     monkeypatch.setattr(cls, name, value, raising=False)
     with pytest.raises(UserError) as error:
-        runner.run_in_memory(setting)
+        run_in_memory(setting)
     text = str(error.value)
     assert message in text and f"{OWN}:" in text and "\n" not in text
 
@@ -28,6 +29,6 @@ def test_what_a_frame_source_returns_is_checked_every_time(monkeypatch: pytest.M
     returned = iter([{"street": {}}])
     monkeypatch.setattr(own.Street, "provenance", lambda _: next(returned, "x"))
     setting = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
-    prepared = runner.prepare(setting)
+    prepared = prepare(setting)
     with pytest.raises(UserError, match=r"provenance\(\) is 'x', but must be a mapping"):
         prepared.frames.provenance()

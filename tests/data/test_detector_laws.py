@@ -14,7 +14,7 @@ from genie_sim.data.detector_laws import detector_laws
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
 from genie_sim.runs.build import setup
-from genie_sim.runs.runner import prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.scenario import load_scenario
 
 SHIPPED = json.loads(

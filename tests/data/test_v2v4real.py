@@ -13,7 +13,7 @@ from genie_sim.data import ego_motion, v2v4real
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth_table import read_truth_table
 from genie_sim.data.v2v4real import DETECTIONS, LABELS, CarRecording, recordings
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 from tests.data import made_up_pair as street
 
@@ -147,7 +147,7 @@ def test_one_command_writes_what_a_scenario_takes(root: Path, tmp_path: Path, ru
         "cameras: [{name: lidar, recording: lidar}]\nedges: [{name: edge, device: rtx_a4500}]\n"
         f"cars:\n{cars}"
     )
-    run = runner.run_in_memory(load_scenario("pair.yaml"))
+    run = run_in_memory(load_scenario("pair.yaml"))
     zero_delay = run.held[run.held["what"] == "zero_delay"]
     shares = zero_delay.groupby("car", observed=True)[["right", "held"]].sum()
     assert set(shares.index) == {"ego", "cav1"}

@@ -18,7 +18,7 @@ from genie_sim.judge.objects import Objects
 from genie_sim.record.log import ComparedAnswer, Log
 from genie_sim.record.records import ANSWERS, new_tables
 from genie_sim.record.tables import Table
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from tests.made_up_run import METHODS
 
@@ -170,7 +170,7 @@ def short(*settings: str) -> Scenario:
 
 
 def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
-    made = runner.run_in_memory(short())
+    made = run_in_memory(short())
     counts = made.answers.astype({"which": str}).groupby(["method", "which"], observed=True).size()
     for method in ("local", "remote", "genie"):
         mine = made.frames[made.frames["method"] == method]
@@ -187,8 +187,8 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
 
 
 def test_answers_may_be_left_out_and_change_nothing_else():
-    full = runner.run_in_memory(short())
-    bare = runner.run_in_memory(short("record=[lookups, resources]"))
+    full = run_in_memory(short())
+    bare = run_in_memory(short("record=[lookups, resources]"))
     assert len(full.answers) and not len(bare.answers)
     assert full.frames.equals(bare.frames)
     assert not any("proxy" in one.metric for one in bare.measured)

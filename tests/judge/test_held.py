@@ -38,7 +38,7 @@ from genie_sim.record import results
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Table
-from genie_sim.runs import runner
+from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from tests.judge.judging import POSE, SECOND, Frame, Step, Street, judged, last, one, thing
 
@@ -323,7 +323,7 @@ def short(*settings: str) -> Scenario:
 
 
 def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
-    made = runner.run_to_folder(short("methods=[remote, genie]"), tmp_path)
+    made = run_to_folder(short("methods=[remote, genie]"), tmp_path)
     run = results.load(made.folder)
     assert set(run.held["what"]) == {"consumer", "zero_delay"}
     for method in ("remote", "genie"):
@@ -336,12 +336,12 @@ def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     assert "streaming F1" in screen.text(run)
     assert "zero-delay detector" in screen.text(run, 200)
     assert any(name.startswith("truth of") for name in run.facts["traces"])
-    assert all(runner.rerun(made.folder).values()), "the same bytes"
+    assert all(rerun(made.folder).values()), "the same bytes"
 
 
 @pytest.mark.parametrize("settings", [(), ("consumer=tracker",)], ids=["newest", "tracker"])
 def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(settings: Sequence[str]):
-    run = runner.run_in_memory(short("methods=[local, genie]", *settings))
+    run = run_in_memory(short("methods=[local, genie]", *settings))
     counted = run.held[run.held["what"] == "consumer"]
     assert len(counted) > 30 and (counted["held"] > counted["right"]).any()
     for row in counted.itertuples():
@@ -360,13 +360,13 @@ def test_objects_that_are_open_at_an_instant_are_those_that_were_counted(setting
 def test_objects_need_the_counts_and_are_left_out_on_request():
     with pytest.raises(UserError, match="record: 'held_objects' needs 'held' too"):
         short("record=[held_objects]")
-    made = runner.run_in_memory(short("methods=[local]", "record=[held]"))
+    made = run_in_memory(short("methods=[local]", "record=[held]"))
     assert made.held_objects.empty and made.resources.empty
 
 
 def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):
     write_trace(tmp_path / "own.parquet", read_trace(files.find(files.TRACE, "kitti_0005")))
-    run = runner.run_in_memory(short(f"perception.trace={tmp_path}/own.parquet"))
+    run = run_in_memory(short(f"perception.trace={tmp_path}/own.parquet"))
     assert run.held.empty and not any(m.metric == "streaming_f1" for m in run.measured)
     assert "genie-sim truth" in " ".join(screen.text(run).split())
 
@@ -425,8 +425,8 @@ def town(*settings: str) -> Scenario:
 
 def test_a_town_is_judged_at_the_times_of_its_frames():
     made, silent = (
-        runner.run_in_memory(town()),
-        runner.run_in_memory(town("record=[lookups, resources]")),
+        run_in_memory(town()),
+        run_in_memory(town("record=[lookups, resources]")),
     )
     zero_delay = made.held[made.held["what"] == "zero_delay"]
     assert len(zero_delay) == len(made.frames[["car", "frame"]].drop_duplicates()), (
@@ -441,7 +441,7 @@ def test_a_town_is_judged_at_the_times_of_its_frames():
 def test_a_more_tolerant_town_finds_no_more_ghosts():
     shares = []
     for tolerance in ("0.1 m", "2 m", "20 m"):
-        run = runner.run_in_memory(town("methods=[local]", f"perception.tolerance={tolerance}"))
+        run = run_in_memory(town("methods=[local]", f"perception.tolerance={tolerance}"))
         shares.append(value(run.measured, "ghost_share", "local"))
     assert shares[0] > shares[1] > shares[2]
 

@@ -12,7 +12,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.methods import METHODS
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.method import DETECTOR
 from tests.conformance import small
@@ -23,7 +23,7 @@ SLOW = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.
 
 def wrong(method: dict, **settings) -> str:
     with pytest.raises(UserError) as error:
-        runner.run_in_memory(small.scenario([method], **settings))
+        run_in_memory(small.scenario([method], **settings))
     assert "\n" not in str(error.value)
     return str(error.value)
 
@@ -68,11 +68,11 @@ def test_a_trace_without_features_still_runs_what_needs_none(tmp_path):
     write_trace(tmp_path / "bare.parquet", Trace("bare", shipped.origin, bare, {}))
     told = [f"perception.trace={tmp_path / 'bare.parquet'}", "cars[0].route.window=[0 s, 0.3 s]"]
     without = load_scenario("1car_hetero", [*told, "methods=[genie, central, deadline, oracle]"])
-    assert len(runner.run_in_memory(without).frames)
+    assert len(run_in_memory(without).frames)
     with pytest.raises(
         UserError, match=r"the frames of bare have no feature 'hsv', but none: sim_lru cannot run"
     ):
-        runner.run_in_memory(load_scenario("1car_hetero", [*told, "methods=[genie, sim_lru]"]))
+        run_in_memory(load_scenario("1car_hetero", [*told, "methods=[genie, sim_lru]"]))
 
 
 def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
@@ -149,9 +149,7 @@ def test_cachier_wants_a_cloud_that_its_edges_reach():
 def test_a_key_takes_its_time_where_it_is_made():
     """The accelerator of a car that makes ``yolox_gap`` keys has no time left for detections."""
     entries = "methods=[sim_lru, {name: gap, method: sim_lru, feature: yolox_gap, radius: 0.2}]"
-    run = runner.run_in_memory(
-        load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"])
-    )
+    run = run_in_memory(load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"]))
     value = {
         (one.metric, one.method, one.component): one.value
         for one in run.measured
@@ -181,7 +179,7 @@ def test_replays_live_in_the_world_or_before_the_camera():
 @pytest.mark.slow
 def test_oracle_hits_are_right_and_no_cache_has_more_right_ones():
     methods = ["genie", "central", *SIMILAR, "oracle"]
-    run = runner.run_in_memory(load_scenario("baselines", [f"methods={methods}"]))
+    run = run_in_memory(load_scenario("baselines", [f"methods={methods}"]))
     value = {(one.metric, one.method): one.value for one in run.measured if one.placement == "all"}
     assert value["wrong_hit_share", "oracle"] == 0.0
     rows = run.frames.groupby("method", observed=True)
@@ -210,7 +208,7 @@ def test_cars_without_cameras_edge_or_genie_are_allowed(method: str):
         "route: {window: [1 s, 1.6 s]}}"
     ]
     own = "{name: cachier, method: cachier, cloud: edge1}" if method == "cachier" else method
-    run = runner.run_in_memory(load_scenario("case_study", [*cars, f"methods=[{own}]"]))
+    run = run_in_memory(load_scenario("case_study", [*cars, f"methods=[{own}]"]))
     frames = run.frames.astype({"car": str})
     answered = frames[frames["first_answer_ns"].notna()]
     assert {"car1", "plain"} <= set(answered["car"])

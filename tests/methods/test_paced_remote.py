@@ -9,7 +9,7 @@ from genie_sim.core.messages import CameraPose, Detections, Expired, Header, Ima
 from genie_sim.core.recommended.pacing import Pacer
 from genie_sim.methods.paced_remote import PacedSender
 from genie_sim.record.columns import Columns
-from genie_sim.runs.runner import run_in_memory
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 

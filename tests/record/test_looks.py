@@ -15,7 +15,7 @@ from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
 from genie_sim.record.log import Log
 from genie_sim.record.records import new_tables
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 MS = 1_000_000
@@ -144,7 +144,7 @@ def run(request: pytest.FixtureRequest) -> Any:
     laps = [f"cars[{car}].route.laps=2" for car in range(3)]
     window = [f"cars[{car}].route.window=[3 s, 5 s]" for car in range(3)]
     overrides = [*laps, *window, f"genie.object_map.freshness={policy}"]
-    return runner.run_in_memory(load_scenario("3car_hetero", overrides))
+    return run_in_memory(load_scenario("3car_hetero", overrides))
 
 
 def test_no_look_is_newer_than_the_answer_that_shows_it(run: Any):

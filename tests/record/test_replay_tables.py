@@ -9,7 +9,8 @@ import pytest
 
 from genie_sim.data.sources import Recordings
 from genie_sim.record.records import Tables
-from genie_sim.runs.runner import on_frames, simulate
+from genie_sim.runs.prepare import on_frames
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.profiles import load_profile
 from tests.sim.street import scenario, street
 

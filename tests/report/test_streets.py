@@ -11,14 +11,14 @@ import genie_sim as gs
 from genie_sim.report import html_page
 from genie_sim.report.data import page_data
 from genie_sim.report.streets import ground
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from tests.fleet_maps import SOUTH_M, SPEED_MPS, WEST_M, on_map
 
 
 @pytest.fixture(scope="module")
 def on_plain():
     """Two cars that drive one way eastwards, the second one 3 s later; 300 m by 100 m."""
-    return runner.run_in_memory(on_map("Traffic"))
+    return run_in_memory(on_map("Traffic"))
 
 
 def test_a_map_has_the_borders_and_cells_of_its_source(on_plain):

@@ -25,7 +25,9 @@ import yaml
 
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.trace import TraceFrame, read_trace
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs import simulate as simulation
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 
@@ -272,11 +274,11 @@ def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     """The same drive, the same class, simulated."""
     path = folder / "this_machine.yaml"
     path.write_text(yaml.safe_dump(profile_of(parts)))
-    prepared = runner.prepare(scenario_on(path))
+    prepared = prepare(scenario_on(path))
     overhead_ns = parts.detector_overhead_ns
     known = KnownTimes([sleep + overhead_ns for sleep in sleeps])
     with mock.patch.object(build, "detector_time", lambda *profile: known):
-        tables = runner.simulate(prepared)
+        tables = simulation.simulate(prepared)
     seen, lookups = tables["frames"].to_frame(), tables["lookups"].to_frame()
     images, objects = lookups[lookups["kind"] == "image"], lookups[lookups["kind"] != "image"]
     counts = objects[["kind", "requests", "hits", "updates"]].itertuples(index=False)

@@ -106,7 +106,7 @@ def test_the_same_bag_gives_the_same_content_in_ros_1_and_ros_2(tmp_path: Path):
 def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     """From the bag to a run, as on the command line: three frames are shown and answered."""
     from genie_sim.cli.main import main
-    from genie_sim.runs import runner
+    from genie_sim.runs.folder import run_in_memory
     from genie_sim.scenario.scenario import read_scenario
 
     bag, trace = street(tmp_path / "street.bag").write(), tmp_path / "street.parquet"
@@ -121,7 +121,7 @@ def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureF
             "cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1"}],
         }
     )
-    frames = runner.run_in_memory(scenario).frames
+    frames = run_in_memory(scenario).frames
     assert frames.groupby("method").size().to_dict() == {"genie": 3, "local": 3, "remote": 3}
     assert frames[frames["method"] == "remote"]["first_answer_ns"].notna().all()
     assert (frames["objects_fresh"].dropna() == 2).any()

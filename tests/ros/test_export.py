@@ -11,7 +11,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.record.results import Run
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.scenario import load_scenario
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
@@ -28,7 +28,7 @@ def run() -> Run:
         "cars[0].route.window=[0 s, 2 s]",
         "genie.object_map.freshness={name: ttl, ttl: 300 ms}",
     ]
-    return runner.run_in_memory(load_scenario("1car_hetero", settings))
+    return run_in_memory(load_scenario("1car_hetero", settings))
 
 
 @pytest.fixture(scope="module", params=["mcap", "bag"])
@@ -152,7 +152,7 @@ def test_a_format_that_is_not_known(run, tmp_path):
 def test_a_result_folder_on_the_command_line(tmp_path, capsys):
     from genie_sim.cli.main import main
 
-    folder = runner.run_to_folder(
+    folder = run_to_folder(
         load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path
     ).folder
     assert main(["export", str(folder)]) == 0

@@ -26,9 +26,10 @@ from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.record.records import Tables
 from genie_sim.record.results import Run
 from genie_sim.report import data, fleet_map
-from genie_sim.runs import runner
 from genie_sim.runs.fleet import CHECK_NS, Cells, device_of_each
-from genie_sim.runs.runner import prepare, simulate
+from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
@@ -172,7 +173,7 @@ def test_the_order_in_which_shares_are_written_is_nobodys_choice():
 def test_one_more_car_changes_nobody_elses_way_or_device():
     devices = {"jetson_tx2": 0.5, "orin_nano": 0.5}
     nine, ten = (prepare(small(fleet=fleet(cars=cars, devices=devices))) for cars in (9, 10))
-    assert ten.expanded.cars[:9] == nine.expanded.cars
+    assert ten.scenario.cars[:9] == nine.scenario.cars
     for name, drive in nine.drives.items():
         assert [frame.pose for frame in drive.frames["02"]] == [
             frame.pose for frame in ten.drives[name].frames["02"]
@@ -183,7 +184,7 @@ def test_whole_numbers_and_fractions_make_the_same_town():
     default, whole = (
         prepare(small(perception={**SMALL["perception"], **more})) for more in ({}, WHOLE)
     )
-    assert runner.facts(default) == runner.facts(whole)
+    assert default.facts == whole.facts
     frames = [prepared.drives["car1"].frames["02"][0] for prepared in (default, whole)]
     assert frames[0].detections == frames[1].detections and frames[0].digest == frames[1].digest
 
@@ -209,7 +210,7 @@ def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
 
 def test_every_car_begins_at_the_nearest_edge_and_changes_to_known_edges():
     prepared = prepare(small(fleet=fleet(cars=40)))
-    whole, truth = prepared.expanded, prepared.frames.town
+    whole, truth = prepared.scenario, prepared.frames.town
     assert isinstance(truth, Town)
     names = {edge.name for edge in whole.edges}
     assert (
@@ -241,16 +242,12 @@ def test_what_is_written_down_stays_small_and_reads_back():
     setting = small(fleet=fleet(cars=1000, devices={"jetson_tx2": 0.5, "orin_nano": 0.5}))
     assert len(setting.to_yaml()) < 6000
     assert read_scenario(parse(setting.to_yaml(), "resolved")) == setting
-    assert len(str(runner.facts(prepare(setting)))) < 20_000
+    assert len(str(prepare(setting).facts)) < 20_000
 
 
 def test_another_seed_is_another_town_with_other_ways():
     first, again, other = (prepare(small(seed=seed)) for seed in (1, 1, 2))
-    assert (
-        runner.facts(first)["traces"]
-        == runner.facts(again)["traces"]
-        != runner.facts(other)["traces"]
-    )
+    assert first.facts["traces"] == again.facts["traces"] != other.facts["traces"]
     poses = [prepared.drives["car1"].frames["02"][0].pose for prepared in (first, again, other)]
     assert poses[0] == poses[1] != poses[2]
 
@@ -341,7 +338,7 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
     monkeypatch: pytest.MonkeyPatch,
 ):
     setting = small(fleet=fleet(devices={"jetson_tx2": 0.6, "orin_nano": 0.4}))
-    run = runner.run_in_memory(setting)
+    run = run_in_memory(setting)
     monkeypatch.setattr(data, "RESOURCES_ON_PAGE", 10)
     shown = data.page_data(run)
     assert [car["name"] for car in shown["about"]["cars"]] == ["60 % of 5 cars", "40 % of 5 cars"]
@@ -374,9 +371,7 @@ def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
 @pytest.fixture(scope="module")
 def driven() -> Run:
     """Twelve cars that change their cells, under two methods."""
-    return runner.run_in_memory(
-        small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"])
-    )
+    return run_in_memory(small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"]))
 
 
 @pytest.mark.slow
@@ -405,7 +400,7 @@ def test_the_map_of_a_fleet_tells_the_load_of_its_radio_cells(driven: Run):
     """Of each cell, up; a fleet whose links share nothing has none."""
     assert fleet_map.fleet_data(driven, [])["air"] == []  # type: ignore[index]
     cell = {"model": "cell", "up": {"bandwidth": "5 MHz"}}
-    run = runner.run_in_memory(small(fleet=fleet(cars=12, link=cell), methods=["remote"]))
+    run = run_in_memory(small(fleet=fleet(cars=12, link=cell), methods=["remote"]))
     shown = fleet_map.fleet_data(run, [])
     assert shown is not None and len(shown["air"]) == shown["columns"] * shown["rows"] == 6
     samples = run.resources.query("resource == 'edge_0_0.cell_up'").sort_values("t_ns")
@@ -577,7 +572,7 @@ def test_shipped_fleets_can_be_expanded(name: str, cars_to_a_cell: float):
     """With as many cars to a cell in the mean as their comments say; one short drive each here."""
     setting = load_scenario(name, ["perception.duration=1 s"])
     assert setting.fleet is not None and setting.fleet.cars == int(name.removeprefix("fleet_"))
-    whole = prepare(setting).expanded
+    whole = prepare(setting).scenario
     assert len(whole.cars) / len(whole.edges) == pytest.approx(cars_to_a_cell, abs=0.05)
 
 
@@ -589,8 +584,8 @@ def test_caches_on_cars_may_have_a_capacity_of_their_own():
 
 @pytest.mark.slow
 def test_a_fleets_folder_is_made_again_byte_for_byte(tmp_path: Path):
-    result = runner.run_to_folder(small(), tmp_path)
-    assert all(runner.rerun(result.folder).values())
+    result = run_to_folder(small(), tmp_path)
+    assert all(rerun(result.folder).values())
 
 
 @pytest.mark.slow
@@ -612,7 +607,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
             (table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")
         ]
         mine = mine.set_index("metric")["value"]
-        measured = runner.run_in_memory(one.scenario).measured
+        measured = run_in_memory(one.scenario).measured
         alone = {metric.metric: metric.value for metric in measured if not metric.component}
         for name in ("frames_published", "first_answer_mean", "ghost_share"):
             assert mine[name] == alone[name], (one.scenario.seed, name)
@@ -663,7 +658,7 @@ def test_a_camera_that_no_car_in_town_has_is_told():
 
 def test_a_fleet_changes_edges_without_delay_between_old_and_new():
     """The gap is the fleet's: a car with a gap of 2 s is not handed over twice within it."""
-    whole = prepare(small(fleet=fleet(cars=40, hysteresis="0 m", hand_over_gap="2 s"))).expanded
+    whole = prepare(small(fleet=fleet(cars=40, hysteresis="0 m", hand_over_gap="2 s"))).scenario
     assert {one.fault.parameters["gap_ns"] for one in whole.faults} == {2000 * NS_PER_MS}
     for car in whole.cars:
         for earlier, later in pairwise(hand_overs(whole, car.name)):

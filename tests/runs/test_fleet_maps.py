@@ -8,17 +8,17 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_S
-from genie_sim.runs import runner
-from genie_sim.runs.runner import prepare
+from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.scenario import read_scenario
 from tests.fleet_maps import on_map
 
 
 def test_a_fleet_drives_on_a_map_that_begins_anywhere():
     prepared = prepare(on_map("Plain", cars=2))
-    assert [edge.name for edge in prepared.expanded.edges] == ["edge_0_0", "edge_1_0", "edge_2_0"]
-    assert [car.edge for car in prepared.expanded.cars] == ["edge_0_0", "edge_0_0"]
-    edges = [fault.fault.parameters["edge"] for fault in prepared.expanded.faults]
+    assert [edge.name for edge in prepared.scenario.edges] == ["edge_0_0", "edge_1_0", "edge_2_0"]
+    assert [car.edge for car in prepared.scenario.cars] == ["edge_0_0", "edge_0_0"]
+    edges = [fault.fault.parameters["edge"] for fault in prepared.scenario.faults]
     assert edges == ["edge_1_0"] * 2, "after 10 s at 20 m/s it is at the border of the third cell"
 
 
@@ -27,12 +27,12 @@ def test_a_map_that_has_cars_says_when_they_start():
     frames: Any = prepared.frames
     assert frames.asked == [("veh_7", None, 0), ("veh_9", None, 3 * NS_PER_S)]
     begins = [
-        (fault.fault.parameters["target"], fault.begin_ns) for fault in prepared.expanded.faults
+        (fault.fault.parameters["target"], fault.begin_ns) for fault in prepared.scenario.faults
     ]
     assert begins[1][1] is not None and begins[0][1] is not None
     assert [name for name, _ in begins] == ["veh_7", "veh_9"]
     assert begins[1][1] - begins[0][1] == 3 * NS_PER_S
-    run = runner.run_in_memory(on_map("Traffic"))
+    run = run_in_memory(on_map("Traffic"))
     first_ns = run.frames[run.frames["method"] == "local"].groupby("car")["stamp_ns"].min()
     assert dict(first_ns) == {"veh_7": 0, "veh_9": 3 * NS_PER_S}
 

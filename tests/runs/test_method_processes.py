@@ -11,9 +11,9 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.cli.main import main
-from genie_sim.runs import runner
 from genie_sim.runs.method_processes import MethodJob, Reporter, watched
-from genie_sim.runs.runner import prepare, simulate
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate, simulate_with
 from genie_sim.scenario.scenario import RECORDS, read_scenario
 from tests.checkout import REPOSITORY
 
@@ -50,9 +50,7 @@ def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monk
     spill = tmp_path / "spill"
     spill.mkdir()
     for folder in (None, spill):
-        apart = written(
-            runner.simulate_with(prepared, 3, spill=folder), tmp_path / f"to {bool(folder)}"
-        )
+        apart = written(simulate_with(prepared, 3, spill=folder), tmp_path / f"to {bool(folder)}")
         assert apart == one_by_one
     assert not list(spill.iterdir())
 

@@ -23,7 +23,8 @@ from genie_sim.base.settings import plain_data
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import main
 from genie_sim.methods import METHODS
-from genie_sim.runs import own_classes, runner
+from genie_sim.runs import own_classes
+from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.scenario import load_scenario, with_methods
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
@@ -92,7 +93,7 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
         setting.methods[2],
         setting.methods[1],
     ), "with their own settings"
-    assert chosen.under(chosen.methods[2]).genie.capacity.entries == 3
+    assert chosen.method_settings[chosen.methods[2].name].genie.capacity.entries == 3
     others = [plain_data(replace(one, methods=())) for one in (chosen, setting)]
     assert others[0] == others[1], "nothing else changes"
 
@@ -261,7 +262,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(folder)
         methods = "methods=[local, {name: mine, method: 'mod:Nothing'}]"
-        result = runner.run_to_folder(load_scenario(folder / "mine.yaml", [methods]), folder)
+        result = run_to_folder(load_scenario(folder / "mine.yaml", [methods]), folder)
     sys.modules.pop("mod")
     return result.folder
 

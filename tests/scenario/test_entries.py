@@ -5,14 +5,17 @@ refused in one line.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import pytest
 
 from genie_sim import methods
 from genie_sim.base.errors import UserError
-from genie_sim.runs import build, runner
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.runs import build
+from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import prepare
+from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 from tests.sim.street import drive, street
 
@@ -87,7 +90,7 @@ def test_the_resolved_scenario_reads_back(settings: dict[str, Any]) -> None:
 
 def test_an_entry_overrides_the_settings_of_the_scenario() -> None:
     setting = scenario(methods=["genie", SMALL], genie={"view_range": "30 m"}, queue_length=2)
-    usual, small = (setting.under(entry) for entry in setting.methods)
+    usual, small = setting.method_settings.values()
     assert (usual.genie.eviction, small.genie.eviction) == ("unlimited", "lru")
     assert (usual.genie.view_range_m, small.genie.view_range_m) == (30.0, 30.0)
     assert small.queue_length == 2
@@ -101,7 +104,7 @@ def test_the_literal_preset_of_one_entry_leaves_the_others_alone() -> None:
     setting = scenario(
         methods=["genie", {"name": "paper", "method": "genie", "genie": {"algorithm": "literal"}}]
     )
-    usual, paper = (setting.under(entry).genie for entry in setting.methods)
+    usual, paper = (setting.method_settings[entry.name].genie for entry in setting.methods)
     assert (usual.pending_index, paper.pending_index) == ("across_topics", "per_topic")
     assert (usual.object_map.rule, paper.object_map.rule) == ("noisy_or", "literal")
 
@@ -297,12 +300,9 @@ def test_pictures_are_encoded_where_there_are_such_pictures():
     setting = scenario(
         methods=["remote", {"name": "jpeg", "method": "remote", "image_encoding": "jpeg80"}]
     )
-    prepared = runner.prepare(setting)
+    prepared = prepare(setting)
     assert set(prepared.encoded) == {("jpeg80", "car1")}  # car2 sends nothing
-    assert (
-        runner.facts(prepared)["traces"]["jpeg80 of car1"]
-        == prepared.encoded["jpeg80", "car1"].digest
-    )
+    assert prepared.facts["traces"]["jpeg80 of car1"] == prepared.encoded["jpeg80", "car1"].digest
     with pytest.raises(
         UserError,
         match=r"image_encoding: unknown image encoding 'jpeg79'.*: jpeg80, jpeg90, png, raw",
@@ -313,4 +313,27 @@ def test_pictures_are_encoded_where_there_are_such_pictures():
         UserError,
         match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
     ):
-        runner.prepare(town)
+        prepare(town)
+
+
+def test_settings_of_methods_are_worked_out_once_a_run(monkeypatch):
+    resolved: list[int] = []
+    resolve = Scenario.__dict__["method_settings"].func
+
+    def counted(self: Scenario) -> Any:
+        resolved.append(len(self.methods))
+        return resolve(self)
+
+    counting = cached_property(counted)
+    counting.__set_name__(Scenario, "method_settings")
+    monkeypatch.setattr(Scenario, "method_settings", counting)
+    short = [f"cars[{car}].route.window=[0 s, 0.3 s]" for car in range(3)]
+    run_in_memory(load_scenario("3car_hetero", short))
+    assert resolved == [3]
+
+
+def test_a_scenario_that_is_changed_has_settings_of_its_own():
+    setting = load_scenario("3car_hetero")
+    changed = replace(setting, queue_length=7)
+    assert {one.queue_length for one in setting.method_settings.values()} == {1}
+    assert {one.queue_length for one in changed.method_settings.values()} == {7}

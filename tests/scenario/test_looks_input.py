@@ -110,7 +110,7 @@ def test_what_only_other_methods_use_is_not_refused():
     """A setting of the whole scenario concerns the paper's Genie beside the recommended one."""
     methods = "methods=[genie, {name: paced, method: genie, genie: {algorithm: recommended}}]"
     scenario = load_scenario("1car_homo", [methods, "genie.similarity=exact"])
-    assert scenario.under(scenario.methods[0]).genie.similarity.name == "exact"
+    assert scenario.method_settings[scenario.methods[0].name].genie.similarity.name == "exact"
 
 
 def test_a_car_without_cameras_asks_a_cache_whose_settings_are_not_refused():
@@ -138,7 +138,7 @@ def test_only_a_genie_beside_the_edge_tells_by_itself(edge: str, tells: bool):
         f"{{name: mine, method: genie, genie: {{algorithm: recommended, looks: {{edge: {edge}}}}}}}"
     )
     scenario = load_scenario("town_recommended", [f"methods=[{entry}]"])
-    looks = scenario.under(scenario.methods[0]).genie.looks
+    looks = scenario.method_settings[scenario.methods[0].name].genie.looks
     assert looks is not None and (looks.told is not None) == tells
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
-from genie_sim.runs import build
+from genie_sim.scenario.checks import check_own_plugins
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.scenario import Scenario, load_scenario
 from genie_sim.sim.link_models.presets import LINK
@@ -78,7 +78,7 @@ def scenario(link: str = "wifi", method: str = "local", fault: str = "") -> Scen
 def test_a_method_takes_quantities_with_units() -> None:
     entry = '{method: "MODULE:Mine", ttl: 300 ms, share: 1, limit: 1.4 MB}'
     setting = scenario(method=entry)
-    build.check_own_plugins(setting)
+    check_own_plugins(setting)
     method = METHOD.make(setting.methods[0].method)
     assert method.settings == (300_000_000, 1.0, "fast", 1_400_000)
     assert plain_data(setting.methods[0])["ttl"] == "300 ms"
@@ -89,7 +89,7 @@ def test_a_link_and_a_fault_take_quantities_with_units() -> None:
         link='{model: "MODULE:Tunnel", delay: 5 ms}',
         fault='{fault: "MODULE:Fog", target: car1, begin: 1 s, range: 50 cm}',
     )
-    build.check_own_plugins(setting)
+    check_own_plugins(setting)
     assert setting.cars[0].link is not None
     link = LINK.make(setting.cars[0].link)
     assert (link.delay_ns, link.rate_bps) == (5_000_000, 10**6)
@@ -97,7 +97,7 @@ def test_a_link_and_a_fault_take_quantities_with_units() -> None:
 
 def test_a_class_that_takes_any_setting_gets_it_as_it_is_written() -> None:
     setting = scenario(method='{method: "MODULE:Anything", ttl: 300 ms, n: 3}')
-    build.check_own_plugins(setting)
+    check_own_plugins(setting)
     method = METHOD.make(setting.methods[0].method)
     assert method.settings == {"ttl": "300 ms", "n": 3}
 
@@ -147,7 +147,7 @@ def test_a_wrong_setting_is_told_with_file_and_field(
 ) -> None:
     setting = scenario(**settings)
     with pytest.raises(UserError) as error:
-        build.check_own_plugins(setting)
+        check_own_plugins(setting)
     assert str(error.value).startswith(f"x.yaml: {message}")
     assert "\n" not in str(error.value)
 
@@ -156,5 +156,5 @@ def test_an_override_is_told_as_it_was_written() -> None:
     scenario(method='"MODULE:Mine"')
     text = 'methods[0]={method: "own_settings_module:Mine", ttl: 3}'
     with pytest.raises(UserError) as error:
-        build.check_own_plugins(load_scenario("x.yaml", [text]))
+        check_own_plugins(load_scenario("x.yaml", [text]))
     assert str(error.value).startswith(f"--set {text}: methods[0].ttl: duration 3 has no unit")

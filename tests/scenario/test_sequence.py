@@ -11,7 +11,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.core.rules import ToldRules
 from genie_sim.data.trace import Trace, TraceFrame, write_trace
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.scenario import Scenario, read_scenario
 
 MS = 1_000_000
@@ -78,14 +79,14 @@ def stamps_ms(run: Any, car: str) -> list[int]:
 def test_what_was_recorded_at_one_time_is_replayed_at_one_time(ego: str, partner: str):
     together = scenario({"trace": ego}, {"trace": partner})
     assert (together.sequence, together.is_one_world) == ("street 7", True)
-    run = runner.run_in_memory(together)
+    run = run_in_memory(together)
     assert stamps_ms(run, "car1") == [100 * n for n in range(20)]
     assert stamps_ms(run, "car2") == [100 * n for n in range(7, 25)]
 
 
 def test_laps_last_as_long_for_all_cars(ego: str, partner: str):
     laps = {"laps": 2, "pause": "1 s"}
-    run = runner.run_in_memory(scenario({"trace": ego, **laps}, {"trace": partner, **laps}))
+    run = run_in_memory(scenario({"trace": ego, **laps}, {"trace": partner, **laps}))
     lap_ms = 2400 + 1000  # one nanosecond after the last stamp, and the pause
     assert stamps_ms(run, "car1")[20] == lap_ms
     assert stamps_ms(run, "car2")[18] == 700 + lap_ms
@@ -95,13 +96,13 @@ def test_recordings_of_two_drives_begin_when_their_cars_do(ego: str):
     other = recording("other", 7, 25, sequence="street 8")
     apart = scenario({"trace": ego}, {"trace": other})
     assert (apart.sequence, apart.is_one_world) == (None, False)
-    assert stamps_ms(runner.run_in_memory(apart), "car2")[0] == 0
+    assert stamps_ms(run_in_memory(apart), "car2")[0] == 0
 
 
 def test_edges_tell_cars_of_one_sequence_of_one_another(ego: str, partner: str):
     together = scenario({"trace": ego}, {"trace": partner}, genie="recommended")
     alone = scenario({"trace": ego}, {"trace": ego}, genie="recommended")
-    told = [one.under(one.methods[1]).genie.looks.told for one in (together, alone)]
+    told = [one.method_settings[one.methods[1].name].genie.looks.told for one in (together, alone)]
     assert told == [ToldRules(), None]
 
 
@@ -139,7 +140,7 @@ def test_a_car_from_another_drive_does_not_join_a_sequence(ego: str, partner: st
 def test_a_broken_recording_is_one_line(ego: str, partner: str):
     Path("partner.parquet").write_bytes(b"nothing")
     with pytest.raises(UserError, match=r"partner\.parquet: not a readable Parquet file"):
-        runner.prepare(scenario({"trace": ego}, {"trace": partner}))
+        prepare(scenario({"trace": ego}, {"trace": partner}))
 
 
 def test_with_paced_looks_a_car_without_cameras_lives_on_what_others_saw(ego: str, partner: str):
@@ -160,7 +161,7 @@ def test_with_paced_looks_a_car_without_cameras_lives_on_what_others_saw(ego: st
             },
         ],
     )
-    frames = runner.run_in_memory(together).tables["frames"].to_frame()
+    frames = run_in_memory(together).tables["frames"].to_frame()
     blind = frames[frames["car"] == "car2"]
     assert len(blind) == 18 and blind["first_answer_ns"].notna().all()
     assert blind["objects_served"].sum() > 0

@@ -19,7 +19,7 @@ from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs import build as construction
-from genie_sim.runs.runner import on_frames
+from genie_sim.runs.prepare import on_frames
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.sim.world import World

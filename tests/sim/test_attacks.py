@@ -26,7 +26,7 @@ from genie_sim.faults.replay import Replay
 from genie_sim.faults.shift import Shift
 from genie_sim.faults.spoof import Spoof
 from genie_sim.report import data
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.sim.forgeries import Forgeries
 from tests.conformance import small
 
@@ -255,13 +255,13 @@ def test_another_score_is_a_forgery_and_the_same_object_is_none():
 def test_attackers_that_do_not_exist_are_one_line(fault, message: str):
     with pytest.raises(UserError, match=message) as error:
         faults = [{"fault": "spoof", "begin": "1 s", **fault}]
-        runner.run_in_memory(small.scenario(["local"], faults=faults))
+        run_in_memory(small.scenario(["local"], faults=faults))
     assert "\n" not in str(error.value)
 
 
 def test_a_run_records_who_forged_what():
     faults = [{"fault": "spoof", "target": "car1", "begin": "0.5 s", "end": "1 s", "label": "bus"}]
-    run = runner.run_in_memory(small.scenario(["local", "remote"], faults=faults))
+    run = run_in_memory(small.scenario(["local", "remote"], faults=faults))
     rows = run.attacks
     assert set(rows["method"]) == {"remote"}, "nothing leaves a car that keeps to itself"
     assert set(rows["attacker"]) == {"car1"} and set(rows["receiver"]) == {"edge1"}

@@ -14,7 +14,8 @@ import pytest
 import simpy
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs.runner import prepare, simulate
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.sim.clock import Clock, Newest, Occupancy
 from tests.conformance import small
 

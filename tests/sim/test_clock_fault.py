@@ -11,7 +11,8 @@ import pytest
 from genie_sim.api import load_scenario
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
 from genie_sim.faults.clock import ClockFault
-from genie_sim.runs.runner import prepare, simulate
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.sim.bends import Border
 from tests.conformance import small
 

@@ -8,7 +8,8 @@ from functools import partial
 import pytest
 
 from genie_sim.judge.map_accuracy import MapAccuracy
-from genie_sim.runs import runner
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from genie_sim.worlds.town.frames import BATCH_FRAMES, FrameBatch
 
@@ -29,7 +30,8 @@ def in_town(record: list[str]) -> Scenario:
 
 def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
     """Those of some batches, and those that wait to be judged together."""
-    monkeypatch.setattr(runner, "MapAccuracy", partial(MapAccuracy, window=BATCH_FRAMES // 2))
+    small_window = partial(MapAccuracy, window=BATCH_FRAMES // 2)
+    monkeypatch.setattr("genie_sim.runs.simulate.MapAccuracy", small_window)
     batches: weakref.WeakSet[FrameBatch] = weakref.WeakSet()
     alive: list[int] = []
     init = FrameBatch.__init__
@@ -40,14 +42,14 @@ def test_few_frames_of_a_drive_are_in_memory_at_any_time(monkeypatch):
         alive.append(len(batches))
 
     monkeypatch.setattr(FrameBatch, "__init__", counted)
-    tables = runner.simulate(runner.prepare(in_town(["lookups", "held"])))
+    tables = simulate(prepare(in_town(["lookups", "held"])))
     assert len(tables["frames"]) == 200
     assert len(alive) > 200 // BATCH_FRAMES and max(alive) <= 3
 
 
 @pytest.mark.parametrize("record", [["held"], []], ids=["judged", "not judged"])
 def test_what_is_in_view_is_computed_once_for_each_batch(record, monkeypatch):
-    prepared = runner.prepare(in_town(record))
+    prepared = prepare(in_town(record))
     visibility = prepared.drives["car1"].scene.visibility
     views: list[int] = []
     visible = type(visibility).visible
@@ -57,6 +59,6 @@ def test_what_is_in_view_is_computed_once_for_each_batch(record, monkeypatch):
         return visible(self, poses)
 
     monkeypatch.setattr(type(visibility), "visible", counted)
-    runner.simulate(prepared)
+    simulate(prepared)
     whole_batches = [count for count in views if count == BATCH_FRAMES]
     assert len(whole_batches) == 201 // BATCH_FRAMES, "3 whole batches, and the rest of 9 frames"

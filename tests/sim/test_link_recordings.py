@@ -11,7 +11,8 @@ import pytest
 from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_models import LinkEnds, recording
 from genie_sim.sim.link_models.importers import IMPORTERS
 from genie_sim.sim.link_models.recording import Steps
@@ -157,7 +158,7 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
         path = write(tmp_path / f"rate{rate_bps}.parquet", t_ns=[0], up_bps=[rate_bps])
         link = {"model": "trace", "rate": path}
         setting = small.scenario(["remote"], cars=[small.car(1, link=link), small.car(2)])
-        found = runner.facts(runner.prepare(setting))["traces"]
+        found = prepare(setting).facts["traces"]
         return {name: text for name, text in found.items() if name.startswith("link ")}
 
     first, second = digests(1000), digests(2000)

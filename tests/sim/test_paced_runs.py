@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 
 S = 1_000_000_000
@@ -39,7 +39,7 @@ def run(link: object = "wifi", laps: int = 1, **settings: object) -> Run:
         "cars": two_cars(link, laps),
         **settings,
     }
-    return runner.run_in_memory(read_scenario(scenario))
+    return run_in_memory(read_scenario(scenario))
 
 
 def outcomes(looks: Columns, way: str = "edge") -> dict[str, int]:
@@ -161,7 +161,7 @@ def test_a_repeated_route_is_looked_at_as_often_as_the_first_time():
 
 def test_a_standing_car_is_looked_for_only_without_a_cache():
     """At a red light every frame equals the one before to a cache of poses."""
-    result = runner.run_in_memory(load_scenario("red_light"))
+    result = run_in_memory(load_scenario("red_light"))
     f1, fresh = (
         {metric.method: metric.value for metric in result.measured if metric.metric == name}
         for name in ("streaming_f1", "fresh_answered_share")
@@ -202,7 +202,7 @@ TOWN = {
 
 @pytest.mark.slow
 def test_in_one_world_edges_tell_cars_of_what_others_see():
-    result = runner.run_in_memory(read_scenario(TOWN))
+    result = run_in_memory(read_scenario(TOWN))
     values = {
         (metric.method, metric.metric): metric.value
         for metric in result.measured

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from genie_sim.core.messages import CameraPose
-from genie_sim.runs import build, runner
+from genie_sim.runs import build
+from genie_sim.runs.prepare import prepare
 from genie_sim.sim.places import DrivenPlace, RecordedPlace
 from genie_sim.sim.settings import Route
 from tests.conformance import small
@@ -51,7 +52,7 @@ def test_a_car_of_a_town_is_where_its_drive_is_after_its_start():
 def test_the_place_of_a_car_is_that_of_its_frames():
     """Also with a start that is drawn, and a camera that takes its pictures later."""
     setting = small.scenario(["local"])
-    prepared = runner.prepare(setting)
+    prepared = prepare(setting)
     setup = build.setup(prepared, setting.methods[0])
     for car in setup.cars:
         frames = setup.frames[car.name]["left"]

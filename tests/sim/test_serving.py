@@ -15,7 +15,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.data.trace import TraceFrame
 from genie_sim.runs import build
-from genie_sim.runs.runner import run_in_memory
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.sim import world
@@ -281,8 +281,8 @@ def test_an_edge_has_a_serving_of_its_own_and_methods_another():
         methods=["remote", {"name": "slow", "method": "remote", "serving": {"wait": "9 ms"}}],
     )
     assert settings.edges[1].serving == Serving(queue="per_camera")
-    assert settings.under(settings.methods[0]).serving == Serving()
-    assert settings.under(settings.methods[1]).serving == Serving(wait_ns=9 * MS)
+    assert settings.method_settings[settings.methods[0].name].serving == Serving()
+    assert settings.method_settings[settings.methods[1].name].serving == Serving(wait_ns=9 * MS)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from genie_sim.methods import METHODS
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs.build import device
-from genie_sim.runs.runner import run_in_memory
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import RECORDS, load_scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor

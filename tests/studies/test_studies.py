@@ -52,8 +52,7 @@ def test_every_point_of_a_search_is_a_scenario(path: Path):
 def test_a_method_gets_the_settings_of_its_tracks(name: str):
     methods = [where_it_pays.tuned(name, 0.6, 100)]
     scenario = load_scenario("3car_hetero", {"methods": methods})
-    (entry,) = scenario.methods
-    setting = scenario.under(entry)
+    (setting,) = scenario.method_settings.values()
     if name == where_it_pays.GENIE:
         tracks = setting.genie.object_map.freshness.parameters
         settings = tracks["p_min"], tracks["tau_ns"]
@@ -106,7 +105,7 @@ def test_a_mean_over_drives_and_towns_has_both_spreads():
 def test_genie_pays_for_its_key_and_for_its_map():
     scenario = load_scenario("baselines", {"methods": baselines.methods(94_800)})
     entries = {entry.name: entry for entry in scenario.methods}
-    paying, free = (scenario.under(entries[name]).genie for name in ("genie", "genie_free"))
+    paying, free = (scenario.method_settings[name].genie for name in ("genie", "genie_free"))
     assert (paying.capacity.bytes, free.capacity.bytes) == (905_200, 1_000_000)
     assert entries["genie"].method.name == "studies.baselines:PayingGenie"
     assert len(entries) == len(load_design("baselines").settings["methods"]) + 1

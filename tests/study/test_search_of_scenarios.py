@@ -121,7 +121,7 @@ def test_the_methods_of_the_scenario_are_reported_as_they_are():
     assert [point.name for point in points] == ["local", "remote", "genie", "genie_recommended"]
     scenario = work.scenario(points[-1], {})
     assert [entry.name for entry in scenario.methods] == ["genie_recommended"]
-    looks = scenario.under(scenario.methods[0]).genie.looks
+    looks = scenario.method_settings[scenario.methods[0].name].genie.looks
     assert looks is not None and scenario.record == ("held",)
 
 

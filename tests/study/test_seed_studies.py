@@ -12,7 +12,7 @@ import pytest
 from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_text
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.scenario import load_scenario
 
 pytestmark = pytest.mark.slow
@@ -43,7 +43,7 @@ def test_means_and_intervals_are_those_of_separate_runs(folder):
     overrides = SHORT[1::2]
     values = []
     for seed in (2, 5, 9):
-        run = runner.run_in_memory(load_scenario("1car_hetero", overrides, seed))
+        run = run_in_memory(load_scenario("1car_hetero", overrides, seed))
         (metric,) = [
             metric
             for metric in run.measured
@@ -93,7 +93,8 @@ def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("nothing is missing")
 
-    monkeypatch.setattr(runner, "simulate", refuse)
+    monkeypatch.setattr("genie_sim.runs.simulate.simulate", refuse)
+    monkeypatch.setattr("genie_sim.study.tasks.simulate", refuse)
     assert main([*RUN, "--seeds", "2,5,9", "--jobs", "1", "--out", str(tmp_path)]) == 0
     assert "Other pairs" not in capsys.readouterr().out, "of two methods there is one pair"
 

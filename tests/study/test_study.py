@@ -32,8 +32,9 @@ from genie_sim.core.similarity import Exact
 from genie_sim.record import provenance
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Table
-from genie_sim.runs import runner
 from genie_sim.runs.build import Prepared
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.study import figures, tables, tasks
 from genie_sim.study.design import load_design
@@ -374,7 +375,7 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
     measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
-        made = runner.simulate(runner.prepare(load_scenario("1car_homo", overrides, seed)))
+        made = simulate(prepare(load_scenario("1car_homo", overrides, seed)))
         tables = {name: made[name].to_frame() for name in tasks.MEASURED}
         for one in metrics.compute(METHODS, tables):
             values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
@@ -798,8 +799,10 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 @pytest.mark.slow
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared, packed = [], []
-    prepare, unpack = runner.prepare, tasks.pickle.loads
-    monkeypatch.setattr(runner, "prepare", lambda *a: prepared.append(1) or prepare(*a))
+    unpack = tasks.pickle.loads
+    for module in ("plan", "tasks"):
+        counted = f"genie_sim.study.{module}.prepare"
+        monkeypatch.setattr(counted, lambda *a: prepared.append(1) or prepare(*a))
     monkeypatch.setattr(tasks.pickle, "loads", lambda data: packed.append(1) or unpack(data))
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
     assert len(prepared) == 1
@@ -821,7 +824,7 @@ def test_a_town_is_laid_out_once_a_point_and_each_seed_has_its_own_id(monkeypatc
     assert len(laid_out) <= 2
     for entry, seed in zip(planned.entries[5:], range(1, 6), strict=True):
         scenario = load_scenario("fleet_30", ["perception.duration=1 s", "fleet.cars=3"], seed)
-        assert entry.run_id == provenance.run_id(runner.facts(runner.prepare(scenario)))
+        assert entry.run_id == provenance.run_id(prepare(scenario).facts)
 
 
 def test_a_folder_of_something_else_is_left_alone(capsys):

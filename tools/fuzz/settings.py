@@ -24,7 +24,9 @@ from genie_sim.record import results
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
 from genie_sim.report import NAME, write
-from genie_sim.runs import runner
+from genie_sim.runs.folder import rerun, run_to_folder
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import load_scenario
 from genie_sim.study import page as sweep_page
 from genie_sim.study.plan import plan
@@ -75,14 +77,14 @@ def scenarios(folder: Path) -> Case:
 
     def use(path: Path) -> None:
         scenario = load_scenario(path)
-        if scenario.fleet is not None or hasattr(runner.frame_source(scenario), "town"):
+        if scenario.fleet is not None or hasattr(scenario.source, "town"):
             return  # it takes seconds to make
-        prepared = runner.prepare(scenario)
+        prepared = prepare(scenario)
         windows_ns = [car.route.window_ns or (0, LONG_NS) for car in scenario.cars]
         if all(end - begin < LONG_NS for begin, end in windows_ns) and all(
             car.route.laps < 5 for car in scenario.cars
         ):
-            runner.simulate(prepared)
+            simulate(prepared)
 
     return settings_case(folder, [*shipped, *[folder / "tiny.yaml"] * 6], use)
 
@@ -207,10 +209,10 @@ def options(folder: Path) -> Case:
 
     def guarded(rng: random.Random) -> None:
         stopped = (
-            "runner.run_to_folder",
+            "runs.folder.run_to_folder",
             "paper.reproduce.reproduce",
-            "perception.fetch.urlopen",
-            "device_fit.measure",
+            "data.fetch.urlopen",
+            "scenario.device_fit.measure",
             "study.study.Study.run",
             "ros.attach._graph",
         )
@@ -244,9 +246,9 @@ def result_folders(folder: Path) -> Case:
     (folder / "tiny.yaml").write_text(TINY)
     made = folder / "made"
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run_to_folder(
-            load_scenario(folder / "tiny.yaml"), folder / "runs"
-        ).folder.rename(made)
+        run = run_to_folder(load_scenario(folder / "tiny.yaml"), folder / "runs").folder.rename(
+            made
+        )
         axes = {"range": {"set": "genie.view_range", "list": ["20 m", "30 m"]}}
         sweep = {
             "scenario": str(folder / "tiny.yaml"),
@@ -273,9 +275,9 @@ def result_folders(folder: Path) -> Case:
         if what == 0:
             with (
                 plugins.own_code(False),
-                mock.patch("genie_sim.runs.runner._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.folder._fill", side_effect=UserError("stopped")),
             ):
-                runner.rerun(run, allow_changed=True)
+                rerun(run, allow_changed=True)
         elif what == 1:
             write(folder / NAME, results.load(run, allow_changed=True))
         elif what == 2:
@@ -301,7 +303,7 @@ def result_folders(folder: Path) -> Case:
 def result_tables(folder: Path) -> Case:
     (folder / "tiny.yaml").write_text(TINY)
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder).folder
+        run = run_to_folder(load_scenario(folder / "tiny.yaml"), folder).folder
     cases = [
         one_file(
             run / f"{schema.name}.parquet",

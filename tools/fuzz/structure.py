@@ -36,7 +36,9 @@ from genie_sim.data.truth_table import (
     write_truth,
 )
 from genie_sim.record import provenance
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_in_memory, run_to_folder
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import load_scenario, read_scenario
 from tests.conformance import own, small
 from tests.conformance.wrong_types import CASES
@@ -121,7 +123,7 @@ def traces(folder: Path) -> Case:
         trace.at_least(0.5)
         stamps_ns = [seen.stamp_ns for frames in trace.frames.values() for seen in frames]
         if max(stamps_ns) < 10 * LONG_NS:
-            runner.simulate(runner.prepare(read_scenario(settings)))
+            simulate(prepare(read_scenario(settings)))
 
     return case
 
@@ -247,7 +249,7 @@ def own_code(folder: Path) -> Case:
 
         is_plain = not callable(original)
         with mock.patch.object(cls, name, values[0] if is_plain else method, create=True):
-            runner.run_in_memory(scenarios[place])
+            run_in_memory(scenarios[place])
 
     return case
 
@@ -256,7 +258,7 @@ def result_contents(folder: Path) -> Case:
     """Results whose digests are right and whose content is not: every command that reads them."""
     (folder / "tiny.yaml").write_text(TINY)
     with mock.patch("genie_sim.analysis.figures.save"):
-        run = runner.run_to_folder(load_scenario(folder / "tiny.yaml"), folder / "runs").folder
+        run = run_to_folder(load_scenario(folder / "tiny.yaml"), folder / "runs").folder
     assert run is not None
     whole = {path: path.read_bytes() for path in run.iterdir() if path.is_file()}
     commands = (
@@ -303,7 +305,7 @@ def result_contents(folder: Path) -> Case:
             with (
                 contextlib.chdir(run),
                 mock.patch("genie_sim.analysis.figures.save"),
-                mock.patch("genie_sim.runs.runner._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.folder._fill", side_effect=UserError("stopped")),
             ):
                 run_command(list(rng.choice(commands)))
         finally:
@@ -368,7 +370,7 @@ def typed_settings(folder: Path) -> Case:
         ]
         waits_ns = (scenario.start_jitter_ns, *(camera.phase_ns for camera in scenario.cameras))
         if max(*ends_ns, *waits_ns) < 5 * LONG_NS:
-            runner.simulate(runner.prepare(scenario))
+            simulate(prepare(scenario))
 
     return case
 

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs import runner
+from genie_sim.runs.folder import run_to_folder
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario, read_scenario
 from tests.worlds.traffic.fcd_files import write_fcd
 
@@ -59,12 +61,12 @@ def scenario(fcd: str, *, fleet=FLEET, **perception) -> Scenario:
 
 
 def drives(fcd: str, **perception):
-    return runner.prepare(scenario(fcd, **perception)).drives
+    return prepare(scenario(fcd, **perception)).drives
 
 
 def test_a_car_starts_and_ends_with_its_vehicle(fcd):
-    prepared = runner.prepare(scenario(fcd))
-    starts_s = {car.name: car.route.start_ns / 1e9 for car in prepared.expanded.cars}
+    prepared = prepare(scenario(fcd))
+    starts_s = {car.name: car.route.start_ns / 1e9 for car in prepared.scenario.cars}
     assert starts_s == {"veh_a": 0, "veh_b": 0, "veh_c": 0, "veh_t": 0, "veh_d": 1.5}
     counts = {car: len(drive.frames["02"]) for car, drive in prepared.drives.items()}
     assert counts == {"veh_a": 41, "veh_b": 41, "veh_c": 31, "veh_t": 21, "veh_d": 16}
@@ -94,8 +96,8 @@ def test_a_share_of_the_vehicles_is_equipped_and_a_larger_one_adds_to_it(tmp_pat
 
 
 def test_vehicles_are_equipped_by_their_ids(fcd):
-    prepared = runner.prepare(scenario(fcd, equipped=["d", "a"]))
-    assert [car.name for car in prepared.expanded.cars] == ["veh_d", "veh_a"]
+    prepared = prepare(scenario(fcd, equipped=["d", "a"]))
+    assert [car.name for car in prepared.scenario.cars] == ["veh_d", "veh_a"]
     assert set(prepared.drives) == {"veh_a", "veh_d"}
 
 
@@ -111,7 +113,7 @@ def test_cars_see_vehicles_that_are_not_equipped(fcd):
 
 def test_the_truth_is_that_of_the_instant(fcd):
     """c stands, d moves; persons, of which the file knows nothing, are not judged."""
-    prepared = runner.prepare(scenario(fcd, equipped=["a"]))
+    prepared = prepare(scenario(fcd, equipped=["a"]))
     drive = prepared.drives["veh_a"]
     truth = prepared.frames.truth_of(drive)
     frame = drive.frames["02"][20]  # at 2 s: a is at 37.5 m, d at 77.5 m + 5 m
@@ -129,7 +131,7 @@ def test_the_truth_is_that_of_the_instant(fcd):
 
 def test_teleports_are_told_and_recorded(fcd, caplog):
     with caplog.at_level(logging.WARNING):
-        prepared = runner.prepare(scenario(fcd))
+        prepared = prepare(scenario(fcd))
     assert "1 of 5 vehicles teleport, 1 times in all" in caplog.text
     about = prepared.frames.provenance()["traffic"]
     assert (about["vehicles"], about["teleports"], about["vehicles_that_teleport"]) == (5, 1, 1)
@@ -138,13 +140,13 @@ def test_teleports_are_told_and_recorded(fcd, caplog):
 
 def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):
     """The extent is that of the vehicles' places, and a is handed over as it drives east."""
-    prepared = runner.prepare(scenario(fcd, equipped=["a"]))
+    prepared = prepare(scenario(fcd, equipped=["a"]))
     west_m, south_m, east_m, north_m = prepared.frames.extent_m
     assert (west_m, south_m) == pytest.approx((-42.5, -16.0))
     assert (east_m, north_m) == pytest.approx((910.0, 47.5))
-    faults = prepared.expanded.faults
+    faults = prepared.scenario.faults
     assert [fault.target for fault in faults] == ["veh_a"]
-    (car,) = prepared.expanded.cars
+    (car,) = prepared.scenario.cars
     assert car.edge != faults[0].fault.parameters["edge"]
     # 16 cells from west to east: a crosses the border of the first two.
     crosses_s = (west_m + (east_m - west_m) / 16 + 2.5) / 20
@@ -154,7 +156,7 @@ def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):
 def test_a_run_is_the_same_again_and_another_with_another_seed(fcd):
     def tables(seed):
         settings = replace(scenario(fcd, equipped=["a", "b"]), seed=seed)
-        tables = runner.simulate(runner.prepare(settings))
+        tables = simulate(prepare(settings))
         return {name: table.to_frame().to_csv() for name, table in tables.items()}
 
     first = tables(1)
@@ -166,7 +168,7 @@ def test_the_same_traffic_gives_the_same_digest_in_any_file(fcd, tmp_path):
     packed = str(write_fcd(tmp_path / "b.xml.gz", street(), types={"c": "truck"}))
 
     def digests(**perception):
-        return runner.prepare(scenario(**perception)).frames.digests()
+        return prepare(scenario(**perception)).frames.digests()
 
     assert digests(fcd=fcd) == digests(fcd=packed)
     assert digests(fcd=fcd) != digests(fcd=fcd, view="50 m")
@@ -184,7 +186,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
             "cars": [{"name": name, "device": "jetson_tx2", "route": {"start": start}}],
             "methods": ["local"],
         }
-        return runner.prepare(read_scenario(settings))
+        return prepare(read_scenario(settings))
 
     assert len(prepared("veh_d", "2 s").drives["veh_d"].frames["02"]) == 11
     with pytest.raises(UserError, match=r"veh_d starts at 0 s, but is there from 1.5 to 3 s"):
@@ -215,7 +217,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
 )
 def test_what_is_wrong_is_told_in_one_line(fcd, perception, message):
     with pytest.raises(UserError, match=message) as error:
-        runner.prepare(scenario(**{"fcd": fcd, **perception}))
+        prepare(scenario(**{"fcd": fcd, **perception}))
     assert "\n" not in str(error.value)
 
 
@@ -223,7 +225,7 @@ def test_a_fleet_of_traffic_has_no_number_of_cars(fcd):
     with pytest.raises(
         UserError, match=r"fleet\.cars: traffic has 5 cars of its own: leave it out"
     ):
-        runner.prepare(scenario(fcd, fleet=FLEET | {"cars": 3}))
+        prepare(scenario(fcd, fleet=FLEET | {"cars": 3}))
 
 
 def test_two_vehicles_with_one_name_are_refused(tmp_path):
@@ -256,7 +258,7 @@ def test_detections_do_not_jump_in_a_bend(tmp_path):
         errors = []
         for seed in range(1, 9):
             settings = scenario(path, equipped=["follower"])
-            drive = runner.prepare(replace(settings, seed=seed)).drives["veh_follower"]
+            drive = prepare(replace(settings, seed=seed)).drives["veh_follower"]
             row = []
             for frame in drive.frames["02"]:
                 (truth,) = frame.truth()
@@ -280,7 +282,7 @@ def test_detections_do_not_jump_in_a_bend(tmp_path):
 
 
 def test_the_report_of_a_fleet_counts_the_cars_of_the_traffic(fcd, tmp_path):
-    run = runner.run_to_folder(scenario(fcd, equipped=["a", "b", "d"]), tmp_path / "results")
+    run = run_to_folder(scenario(fcd, equipped=["a", "b", "d"]), tmp_path / "results")
     page = (run.folder / "report.html").read_text(encoding="utf-8")
     assert '"100 % of 3 cars"' in page and "No map is drawn" not in page
-    assert run.facts["map"]["extent_m"] == [*runner.prepare(scenario(fcd)).frames.extent_m]
+    assert run.facts["map"]["extent_m"] == [*prepare(scenario(fcd)).frames.extent_m]

@@ -1,0 +1,273 @@
+"""Runs a scenario, in memory or into a result folder, and makes a result folder anew."""
+
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.settings import read
+from genie_sim.data.source import Progress
+from genie_sim.record import provenance
+from genie_sim.record.records import SCHEMAS, Tables
+from genie_sim.record.results import (
+    FILES,
+    METRIC_FIELDS,
+    MethodInfo,
+    Run,
+    changed_files,
+    checked_label,
+)
+from genie_sim.record.tables import write as write_columns
+from genie_sim.report.output import USUAL, Output
+from genie_sim.runs.build import Prepared
+from genie_sim.runs.prepare import prepare
+from genie_sim.runs.simulate import Observer, simulate, simulate_with
+from genie_sim.scenario.profiles import DeviceProfile
+from genie_sim.scenario.scenario import Scenario, as_yaml, read_scenario
+
+
+def run_to_folder(
+    scenario: Scenario,
+    out: Path,
+    progress: Progress | None = None,
+    output: Output = USUAL,
+    *,
+    label: str = "",
+    workers: int = 1,
+) -> Run:
+    """Simulates a scenario and writes ``out/<scenario>-<run id>``, with what ``output`` says;
+    ``label`` is what the user calls the run. With several ``workers``,
+    its methods run side by side in so many processes; results do not depend on it.
+
+    Raises ``UserError`` before it simulates.
+    """
+    provenance.check_writable(out)
+    prepared = prepare(scenario, progress)
+    run_id = provenance.run_id(prepared.facts)
+    folder = out / f"{scenario.name}-{run_id}"
+    return write(
+        prepared,
+        folder,
+        run_id,
+        progress=progress,
+        output=output,
+        label=label,
+        workers=workers,
+    )
+
+
+def run_in_memory(
+    scenario: Scenario,
+    progress: Progress | None = None,
+    *,
+    label: str = "",
+    workers: int = 1,
+    observer: Observer | None = None,
+) -> Run:
+    """Simulates a scenario and writes nothing. An ``observer`` sees what one worker simulates.
+    Raises ``UserError`` before it simulates.
+    """
+    prepared = prepare(scenario, progress)
+    run_id = provenance.run_id(prepared.facts)
+    if observer is None:
+        tables = simulate_with(prepared, workers, progress)
+    else:
+        tables = simulate(prepared, progress, observer=observer)
+    return replace(finished(prepared, run_id, tables), label=label)
+
+
+def write(
+    prepared: Prepared,
+    folder: Path,
+    run_id: str,
+    *,
+    progress: Progress | None = None,
+    output: Output = USUAL,
+    label: str = "",
+    workers: int = 1,
+) -> Run:
+    """Simulates a run and writes its results into ``folder``, which takes the place of earlier
+    results of that name. Raises ``UserError``.
+    """
+    with provenance.result_folder(folder) as partial:
+        run = _fill(
+            partial,
+            prepared,
+            run_id,
+            progress=progress,
+            output=output,
+            label=label,
+            workers=workers,
+        )
+    return replace(run, folder=folder)
+
+
+def _fill(
+    folder: Path,
+    prepared: Prepared,
+    run_id: str,
+    *,
+    progress: Progress | None,
+    output: Output,
+    label: str = "",
+    workers: int = 1,
+) -> Run:
+    """Simulates and writes the files of a result folder.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty folder.
+    prepared : Prepared
+        The scenario with everything it names.
+    run_id : str
+        The run's id.
+    progress : callable, optional
+        Called with the time now and at the end [s], and what is done.
+    output : Output
+        What is written for people to look at.
+    label : str
+        What the user calls the run; may be empty.
+    workers : int
+        How many processes simulate its methods.
+    """
+    began_s = time.perf_counter()
+    tables = simulate_with(prepared, workers, progress, spill=folder)
+    for name, table in tables.items():
+        table.write(folder / f"{name}.parquet")
+    made = replace(finished(prepared, run_id, tables), label=label)
+    _write_derived(folder, made, output)
+    about = {
+        "rows": {name: len(table) for name, table in tables.items()},
+        "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
+        "wall_time_s": round(time.perf_counter() - began_s, 3),
+    }
+    _write_about(folder, made, about)
+    return made
+
+
+def _write_derived(folder: Path, run: Run, output: Output) -> None:
+    """Writes what follows from a run's tables: metrics, and what people look at."""
+    metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
+    provenance.write_json(folder / "metrics.json", metrics)
+    output.write(run, folder)
+    (folder / "scenario.resolved.yaml").write_text(run.yaml, encoding="utf-8")
+
+
+def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
+    """Writes ``run.json``, with ``more`` that is known of the run."""
+    about = {
+        "format": provenance.RESULT_FORMAT,
+        "run_id": run.run_id,
+        **({"label": run.label} if run.label else {}),
+        "facts": run.facts,
+        "digests": provenance.digests(folder, FILES),
+        **more,
+        **provenance.environment(),
+    }
+    provenance.write_json(folder / "run.json", about)
+
+
+def save(run: Run, out: Path, output: Output = USUAL) -> Path:
+    """Writes a run that is in memory as ``run_to_folder`` writes it; returns its folder. Raises
+    ``UserError``.
+    """
+    provenance.check_writable(out)
+    folder = out / f"{run.name}-{run.run_id}"
+    with provenance.result_folder(folder) as partial:
+        for name, schema in SCHEMAS.items():
+            write_columns(partial / f"{name}.parquet", schema, run.tables[name])
+        _write_derived(partial, run, output)
+        _write_about(partial, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
+    return folder
+
+
+def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
+    """The run that wrote these tables."""
+    from genie_sim.analysis import metrics
+
+    columns = {name: table.columns() for name, table in tables.items()}
+    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
+    return Run(
+        run_id=run_id,
+        facts=prepared.facts,
+        yaml=as_yaml(prepared.facts["scenario"]),
+        tables=columns,
+        measured=measured,
+    )
+
+
+def methods_of(prepared: Prepared) -> list[MethodInfo]:
+    """The methods that a scenario runs, in its order."""
+    return [MethodInfo(**method) for method in prepared.facts["methods"]]
+
+
+def rerun(
+    folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
+) -> dict[str, bool]:
+    """Runs a result folder's scenario again, with the device profiles it was made with; tells of
+    each file, by its name, whether the bytes are the same. ``run.json`` holds the wall time and is
+    not compared, nor is any file that no run writes.
+
+    Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
+    differ.
+    """
+    made = provenance.read_run_json(folder)
+    where = str(folder / "run.json")
+    scenario = read_scenario(made["facts"]["scenario"], where=where)
+    devices = {
+        name: read(DeviceProfile, device, lambda _: where)
+        for name, device in made["facts"]["devices"].items()
+    }
+    prepared = prepare(scenario, progress, devices)
+    for key, now in prepared.facts.items():
+        before = made["facts"].get(key)
+        if now != before:
+            raise UserError(f"{folder}: {_difference(key, before, now)}")
+    present = [name for name in FILES if (folder / name).exists()]
+    provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
+    with tempfile.TemporaryDirectory() as temporary:
+        formats = _formats_in(folder / "figures")
+        _fill(
+            Path(temporary),
+            prepared,
+            made["run_id"],
+            progress=progress,
+            output=Output((folder / "report.html").is_file(), formats),
+            label=checked_label(made.get("label", ""), f"{where}: label"),
+        )
+        names = sorted(
+            str(path.relative_to(temporary))
+            for path in Path(temporary).rglob("*")
+            if path.is_file()
+        )
+        return {
+            name: (folder / name).is_file()
+            and provenance.contained(folder, name).read_bytes()
+            == (Path(temporary) / name).read_bytes()
+            for name in names
+            if name != "run.json"
+        }
+
+
+def _formats_in(folder: Path) -> list[str]:
+    """In which formats a folder holds the figures of a run."""
+    if not folder.is_dir():
+        return []
+    from genie_sim.analysis.figures import ALWAYS, FORMATS
+
+    return [format for format in sorted(FORMATS) if (folder / f"{ALWAYS}.{format}").is_file()]
+
+
+def _difference(name: str, before: object, now: object) -> str:
+    """Where two facts differ, as short as can be: ``devices.jetson_tx2.cores.value: 6 when it was
+    made, 8 now``.
+    """
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        for key in (*now, *before):
+            if before.get(key) != now.get(key):
+                return _difference(f"{name}.{key}", before.get(key), now.get(key))
+    return f"{name}: {short_repr(before)} when it was made, {short_repr(now)} now"

@@ -1,0 +1,265 @@
+"""Simulates every method of a prepared run on the same random streams."""
+
+import gc
+import pickle
+import time
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Protocol
+
+from genie_sim.base.parallel import max_memory_bytes
+from genie_sim.base.units import NS_PER_S
+from genie_sim.core.monitor import Samples
+from genie_sim.data.source import Progress
+from genie_sim.judge.agreement import Agreement
+from genie_sim.judge.map_accuracy import MapAccuracy
+from genie_sim.judge.objects import Objects
+from genie_sim.record.log import Log
+from genie_sim.record.records import PowerRow, Tables, new_tables
+from genie_sim.record.tables import Table
+from genie_sim.runs import build
+from genie_sim.runs.build import Prepared
+from genie_sim.runs.method_processes import side_by_side
+from genie_sim.runs.prepare import prepare
+from genie_sim.scenario.methods import MethodEntry
+from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
+from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.sim.setup import Setup
+from genie_sim.sim.world import World
+
+TEXT_S = 0.1  # how long a text of progress holds
+
+
+class Observer(Protocol):
+    """Sees the simulated world of each method of a run, outside simulated time. It may subscribe to
+    topics, as a node does, and look at nodes and their maps; it changes nothing.
+    """
+
+    def before(self, method: str, world: World) -> None:
+        """The world is built; nothing has happened in it yet."""
+
+    def after(self, method: str, world: World) -> None:
+        """The world has run to its end."""
+
+
+def simulate_with(
+    prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
+) -> Tables:
+    """``simulate`` in so many processes, each of which prepares the scenario anew: several methods
+    side by side.
+    """
+    methods = len(prepared.scenario.methods)
+    if min(workers, methods) > 1:
+        packed = pickle.dumps((prepared.facts["scenario"], prepared.devices))
+        apart = partial(_simulate_apart, packed)
+        return side_by_side(apart, methods, workers, progress=progress, spill=spill)
+    return simulate(prepared, progress, spill)
+
+
+def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
+    """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
+    prepared = _prepared(packed)
+    *earlier, entry = prepared.scenario.methods[: number + 1]
+    driven = set().union(*(_hosts(prepared, other) for other in earlier))
+    simulate_method(prepared, entry, tables, driven=driven, progress=progress)
+
+
+@lru_cache(maxsize=1)
+def _prepared(packed: bytes) -> Prepared:
+    """What all methods of a run begin with, once a process."""
+    written, devices = pickle.loads(packed)
+    return prepare(read_scenario(written), devices=devices)
+
+
+def _hosts(prepared: Prepared, entry: MethodEntry) -> set[str]:
+    """The hosts on which a method runs something."""
+    with gc_disabled():
+        log = Log(entry.name, new_tables(), samples="none")
+        world = World(build.setup(prepared, entry), build.method(entry), log)
+        hosts = set(world.network.graphs)
+        world.dismantle()
+    return hosts
+
+
+def simulate(
+    prepared: Prepared,
+    progress: Progress | None = None,
+    spill: Path | None = None,
+    observer: Observer | None = None,
+) -> Tables:
+    """Every method of the scenario, one after the other, on the same random streams.
+
+    With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write``
+    completes their files.
+    """
+    methods, tables = prepared.scenario.methods, new_tables(spill)
+    driven: set[str] = set()
+    for number, entry in enumerate(methods):
+        report = _of_all(progress, number, len(methods))
+        driven |= simulate_method(
+            prepared, entry, tables, driven=driven, progress=report, observer=observer
+        )
+    return tables
+
+
+def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:
+    """Returns what takes the seconds of one method, the ``number``-th, and tells those of all."""
+
+    def report(now_s: float, end_s: float, text: str) -> None:
+        if progress is not None:
+            progress(number * end_s + now_s, methods * end_s, text)
+
+    return report
+
+
+def simulate_method(
+    prepared: Prepared,
+    entry: MethodEntry,
+    tables: Tables,
+    *,
+    driven: Collection[str],
+    progress: Progress,
+    observer: Observer | None = None,
+) -> set[str]:
+    """Adds the rows of one method to the tables; returns the hosts on which it runs something.
+
+    ``driven`` are the hosts on which methods before it do: rows that are the same under every
+    method are written once. ``progress`` is called with the time now and at the end [s]. An
+    ``observer`` sees the world before and after.
+    """
+    scenario = prepared.scenario
+    samples: Samples = "all" if scenario.fleet is None else "edges"
+    if "resources" not in scenario.record:
+        samples = "none"
+    setup = build.setup(prepared, entry)
+    accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
+    log = Log(
+        entry.name,
+        tables,
+        record=scenario.record,
+        samples=samples,
+        answers=answers_of(scenario, entry.name, tables, accuracy),
+        accuracy=accuracy,
+        posed=driven,
+    )
+    note_power(tables["power"], entry.name, prepared, setup)
+    with gc_disabled():
+        world = World(setup, build.method(entry), log)
+        if observer is not None:
+            observer.before(entry.name, world)
+        world.run(_progress_of(log, progress))
+        if observer is not None:
+            observer.after(entry.name, world)
+        hosts = set(world.network.graphs)
+        world.dismantle()
+    return hosts
+
+
+def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:
+    """Returns what reports the simulated time of one method, the frames simulated per second, and
+    the memory of its process.
+    """
+    began_s = time.perf_counter()
+    text, text_until_s = "", began_s
+
+    def report(now_ns: int, end_ns: int) -> None:
+        nonlocal text, text_until_s
+        time_s = time.perf_counter()
+        if time_s >= text_until_s:
+            rate = log.published_frames / max(time_s - began_s, 1e-9)
+            words = [log.method, f"{rate:,.0f} frames/s"]
+            memory_bytes = max_memory_bytes()
+            if memory_bytes is not None:
+                words.append(f"{memory_bytes / 10**6:,.0f} MB")
+            text, text_until_s = ", ".join(words), time_s + TEXT_S
+        progress(now_ns / NS_PER_S, end_ns / NS_PER_S, text)
+
+    return report
+
+
+def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> None:
+    """Writes what the devices and interfaces of a method take, where it is known."""
+    powers: dict[tuple[str, str], DevicePower | InterfacePower] = {}
+    for profile in prepared.devices.values():
+        power = profile.power_with(setup.settings.model)
+        if power is not None:
+            powers["device", profile.name] = power
+    for interface in setup.interfaces.values():
+        powers["interface", interface.name] = INTERFACES[interface.name]
+    for (kind, name), of_name in powers.items():
+        for part, of_part in parts(of_name):
+            row = PowerRow(method=method, kind=kind, name=name, part=part, **of_part._asdict())
+            table.append(row)
+
+
+def accuracy_of(
+    prepared: Prepared, method: str, setup: Setup, tables: Tables, *, driven: Collection[str]
+) -> MapAccuracy | None:
+    """Returns what judges the consumers of one method, if the scenario wants it; ``None`` where
+    nobody knows what is there on any car's drive.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The scenario with the drives of its cars.
+    method : str
+        The name of the method.
+    setup : Setup
+        The method's settings: the consumer, and the laws of the detector that it goes by.
+    tables : dict of str to Table
+        Where the rows go.
+    driven : collection of str
+        Cars that have driven with an earlier method, so that their zero-delay detector is judged.
+    """
+    record = prepared.scenario.record
+    if "held" not in record:
+        return None
+    truths = {car: prepared.frames.truth_of(drive) for car, drive in prepared.drives.items()}
+    truths = {car: truth for car, truth in truths.items() if truth is not None}
+    if not truths:
+        return None
+    return MapAccuracy(
+        method,
+        truths,
+        tables["held"],
+        judged_without_delay=driven,
+        make_consumer=partial(setup.settings.consumer.new, setup.laws),
+        objects=tables["held_objects"] if "held_objects" in record else None,
+        all_streams=prepared.scenario.judged == "all",
+    )
+
+
+def answers_of(
+    scenario: Scenario, method: str, tables: Tables, accuracy: MapAccuracy | None
+) -> Agreement | None:
+    """Returns what compares the answers of one method with the detector's, if the scenario wants
+    it.
+    """
+    if "answers" not in scenario.record:
+        return None
+    objects = Objects() if accuracy is None else accuracy.objects
+    return Agreement(method, tables["answers"], objects)
+
+
+@contextmanager
+def gc_disabled() -> Iterator[None]:
+    """Disables Python's garbage collector while a simulation runs.
+
+    A simulation makes very many small objects and leaves no reference cycles (``World.dismantle``),
+    so the collector would find nothing; with ten thousand cars in memory its passes would take
+    longer than the simulation. Cycles that classes of the user's own leave stay until a full
+    collection.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            # This moves everything to the oldest generation. Otherwise enabling the collector would
+            # start a pass over all objects made meanwhile.
+            gc.freeze()
+            gc.unfreeze()
+            gc.enable()

@@ -1,0 +1,442 @@
+"""What must hold in a scenario beyond each setting by itself.
+
+``check`` tells everything that can be known from the settings and the files that they name. The
+rest is told when a run is prepared: ``check_own_plugins`` once the user's code may run,
+``check_driven`` once each car has its drive.
+"""
+
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.base import files, plugins
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.settings import SettingError, join, own_arguments
+from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text
+from genie_sim.core.caches.features import feature_of
+from genie_sim.core.rules import GenieRules
+from genie_sim.core.without_effect import check_effect
+from genie_sim.data.source import Drive
+from genie_sim.scenario.faults import check_faults
+from genie_sim.scenario.fleet import MAX_EDGES
+from genie_sim.scenario.methods import MethodEntry, method_class
+from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.sim.link_models.presets import LINK
+from genie_sim.sim.settings import Car, Route, check_unique
+
+if TYPE_CHECKING:
+    from genie_sim.scenario.scenario import Scenario
+
+EDGES = "edges"  # the network between edges, in the names of links
+
+# The longest time that a scenario may simulate. The frames of one car over that time fill a
+# computer's memory; more is almost certainly a unit error and would be noticed only after hours.
+MAX_DAYS = 30
+DAY_NS = 24 * DURATIONS["h"]
+
+
+def check(scenario: "Scenario") -> None:
+    """Raises ``SettingError`` unless the settings fit together, and to the files that they name."""
+    check_unique("methods", [entry.name for entry in scenario.methods], ".name")
+    check_unique("record", scenario.record)
+    check_unique("metrics", scenario.metrics)
+    if "held_objects" in scenario.record and "held" not in scenario.record:
+        raise SettingError("record", "'held_objects' needs 'held' too")
+    check_unique("cameras", [camera.name for camera in scenario.cameras], ".name")
+    check_unique("edges", [edge.name for edge in scenario.edges], ".name")
+    _check_cars_or_fleet(scenario)
+    _check_cars(scenario)
+    _check_neighbours(scenario)
+    _check_links(scenario)
+    if scenario.fleet is None:
+        for path, text in _faults(scenario):
+            raise SettingError(path, text)
+    if scenario.origin is not None:
+        latitude_deg, longitude_deg, _ = scenario.origin
+        if abs(latitude_deg) > 90 or abs(longitude_deg) > 180:
+            text = "must be [latitude, longitude, altitude] in degrees, degrees and metres"
+            raise SettingError("origin", text)
+    for index, entry in enumerate(scenario.methods):
+        _check_looks(scenario, index, entry)
+        _check_serving(scenario, index, entry)
+    _check_traces(scenario)
+    for profile in scenario.profiles.values():
+        for index, entry in enumerate(scenario.methods):
+            _check_model(scenario, index, entry, profile)
+
+
+def _faults(scenario: "Scenario", own: bool = False) -> Iterator[tuple[str, str]]:
+    """What is wrong with the faults: (path, text)."""
+    edge_of = {car.name: car.edge for car in scenario.cars}
+    edges = [edge.name for edge in scenario.edges]
+    return check_faults(scenario.faults, edge_of, edges, own=own)
+
+
+def _check_cars_or_fleet(scenario: "Scenario") -> None:
+    """Somebody drives: cars of their own, or a fleet in a town."""
+    source = scenario.source
+    is_map = source is not None and source.is_map  # one of the user's own is looked at when open
+    if scenario.fleet is None and not scenario.cars:
+        raise SettingError("cars", "must not be empty")
+    if scenario.fleet is not None:
+        for key in ("cars", "edges"):
+            if getattr(scenario, key):
+                raise SettingError(key, "a fleet brings its own; leave them out, or 'fleet'")
+        if source is not None and not is_map:
+            text = "needs a town to drive in: 'perception: {source: town}'"
+            raise SettingError("fleet", text)
+        if scenario.fleet.cars is None and not (source is None or source.has_cars):
+            raise SettingError("fleet.cars", "missing")
+        if source is not None and source.cells(scenario.fleet.cell_m) > MAX_EDGES:
+            raise SettingError("fleet.cell", f"makes more than {MAX_EDGES:,} edges of this town")
+    if is_map:
+        _check_on_map(scenario)
+
+
+def _check_on_map(scenario: "Scenario") -> None:
+    """Cars in a town, or on any other map, have no recording to replay."""
+    if scenario.origin is not None:
+        raise SettingError("origin", "a town is where it is; leave it out")
+    for index, car in enumerate(scenario.cars):
+        path, route = f"cars[{index}]", car.route
+        if route.trace is not None:
+            text = "cars in a town make their own way; leave it out"
+            raise SettingError(f"{path}.route.trace", text)
+        for key, given in (("window", route.window_ns is not None), ("laps", route.laps > 1)):
+            if given:
+                text = "a town's clock never goes back; use 'perception.duration'"
+                raise SettingError(f"{path}.route.{key}", text)
+        if not car.cameras:
+            text = "without cameras, cars drive recorded streets only"
+            raise SettingError(f"{path}.cameras", text)
+
+
+def _check_cars(scenario: "Scenario") -> None:
+    """Names are free, edges exist, and a car without cameras has an edge of its own."""
+    edges = {edge.name for edge in scenario.edges}
+    check_unique("cars", [car.name for car in scenario.cars], ".name", also=edges)
+    for index, car in enumerate(scenario.cars):
+        if car.name == EDGES:
+            text = f"{EDGES!r} is what the network between the edges is called"
+            raise SettingError(f"cars[{index}].name", text)
+        if car.edge is not None and car.edge not in edges:
+            raise SettingError(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
+        if not car.cameras:
+            _check_without_cameras(scenario, index, car)
+
+
+def _check_without_cameras(scenario: "Scenario", index: int, car: Car) -> None:
+    """A car without cameras has an edge without detector, and asks by position."""
+    for place, fault in enumerate(scenario.faults):
+        if fault.target == car.name and "edge" in fault.fault.parameters:
+            text = "a car without cameras stays with the edge that serves it"
+            raise SettingError(f"faults[{place}].target", text)
+    for other in scenario.cars:
+        edges = [other.edge]
+        edges += [
+            fault.fault.parameters.get("edge")
+            for fault in scenario.faults
+            if fault.target == other.name
+        ]
+        if other.cameras and car.edge in edges:
+            text = f"serves {other.name}'s cameras; a car without needs one of its own"
+            raise SettingError(f"cars[{index}].edge", text)
+    for settings in scenario.method_settings.values():
+        if settings.genie.similarity.name != "pose_grid":
+            text = "a car without cameras has only its position: similarity 'pose_grid'"
+            raise SettingError(f"cars[{index}].cameras", text)
+
+
+def _check_neighbours(scenario: "Scenario") -> None:
+    """Neighbours exist and agree: what one edge asks another, that one must be able to answer."""
+    neighbours = {edge.name: edge.neighbours for edge in scenario.edges}
+    for index, edge in enumerate(scenario.edges):
+        for place, other in enumerate(edge.neighbours or ()):
+            path = f"edges[{index}].neighbours[{place}]"
+            if other not in neighbours:
+                raise SettingError(path, _unknown_edge(other, neighbours))
+            if other == edge.name:
+                raise SettingError(path, f"{other} is no neighbour of itself")
+            others = neighbours[other]
+            if others is not None and edge.name not in others:
+                text = f"{other} does not have {edge.name} among its own neighbours"
+                raise SettingError(path, text)
+        check_unique(f"edges[{index}].neighbours", edge.neighbours or ())
+
+
+def _check_links(scenario: "Scenario") -> None:
+    """Edges have places where a link model needs them, and one that needs cars is not between
+    edges.
+    """
+    for path, link in scenario.links():
+        model = LINK.make(link)
+        if hasattr(model, "check"):
+            with _wrong(path):
+                model.check()
+        if path.endswith("edge_network"):
+            if getattr(model, "needs_cars", False):
+                text = f"link model {link.name!r} needs cars, and there are none between edges"
+                raise SettingError(path, text)
+        elif getattr(model, "needs_sites", False):
+            for place, edge in enumerate(scenario.edges):
+                if edge.at_m is None:
+                    text = f"missing; link model {link.name!r} needs it"
+                    raise SettingError(f"edges[{place}].at", text)
+
+
+def _check_looks(scenario: "Scenario", index: int, entry: MethodEntry) -> None:
+    """Edges tell cars of one another only where what one car sees is there for the others, and
+    every setting that is given has an effect.
+    """
+    genie = scenario.method_settings[entry.name].genie
+    looks = genie.looks
+    if looks is None:
+        return
+    where = f"methods[{index}]." if "genie" in entry.settings else ""
+    if all(car.cameras for car in scenario.cars):  # else they decide about those without
+        written: Any = GenieRules.expand(entry.settings["genie"]) if where else None
+        try:
+            check_effect(genie, written)
+        except SettingError as error:
+            raise SettingError(f"{where}genie.{error.field}", error.text) from error
+    if looks.told is not None and scenario.source is not None and not scenario.is_one_world:
+        text = "cars replay recordings at different times, so what one sees is not there for others"
+        hint = "leave it out, or use a town or recordings of one sequence"
+        raise SettingError(f"{where}genie.looks.told", f"{text}; {hint}")
+    for place, car in enumerate(scenario.cars):
+        if not car.cameras and looks.told is None:
+            text = "a car without cameras lives on what edges tell: it needs 'genie.looks.told'"
+            raise SettingError(f"cars[{place}].cameras", text)
+
+
+def _check_serving(scenario: "Scenario", index: int, entry: MethodEntry) -> None:
+    """As many pictures as a batch takes can wait."""
+    settings = scenario.method_settings[entry.name]
+    where = f"methods[{index}]." if "serving" in entry.settings else ""
+    servings = {f"{where}serving": settings.serving}
+    for place, edge in enumerate(scenario.edges):
+        if edge.serving is not None:
+            servings[f"edges[{place}].serving"] = edge.serving
+    for path, serving in servings.items():
+        if serving.queue == "shared" and serving.batch > settings.queue_length:
+            text = (
+                f"{serving.batch} pictures never wait in one queue of {settings.queue_length}: "
+                "use 'queue: per_camera', or a longer 'queue_length'"
+            )
+            raise SettingError(f"{path}.batch", text)
+
+
+def _check_traces(scenario: "Scenario") -> None:
+    """The traces that are named exist. What a source of the user's own calls a trace is its own
+    business.
+    """
+    if plugins.is_own(scenario.perception.name):
+        return
+    traces = {
+        f"cars[{index}].route.trace": car.route.trace
+        for index, car in enumerate(scenario.cars)
+        if car.route.trace
+    }
+    if "trace" in scenario.perception.parameters:
+        traces["perception.trace"] = scenario.perception.parameters["trace"]
+    for path, trace in traces.items():
+        with _wrong(path):
+            files.find(files.TRACE, trace)
+
+
+def _check_model(
+    scenario: "Scenario", index: int, entry: MethodEntry, profile: DeviceProfile
+) -> None:
+    """The device runs the method's model, and answers before a request expires."""
+    settings = scenario.method_settings[entry.name]
+    where = f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
+    with _wrong(f"{where}model"):
+        median_ns = profile.median_ns(settings.model)
+    expiry_ns = settings.genie.request_expiry_ns
+    if expiry_ns is None or expiry_ns > median_ns:
+        return
+    if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
+        takes, expiry = duration_text(median_ns), duration_text(expiry_ns)
+        text = (
+            f"{expiry} is over before {settings.model} answers on {profile.name} ({takes}): "
+            "lengthen it, or null"
+        )
+        raise SettingError(f"{where}genie.request_expiry", text)
+
+
+def sequence(scenario: "Scenario") -> str | None:
+    """The sequence whose recordings the cars replay, each its own; ``None`` where they are of none.
+
+    Raises ``SettingError`` where the recordings would lose their common clock.
+    """
+    if scenario.perception.name != "recorded":
+        return None
+    main = scenario.perception.parameters["trace"]
+    traces = [car.route.trace or main for car in scenario.cars]
+    if len(set(traces)) < 2:
+        return None
+    from genie_sim.data.trace import sequence_of
+
+    sequences = {}
+    for trace in dict.fromkeys(traces):
+        with suppress(UserError):  # told by `check` with its setting, or when it is read
+            sequences[trace] = sequence_of(files.find(files.TRACE, trace))
+    named = [sequence for sequence in sequences.values() if sequence is not None]
+    if len(named) == len(set(named)):
+        return None
+    for index, (car, trace) in enumerate(zip(scenario.cars, traces, strict=True)):
+        place = f"cars[{index}].route"
+        if sequences.get(trace) != named[0] or trace in traces[:index]:
+            text = f"the cars drive together in {named[0]}: each needs a recording of it, its own"
+            raise SettingError(f"{place}.trace", text)
+        if replace(car.route, trace=None) != replace(scenario.cars[0].route, trace=None):
+            text = f"the recordings of {named[0]} are on one clock: all routes must be alike"
+            raise SettingError(place, f"{text} but for 'trace'")
+    if scenario.start_jitter_ns:
+        text = f"the recordings of {named[0]} are on one clock: must be 0 s"
+        raise SettingError("start_jitter", text)
+    return named[0]
+
+
+def profiles(scenario: "Scenario") -> dict[str, DeviceProfile]:
+    """The profile of every device, by the name or path that the scenario gives it. Raises
+    ``SettingError`` with the path where that stands first.
+    """
+    named = [(car.device, f"cars[{index}].device") for index, car in enumerate(scenario.cars)]
+    named += [(edge.device, f"edges[{index}].device") for index, edge in enumerate(scenario.edges)]
+    if scenario.fleet is not None:
+        named += [(device, "fleet.devices") for device in scenario.fleet.devices]
+        named.append((scenario.fleet.edge_device, "fleet.edge_device"))
+    found: dict[str, DeviceProfile] = {}
+    for device, path in named:
+        if device not in found:
+            with _wrong(path):
+                found[device] = load_profile(device)
+    return found
+
+
+@contextmanager
+def _wrong(path: str) -> Iterator[None]:
+    """What is raised within is wrong with the setting at ``path``."""
+    try:
+        yield
+    except UserError as error:
+        raise SettingError(path, str(error)) from error
+
+
+def _unknown_edge(name: str, edges: Collection[str]) -> str:
+    return unknown("edge", name, edges) if edges else f"unknown edge {name!r}; there are no edges"
+
+
+def check_own_plugins(scenario: "Scenario") -> None:
+    """Raises ``UserError`` where a class of the user's own does not take the settings that the
+    scenario gives it. Imports the classes.
+    """
+    for path, mark, choice, name_alone in scenario.own_plugins():
+        if name_alone:
+            continue
+        cls = mark.resolve(choice.name)
+        try:
+            own_arguments(cls, choice)
+        except SettingError as error:
+            field = join(path, error.field)
+            where = scenario.read_from.of(field)
+            raise UserError(f"{where}: {field}: {error.message}") from error
+
+
+def check_time_on_map(scenario: "Scenario", duration_ns: int) -> None:
+    """Raises ``UserError`` if a car would drive for too long on a map that knows where all are for
+    so long.
+    """
+    routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}
+    for path, route in (routes or {"perception.duration": Route()}).items():
+        check_time(scenario, path, route, duration_ns)
+
+
+def check_time(scenario: "Scenario", path: str, route: Route, recorded_ns: int) -> None:
+    """Raises ``UserError`` if a car on this route, at ``path``, through a drive so long would take
+    frames for too long.
+    """
+    begin_ns, end_ns = route.window_ns or (0, recorded_ns)
+    cameras = [camera for car in scenario.cars for camera in scenario.cameras_of(car)]
+    phase_ns = max(camera.phase_ns for camera in cameras or scenario.cameras)
+    late_ns = route.start_ns + scenario.start_jitter_ns + phase_ns
+    total_ns = late_ns + route.laps * (end_ns - begin_ns) + (route.laps - 1) * route.pause_ns
+    if total_ns > MAX_DAYS * DAY_NS:
+        text = f"ends after {total_ns / DAY_NS:,.1f} days; at most {MAX_DAYS} are simulated"
+        raise UserError(f"{scenario.name}: {path}: {text}")
+
+
+def check_driven(
+    scenario: "Scenario", drives: Mapping[str, Drive], features: Mapping[str, str | None]
+) -> None:
+    """Checks a scenario with every car and edge of its fleet.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        The scenario.
+    drives : mapping
+        Each car's drive, by the name of the car.
+    features : mapping
+        What each method compares frames by, if it does, by the name of its entry.
+
+    Raises
+    ------
+    UserError
+        Where cameras take nothing, a fault has no target, or frames lack a method's feature.
+    """
+    # All cars of a fleet have the same cameras and the same map.
+    for index, car in enumerate(scenario.cars[:1] if scenario.fleet else scenario.cars):
+        _check_route(scenario, index, car, drives[car.name])
+    for path, text in _faults(scenario, own=True):
+        raise UserError(f"{scenario.name}: {path}: {text}")
+    for index, entry in enumerate(scenario.methods):
+        name = features[entry.name]
+        if name is None:
+            continue
+        for car in scenario.cars:
+            drive = drives[car.name]
+            frame = drive.frames[scenario.cameras_of(car)[0].recording][0]
+            if feature_of(frame, name) is None:
+                where = f"{scenario.name}: methods[{index}].feature"
+                known = ", ".join(getattr(frame, "features", {})) or "none"
+                raise UserError(
+                    f"{where}: the frames of {drive.name} have no feature {name!r}, but "
+                    f"{known}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
+                    "features"
+                )
+
+
+def _check_route(scenario: "Scenario", index: int, car: Car, drive: Drive) -> None:
+    """The car's cameras are recorded on its drive, and its window is a part of it."""
+    route, cameras = car.route, scenario.cameras_of(car)
+    for number, camera in enumerate(cameras):
+        if camera.recording not in drive.frames:
+            own = f"cars[{index}]." if isinstance(car.cameras, tuple) else ""
+            text = unknown("recording", camera.recording, drive.frames)
+            raise UserError(
+                f"{scenario.name}: {own}cameras[{number}].recording: {text} "
+                f"({car.name} drives {drive.name})"
+            )
+    recordings = [drive.frames[camera.recording] for camera in cameras]
+    recorded_ns = max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings)
+    check_time(scenario, f"cars[{index}].route", route, recorded_ns)
+    if route.window_ns is None:
+        return
+    begin_ns, end_ns = route.window_ns
+    where = f"{scenario.name}: cars[{index}].route.window"
+    stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
+    if begin_ns > max(stamps_ns):
+        begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
+        raise UserError(
+            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} "
+            f"at {last_s:g} s"
+        )
+    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
+        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
+        raise UserError(
+            f"{where}: no camera takes a frame in it; the next one of {drive.name} "
+            f"is at {after_s:g} s"
+        )
