@@ -28,8 +28,8 @@ from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.sources import Progress
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
@@ -262,9 +262,9 @@ def run(
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
     """
-    setting = load_scenario(scenario, settings, seed=seed)
+    loaded = load_scenario(scenario, settings, seed=seed)
     if methods:
-        setting = with_methods(setting, methods)
+        loaded = with_methods(loaded, methods)
     label = results.checked_label(label)
     if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
         raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
@@ -275,18 +275,18 @@ def run(
             raise UserError("seed and seeds: give one of them")
         if workers != 1:
             raise UserError("workers: is for one run; with seeds give jobs")
-        return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
+        return _run_seeds(loaded, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
         run = runner.run_in_memory(
-            setting, progress, label=label, workers=workers, observer=observer
+            loaded, progress, label=label, workers=workers, observer=observer
         )
     else:
-        run = runner.run_to_folder(setting, expanded(out), progress, label=label, workers=workers)
+        run = runner.run_to_folder(loaded, expanded(out), progress, label=label, workers=workers)
     return _one_in_hand(run)
 
 
 def _run_seeds(
-    setting: Scenario,
+    scenario: Scenario,
     seeds: int | Sequence[int],
     label: str,
     *,
@@ -303,10 +303,10 @@ def _run_seeds(
     kept = out is not None
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
-            design_of(setting, seeds),
-            setting.name,
+            design_of(scenario, seeds),
+            scenario.name,
             expanded(out or scratch),
-            base=setting,
+            base=scenario,
             label=label,
             reports=kept,
         )

@@ -32,7 +32,7 @@ from genie_sim.cli.perceive import perceive, truth
 from genie_sim.cli.ros import attach, detach
 from genie_sim.cli.search import search
 from genie_sim.cli.shipped import copy, show
-from genie_sim.cli.terminal import Commands, Progress
+from genie_sim.cli.terminal import Commands, ProgressBar
 from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
@@ -146,25 +146,25 @@ def run(
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.scenario import load_scenario, with_methods
 
-    setting = load_scenario(scenario, set_, seed)
+    loaded = load_scenario(scenario, set_, seed)
     if methods is not None:
         names = arguments.listed("--methods", methods)
-        setting = with_methods(setting, names, f"--methods {methods}")
+        loaded = with_methods(loaded, names, f"--methods {methods}")
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build, runner
 
     label = checked_label(label, "--label")
-    if own := build.plugin_names(setting):
-        click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
-    for note in build.notes(setting):
+    if own := build.plugin_names(loaded):
+        click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
+    for note in build.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(setting, several, out, jobs=jobs, label=label, output=output)
-    with Progress() as progress:
+        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output)
+    with ProgressBar() as progress:
         result = runner.run_to_folder(
-            setting, out, progress, output, label=label, workers=workers or 1
+            loaded, out, progress, output, label=label, workers=workers or 1
         )
     _show(result, output)
 
@@ -198,7 +198,7 @@ def _simulate(
     """Runs what is missing of a study. Ctrl-C ends the program with one line; what is done is
     kept.
     """
-    with Progress(unit="runs") as progress, closing(workers):
+    with ProgressBar(unit="runs") as progress, closing(workers):
         try:
             work.run(workers, part, progress)
         except KeyboardInterrupt:
@@ -316,7 +316,7 @@ def reproduce(
     from genie_sim.paper import verdict_table
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
-    with Progress(unit="runs") as progress:
+    with ProgressBar(unit="runs") as progress:
         result = run_evaluation(
             out,
             quick=quick,
@@ -341,7 +341,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim.runs import runner
 
-    with Progress() as progress:
+    with ProgressBar() as progress:
         compared = runner.rerun(folder, progress, allow_changed=allow_changed)
     for name, same in compared.items():
         click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
@@ -378,7 +378,7 @@ def fetch(what: str, name: str, out: Path | None) -> None:
     }[what]
     folder = out or expanded(os.environ.get(variable) or usual)
     take = network.fetch_model if what == "model" else network.fetch_drive
-    with Progress(unit="bytes") as progress:
+    with ProgressBar(unit="bytes") as progress:
         path = take(name, folder, progress)
     click.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
     if what == "drive":
@@ -424,7 +424,7 @@ def profile(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "
             "elsewhere"
         )
-    with Progress(unit="pictures") as progress:
+    with ProgressBar(unit="pictures") as progress:
         if csv is not None:
             measured = device_fit.from_csv(csv, model or csv.stem)
         else:
@@ -483,7 +483,7 @@ def sweep(
     from genie_sim.study.tasks import DaskWorkers, LocalWorkers
 
     label = checked_label(label, "--label")
-    with Progress(unit="points") as progress:
+    with ProgressBar(unit="points") as progress:
         work = Study.load(sweep, out, progress, seeds=numbers, methods=names, label=label)
     workers = (
         LocalWorkers(jobs or parallel.workers_here())
@@ -600,7 +600,7 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:
         if (
             "--debug" in (sys.argv if argv is None else argv)
-            or (fault := plugins.own_fault(error)) is None
+            or (fault := plugins.custom_fault(error)) is None
         ):
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
@@ -614,6 +614,6 @@ def _status_of(stop: SystemExit) -> int:
     """
     if stop.code is None or isinstance(stop.code, int):
         return stop.code or 0
-    text = plugins.own_fault(stop) or str(stop.code)
+    text = plugins.custom_fault(stop) or str(stop.code)
     print(f"genie-sim: {one_line(text)}", file=sys.stderr)
     return 1

@@ -7,13 +7,14 @@ scenario as ``source: package.module:Class``). Its arguments are its settings in
 
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding, Frame
 
@@ -27,7 +28,6 @@ SOURCES: dict[str, str] = {
     "town": "genie_sim.worlds.town.source:InTown",
     "traffic": "genie_sim.worlds.traffic.source:RecordedTraffic",
 }
-Progress = Callable[[float, float, str], None]
 Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
 
 
@@ -156,13 +156,9 @@ class Live:
                 "set it to KITTI's folder"
             )
 
-        def tell(done: int, total: int) -> None:
-            if progress is not None:
-                progress(done, total, "perceive")
-
         frames = DriveFrames(self.drive, self.cameras)
         detector = DetectorSettings(self.detector, min_score=self.min_score)
-        return Recordings(perceive(root, frames, detector, progress=tell), origin)
+        return Recordings(perceive(root, frames, detector, progress=progress), origin)
 
 
 @dataclass

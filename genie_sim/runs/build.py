@@ -287,7 +287,7 @@ def own_plugins(scenario: Scenario) -> list[Chosen]:
             named += chosen(scenario.under(entry), f"methods[{index}]")
     detector = Choice(str(scenario.perception.parameters.get("detector")))
     named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
-    return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
+    return [plug_in for plug_in in named if plugins.is_custom(plug_in.choice.name)]
 
 
 def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.parallel import max_memory_bytes
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data, read
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Encoding
 from genie_sim.core.monitor import Samples
-from genie_sim.data.sources import Drive, Frames, Progress
+from genie_sim.data.sources import Drive, Frames
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.objects import Objects
@@ -258,7 +259,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
+    measured = metrics.compute(methods_of(prepared), columns, custom=prepared.scenario.metrics)
     return Run(
         run_id=run_id,
         facts=facts(prepared),
@@ -358,9 +359,9 @@ def prepare(
     """
     build.check_own_plugins(scenario)
     if scenario.metrics:
-        from genie_sim.analysis.registry import own_metrics
+        from genie_sim.analysis.registry import custom_metrics
 
-        own_metrics(scenario.metrics)
+        custom_metrics(scenario.metrics)
     source = frame_source(scenario)
     if getattr(source, "is_map", False):
         routes = {f"cars[{index}].route": car.route for index, car in enumerate(scenario.cars)}

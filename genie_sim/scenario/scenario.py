@@ -197,7 +197,7 @@ class Scenario(MethodSettings):
         """The frame source, ``None`` for one of the user's own, whose code is not run to check a
         scenario.
         """
-        if plugins.is_own(self.perception.name):
+        if plugins.is_custom(self.perception.name):
             return None
         return FRAME_SOURCE.make(self.perception)
 
@@ -365,7 +365,7 @@ def checked(scenario: Scenario) -> Scenario:
 def _check_cars_or_fleet(scenario: Scenario) -> None:
     """Somebody drives: cars of their own, or a fleet in a town."""
     source = scenario.source
-    own = plugins.is_own(scenario.perception.name)  # looked at when it is open
+    own = plugins.is_custom(scenario.perception.name)  # looked at when it is open
     is_map = bool(getattr(source, "is_map", False))
     if scenario.fleet is None and not scenario.cars:
         raise SettingError("cars", "must not be empty")
@@ -513,7 +513,7 @@ def links_of(scenario: Scenario) -> Iterator[tuple[str, Choice]]:
     seen = set()
     for path, link in named:
         key = repr(link), path.endswith("edge_network")
-        if link is not None and key not in seen and not plugins.is_own(link.name):
+        if link is not None and key not in seen and not plugins.is_custom(link.name):
             seen.add(key)
             yield path, link
 
@@ -582,7 +582,7 @@ def _check_traces(scenario: Scenario) -> None:
     """The traces that are named exist. What a source of the user's own calls a trace is its own
     business.
     """
-    if plugins.is_own(scenario.perception.name):
+    if plugins.is_custom(scenario.perception.name):
         return
     traces = {
         f"cars[{index}].route.trace": car.route.trace
@@ -607,7 +607,7 @@ def _check_model(
     expiry_ns = settings.genie.request_expiry_ns
     if expiry_ns is None or expiry_ns > median_ns:
         return
-    if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
+    if plugins.is_custom(entry.method.name) or not method_class(entry).baseline:
         takes, expiry = units.duration_text(median_ns), units.duration_text(expiry_ns)
         text = (
             f"{expiry} is over before {settings.model} answers on {profile.name} ({takes}): "

@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.sources import Frames, Progress
+from genie_sim.data.sources import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs import runner

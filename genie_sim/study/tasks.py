@@ -212,7 +212,7 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
 
 def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[Metric]:
     used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(runner.methods_of(prepared), used, own=prepared.scenario.metrics)
+    return metrics.compute(runner.methods_of(prepared), used, custom=prepared.scenario.metrics)
 
 
 @functools.lru_cache(maxsize=1)

@@ -21,13 +21,13 @@ class FrameSourceConformance:
     cameras: ClassVar[list[dict[str, Any]]] = small.CAMERAS
     route: ClassVar[dict[str, Any]] = {}
 
-    def setting(self, source: dict[str, Any], **more: Any) -> Scenario:
+    def scenario(self, source: dict[str, Any], **more: Any) -> Scenario:
         """``more``: further settings of the scenario, as in YAML."""
         cars = [small.car(i, route=self.route) for i in (1, 2)]
         return small.scenario(perception=source, cameras=self.cameras, cars=cars, **more)
 
     def test_its_frames_are_in_order_and_complete(self, source: dict[str, Any]):
-        prepared = runner.prepare(self.setting(source))
+        prepared = runner.prepare(self.scenario(source))
         for drive in prepared.drives.values():
             assert drive.name and drive.frames
             for frames in drive.frames.values():
@@ -39,24 +39,24 @@ class FrameSourceConformance:
                     assert all(0 <= one.score <= 1 for one in frame.detections)
 
     def test_it_is_the_same_whenever_it_is_opened(self, source: dict[str, Any]):
-        one, other = (runner.prepare(self.setting(source)) for _ in range(2))
+        one, other = (runner.prepare(self.scenario(source)) for _ in range(2))
         assert dict(one.frames.digests()) == dict(other.frames.digests())
         small.same(*(small.arrow(runner.simulate(prepared)) for prepared in (one, other)))
 
     def test_no_state_goes_from_one_method_to_the_next(self, source: dict[str, Any]):
-        small.check_order_is_irrelevant(lambda methods: self.setting(source, methods=methods))
+        small.check_order_is_irrelevant(lambda methods: self.scenario(source, methods=methods))
 
     def test_it_says_whether_a_seed_matters(self, source: dict[str, Any]):
-        one, other = (runner.prepare(self.setting(source, seed=seed)).frames for seed in (1, 2))
+        one, other = (runner.prepare(self.scenario(source, seed=seed)).frames for seed in (1, 2))
         assert (dict(one.digests()) != dict(other.digests())) == one.seeded
 
     def test_where_its_frames_come_from_can_be_written_down(self, source: dict[str, Any]):
-        frames = runner.prepare(self.setting(source)).frames
+        frames = runner.prepare(self.scenario(source)).frames
         assert frames.digests() and all(isinstance(one, str) for one in frames.digests().values())
         json.dumps({name: dict(known) for name, known in frames.provenance().items()})
 
     def test_every_frame_that_a_camera_takes_is_published_once(self, source: dict[str, Any]):
-        prepared = runner.prepare(self.setting(source))
+        prepared = runner.prepare(self.scenario(source))
         found = runner.simulate(prepared)["frames"].to_frame()
         for car, drive in prepared.drives.items():
             begin_ns, end_ns = prepared.scenario.cars[0].route.window_ns or (0, 10**15)

@@ -91,13 +91,13 @@ def test_a_link_that_loses_everything_answers_nobody():
 def test_a_radio_of_ones_own_carries_the_frames():
     """A slot each millisecond: what arrives left at the end of a slot."""
     radio = {"model": RADIO, "slot_ms": 1.0, "slot": "200 kB"}
-    setting = small.scenario(["remote"], cars=[small.car(1, link=radio), small.car(2)])
-    assert build.link_model(setting.cars[0].link).own == build.plugins.call(
+    scenario = small.scenario(["remote"], cars=[small.car(1, link=radio), small.car(2)])
+    assert build.link_model(scenario.cars[0].link).own == build.plugins.call(
         "", "", _radio(), 1.0, 200_000
     )
-    rows = small.frames(setting).query("car == 'car1'")
+    rows = small.frames(scenario).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()
-    assert f"link model {RADIO}" in build.plugin_digests(setting)
+    assert f"link model {RADIO}" in build.plugin_digests(scenario)
     failing = small.scenario(
         ["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)]
     )

@@ -16,10 +16,10 @@ from tests.conformance.wrong_types import CASES, OWN
 def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
     settings, cls, name, value, message = CASES[case]
     usual = {"methods": ["local"], "perception": {"source": f"{OWN}:Street", "speed_mps": 1.0}}
-    setting = small.scenario(**{**usual, **settings})
+    scenario = small.scenario(**{**usual, **settings})
     monkeypatch.setattr(cls, name, value, raising=False)
     with pytest.raises(UserError) as error:
-        runner.run_in_memory(setting)
+        runner.run_in_memory(scenario)
     text = str(error.value)
     assert message in text and f"{OWN}:" in text and "\n" not in text
 
@@ -27,7 +27,7 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
 def test_what_a_frame_source_returns_is_checked_every_time(monkeypatch: pytest.MonkeyPatch):
     returned = iter([{"street": {}}])
     monkeypatch.setattr(own.Street, "provenance", lambda _: next(returned, "x"))
-    setting = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
-    prepared = runner.prepare(setting)
+    scenario = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
+    prepared = runner.prepare(scenario)
     with pytest.raises(UserError, match=r"provenance\(\) is 'x', but must be a mapping"):
         prepared.frames.provenance()

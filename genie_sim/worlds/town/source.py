@@ -16,7 +16,8 @@ from genie_sim.worlds.town.objects import TownObject
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
-    from genie_sim.data.sources import Extent, Progress
+    from genie_sim.base.progress import Progress
+    from genie_sim.data.sources import Extent
     from genie_sim.worlds.town.frames import TownFrame
     from genie_sim.worlds.town.town import Town, TownDrive
 
