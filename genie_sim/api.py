@@ -253,7 +253,7 @@ def run(
     jobs : int, optional
         Processes for ``seeds``; by default one per core.
     workers : int
-        Processes for one run: several methods side by side, or the only method of a fleet in parts.
+        Processes for one run, which simulate several methods side by side.
         The results do not depend on it.
     observer : runner.Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look

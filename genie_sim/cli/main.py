@@ -102,7 +102,7 @@ def app(context: click.Context) -> None:
 @click.option(
     "--workers",
     type=COUNT,
-    help="Processes for one run: methods side by side, or a fleet's only one in parts. Default: 1.",
+    help="Processes for one run, whose methods are simulated side by side. Default: 1.",
 )
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
