@@ -32,7 +32,7 @@ def judged(sequence: str) -> dict[str, np.ndarray]:
     found = {}
     for label, (a, b) in tracking.POINTRCNN_SCORES.items():
         rows = []
-        for one in evaluation.groups[GROUPS[label]].judged:
+        for one in evaluation.groups[GROUPS[label]].detections:
             # scores are kept with four decimals
             score = min(max(one.detection.score, 0.00005), 0.99995)
             rows.append(((math.log(score / (1 - score)) - b) / a, float(one.label is not None)))

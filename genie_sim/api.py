@@ -28,6 +28,7 @@ from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Progress
 from genie_sim.record import results
@@ -254,7 +255,7 @@ def run(
     jobs : int, optional
         Processes for ``seeds``; by default one per core.
     workers : int
-        Processes for one run: several methods side by side, or the only method of a fleet in parts.
+        Processes for one run, which simulate several methods side by side.
         The results do not depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
@@ -263,9 +264,9 @@ def run(
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
     """
-    setting = load_scenario(scenario, settings, seed=seed)
+    loaded = load_scenario(scenario, settings, seed=seed)
     if methods:
-        setting = with_methods(setting, methods)
+        loaded = with_methods(loaded, methods)
     label = results.checked_label(label)
     if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
         raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
@@ -276,7 +277,7 @@ def run(
             raise UserError("seed and seeds: give one of them")
         if workers != 1:
             raise UserError("workers: is for one run; with seeds give jobs")
-        return _run_seeds(setting, seeds, label, out=out, jobs=jobs, progress=progress)
+        return _run_seeds(loaded, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
         run = run_folder.run_in_memory(
             setting, progress, label=label, workers=workers, observer=observer
@@ -289,7 +290,7 @@ def run(
 
 
 def _run_seeds(
-    setting: Scenario,
+    scenario: Scenario,
     seeds: int | Sequence[int],
     label: str,
     *,
@@ -306,10 +307,10 @@ def _run_seeds(
     kept = out is not None
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
-            design_of(setting, seeds),
-            setting.name,
+            design_of(scenario, seeds),
+            scenario.name,
             expanded(out or scratch),
-            base=setting,
+            base=scenario,
             label=label,
             reports=kept,
         )

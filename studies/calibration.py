@@ -69,7 +69,7 @@ def simulated(points: list[Parameters], jobs: int) -> Iterable[Reuse]:
     outcomes = simulate(runs, jobs)
     for _ in points:
         runs_of = {
-            (BASE, scenario): [next(outcomes).judged[USUAL] for _ in SEEDS] for scenario in ALL
+            (BASE, scenario): [next(outcomes).facts[USUAL] for _ in SEEDS] for scenario in ALL
         }
         evidence = Evidence(runs_of)
         objects, images = (evidence.mean_of(ALL, facts) for facts in (BOTH_OBJECTS, BOTH_IMAGES))

@@ -179,13 +179,14 @@ def tables(rows: Sequence[Mapping[str, str]]) -> str:
         (["claims", "hold together at", "points expected by chance"], pairs),
         ([*of_halves, "95 % of random choices"], halves(table)),
     ]
-    return "\n".join(
+    text = "\n".join(
         [
             f"{len(rows)} points: at most {held.max():.0f} claims hold at once, "
             f"on average {held.mean():.1f}.\n",
             *(renderers.markdown(ResultTable.of_texts(*each)) for each in tables),
         ]
     )
+    return text.rstrip()
 
 
 def main() -> None:

@@ -138,7 +138,7 @@ def run(root: Path, sequence: str, folder: Path, jobs: int) -> list[dict[str, An
     ]
     rows = []
     for made, outcome in zip(runs, simulate(runs, jobs), strict=True):
-        facts = outcome.judged[USUAL]
+        facts = outcome.facts[USUAL]
         row = {"sequence": sequence, "scenario": made.scenario, "seed": made.seed}
         row |= {"drive_s": drive_s, SAME_CELL: rounded(share)}
         rows.append(row | {str(fact): rounded(facts.get(fact, math.nan)) for fact in FACTS})

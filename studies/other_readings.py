@@ -88,7 +88,7 @@ def row_of(arm: Arm, seeds: Sequence[int], jobs: int) -> dict[str, Any]:
     every = (*calibrated_settings(), *settings)
     outcomes = simulate([EvaluationRun(*place, every) for place in places], jobs)
     evidence = Evidence(
-        {(BASE, scenario): [next(outcomes).judged[USUAL] for _ in seeds] for scenario in ALL}
+        {(BASE, scenario): [next(outcomes).facts[USUAL] for _ in seeds] for scenario in ALL}
     )
     row: dict[str, Any] = {"name": name, "plausible": plausible, "seeds": len(seeds)}
     for measure, facts in MEASURES.items():
@@ -121,7 +121,7 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     headings = ["reading or value", "plausible", "claims that hold", *MEASURES]
     under = ["claim", "holds under", "which"]
     found = ResultTable.of_texts(headings, of_arms), ResultTable.of_texts(under, of_claims)
-    return "\n".join(map(renderers.markdown, found))
+    return "\n".join(map(renderers.markdown, found)).rstrip()
 
 
 def main() -> None:

@@ -55,7 +55,7 @@ def looks(trace: Trace, truth: PictureLabels, min_score: float = 0.3) -> dict[st
     gone_m = _gone_m(trace)
     rows: dict[str, list[Look]] = {}
     for name, group in evaluation.groups.items():
-        found = {id(j.label): j.detection for j in group.judged if j.label is not None}
+        found = {id(j.label): j.detection for j in group.detections if j.label is not None}
         rows[name] = []
         for (camera, index), labels in truth.pictures.items():
             pose = frames[camera, index].pose
@@ -239,7 +239,9 @@ def _ghosts(
     for name, labels in GROUPS.items():
         reach_m = REACHES_M[labels[0]]
         wrong = {
-            id(j.detection): j.detection for j in evaluation.groups[name].judged if j.label is None
+            id(j.detection): j.detection
+            for j in evaluation.groups[name].detections
+            if j.label is None
         }
         sightings = [
             (frame, found, np.array(found.location[:2]))

@@ -80,7 +80,7 @@ def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
     if ratio is None:
         return _whole_run(metric, run, method)
     rows = run.tables[ratio.table].where(method=method.name, **ratio.only)
-    above, below = (np.nan_to_num(np.asarray(part, dtype=float)) for part in ratio.parts(rows))
+    above, below = (np.nan_to_num(np.asarray(part, dtype=float)) for part in ratio.terms(rows))
     return Sums(rows["car"], rows["stamp_ns"], above, below)
 
 
@@ -208,7 +208,7 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
 def _own(arms: Sequence[ComparedMethod]) -> list[str]:
     """The metrics of the user's own that were computed in any run."""
     names = (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured)
-    return [name for name in dict.fromkeys(names) if plugins.is_own(name)]
+    return [name for name in dict.fromkeys(names) if plugins.is_custom(name)]
 
 
 def _any(by_seed: Mapping[int, Run]) -> Run:

@@ -102,8 +102,8 @@ def differences_latex(comparison: ComparedRuns, name: str) -> str:
 def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     """What each method differs by from the one that it is compared with."""
     titles = {arm.label: arm.title for arm in comparison.arms}
-    judged = any(row.metric == "streaming_f1" for row in comparison.rows)
-    metrics = (*(DRAWN if judged else WITHOUT_TRUTH), *PRICES)
+    has_truth = any(row.metric == "streaming_f1" for row in comparison.rows)
+    metrics = (*(DRAWN if has_truth else WITHOUT_TRUTH), *PRICES)
     rows = [row for row in comparison.rows if row.metric in metrics and row.difference is not None]
     by_place = {(row.metric, row.arm): row for row in rows}
     references = {row.against for row in rows}

@@ -88,21 +88,21 @@ def lap_views(held: Columns, frames: Columns, methods: Iterable[str]) -> Views:
     if not len(frames) or not frames["lap"].max():
         return
     for method in methods:
-        judged = held.where(method=method, what=CONSUMER)
-        laps = _laps(judged, frames.where(method=method))
+        of_method = held.where(method=method, what=CONSUMER)
+        laps = _laps(of_method, frames.where(method=method))
         for lap in np.unique(laps).tolist():
-            yield Where(method, component=f"lap {lap + 1}"), Lap(judged.rows(laps == lap))
+            yield Where(method, component=f"lap {lap + 1}"), Lap(of_method.rows(laps == lap))
 
 
-def _laps(judged: Columns, frames: Columns) -> Any:
+def _laps(held: Columns, frames: Columns) -> Any:
     """In which lap its car is at each judged instant, from 0."""
-    laps = np.zeros(len(judged), dtype=int)
-    for car in judged["car"].unique():
+    laps = np.zeros(len(held), dtype=int)
+    for car in held["car"].unique():
         of_car = frames.where(car=car)
         numbers, stamps_ns = of_car["lap"], of_car["stamp_ns"]
         begins_ns = [stamps_ns[numbers == lap].min() for lap in np.unique(numbers)]
-        rows = judged["car"] == car
-        laps[rows] = np.searchsorted(begins_ns, judged["stamp_ns"][rows], side="right") - 1
+        rows = held["car"] == car
+        laps[rows] = np.searchsorted(begins_ns, held["stamp_ns"][rows], side="right") - 1
     return laps
 
 
@@ -131,7 +131,7 @@ class ProxyPrecision(Ratio):
         counts = super().counts(rows)
         return counts & (rows.where.placement == "all")
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return rows["matched"], rows["served"]
 
 
@@ -143,7 +143,7 @@ class ProxyRecall(ProxyPrecision):
     measure = "recall"
     reads = "answers: which, detected, matched"
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return rows["matched"], rows["detected"]
 
 
@@ -155,7 +155,7 @@ class ProxyF1(ProxyPrecision):
     measure = "F1"
     reads = "answers: which, served, detected, matched"
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
         return 2 * matched, served + detected
 
@@ -176,7 +176,7 @@ class WrongHits(Ratio):
     def counts(self, rows: Rows) -> Any:
         return super().counts(rows) & rows.table["source"].isin(HITS[rows.where.placement])
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
         # two empty answers agree
         return 2 * matched < RIGHT_F1 * (served + detected), np.ones(len(rows))
@@ -202,14 +202,14 @@ class HeldRatio(Ratio):
     def counts(self, rows: Rows) -> Any:
         return rows.chosen
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return sum(rows[name] for name in self.above), sum(rows[name] for name in self.below)
 
 
 class HeldMean(HeldRatio):
     """The mean of the column ``above``, weighted with the column ``below``, if there is one."""
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         values = rows[self.above[0]]
         weights = rows[self.below[0]] if self.below else np.ones(len(rows))
         return values * weights, weights
@@ -268,7 +268,7 @@ class FalseObjects(HeldRatio):
     above = ("held", "right")
     below = ("held",)
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return rows["held"] - rows["right"], rows["held"]
 
 
@@ -339,7 +339,7 @@ class LapRecall(MetricDefinition):
     reads = "held: right, visible_static, visible_moving"
 
     def of(self, view: Lap) -> Measured:
-        above, below = (int(np.sum(part)) for part in self.measure.parts(view.held))
+        above, below = (int(np.sum(part)) for part in self.measure.terms(view.held))
         return quotient(above, below, below)
 
 

@@ -24,15 +24,15 @@ def differences(
     show; the label of an axis says which side is better.
     """
     rows = [row for row in comparison.rows if row.difference is not None]
-    judged = any(row.metric == "streaming_f1" for row in rows)
+    has_truth = any(row.metric == "streaming_f1" for row in rows)
     metrics = [
         name
-        for name in (DRAWN if judged else WITHOUT_TRUTH)
+        for name in (DRAWN if has_truth else WITHOUT_TRUTH)
         if any(row.metric == name for row in rows)
     ]
     arms = [arm for arm in comparison.arms if any(row.arm == arm.label for row in rows)]
     labels = [arm.label for arm in comparison.arms]
-    looks = dict(zip(labels, style.method_looks(labels), strict=True))
+    styles = dict(zip(labels, style.method_styles(labels), strict=True))
     titles = {arm.label: arm.title for arm in comparison.arms}
     width_in = width_in or PAGE_IN
     columns = min(max(len(metrics), 1), 1 if is_narrow(width_in) else MAX_COLUMNS)
@@ -46,7 +46,7 @@ def differences(
             continue
         of_metric = {row.arm: row for row in rows if row.metric == metrics[number]}
         drawn = [of_metric.get(arm.label) for arm in arms]
-        _draw(axis, metrics[number], drawn, [looks[arm.label] for arm in arms])
+        _draw(axis, metrics[number], drawn, [styles[arm.label] for arm in arms])
         names = [arm.title for arm in arms] if number % columns == 0 else [""] * len(arms)
         axis.set_yticks(range(len(arms)), names)
     references = list(dict.fromkeys(titles[row.against] for row in rows))
@@ -58,11 +58,13 @@ def differences(
     return figure
 
 
-def _draw(axis: Axes, metric: str, rows: Sequence[Difference | None], looks: Sequence[int]) -> None:
+def _draw(
+    axis: Axes, metric: str, rows: Sequence[Difference | None], styles: Sequence[int]
+) -> None:
     """One metric: a point and an interval for each arm, the first at the top."""
     info = METRICS[metric]
     axis.axvline(0, color="black", linewidth=0.9)
-    for place, (row, look) in enumerate(zip(rows, looks, strict=True)):
+    for place, (row, style_number) in enumerate(zip(rows, styles, strict=True)):
         if row is None or row.difference is None:
             continue
         x = info.factor * row.difference
@@ -73,8 +75,8 @@ def _draw(axis: Axes, metric: str, rows: Sequence[Difference | None], looks: Seq
             x,
             place,
             xerr=ends,
-            color=style.method_colour(look),
-            marker=style.method_marker(look),
+            color=style.method_colour(style_number),
+            marker=style.method_marker(style_number),
             markersize=4,
             capsize=2.5,
             linestyle="",

@@ -233,7 +233,7 @@ def confidence_boost(
     several = len(_with_genies(tables, methods)) > 1
     settled: list[float] = []
     for axis, (label, seeds) in zip(axes, tables.items(), strict=True):
-        for method_look, method in _with_genies(tables, methods):
+        for method_style, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
                 curve = _boost_curve(
                     [rows.where(method=method.name, placement=placement) for rows in seeds]
@@ -242,18 +242,18 @@ def confidence_boost(
                     continue
                 updates, boost, low, high = curve
                 settled += boost[updates > FEW_UPDATES].tolist()
-                look = style.PLACEMENT_LINES[placement] | {"label": f"Genies {where}"}
+                drawing = style.PLACEMENT_LINES[placement] | {"label": f"Genies {where}"}
                 if several:
-                    look |= {
-                        "color": style.method_colour(method_look),
+                    drawing |= {
+                        "color": style.method_colour(method_style),
                         "label": f"{method.title}, {where}",
-                        "marker": style.method_marker(method_look),
-                        "markevery": (0.05 + 0.03 * (method_look % 8), 0.3),
+                        "marker": style.method_marker(method_style),
+                        "markevery": (0.05 + 0.03 * (method_style % 8), 0.3),
                         "markersize": 3.5,
                     }
-                axis.plot(updates, boost, **look)
+                axis.plot(updates, boost, **drawing)
                 if len(seeds) > 1:
-                    draw_band(axis, updates, low, high, colour=str(look["color"]))
+                    draw_band(axis, updates, low, high, colour=str(drawing["color"]))
         axis.set_title(label if len(panels) > 1 else "")
         axis.margins(x=0.02)
     if settled:
@@ -403,14 +403,14 @@ def _reuse_bars(
     figure, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)
     axis.errorbar([], [], yerr=[], color="black", linewidth=1, capsize=3, label=whiskers)
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
-        look = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
+        drawing = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
         for x, (_, method, seeds) in enumerate(groups):
             of_placement = [rows.where(method=method.name, placement=placement) for rows in seeds]
             _reuse_bar(
                 axis,
                 x + 0.38 * (side - 0.5),
                 of_placement,
-                look,
+                drawing,
                 upright=0.38 * room_in < 6 * CHARACTER_IN,
             )
     axis.set_xticks(range(len(groups)), labels, rotation=90 if tilted else 0)
@@ -427,7 +427,7 @@ def _reuse_bars(
 
 
 def _reuse_bar(
-    axis: Axes, left: float, seeds: Sequence[Columns], look: dict[str, Any], upright: bool
+    axis: Axes, left: float, seeds: Sequence[Columns], drawing: dict[str, Any], upright: bool
 ) -> None:
     """One bar, with its error bar and its number.
 
@@ -439,7 +439,7 @@ def _reuse_bar(
         Its middle, in units of the groups of bars.
     seeds : sequence of Columns
         Of each seed the look-ups of the Genies that it stands for.
-    look : dict
+    drawing : dict
         Colour, hatch and label.
     upright : bool
         Whether its number is turned, for want of room.
@@ -458,7 +458,7 @@ def _reuse_bar(
         )
         return
     mean, half = over_seeds([float(np.mean(of_genies)) for of_genies in ratios])
-    axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **look)
+    axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **drawing)
     whiskers = np.array(wilson(mean, half))
     if len(seeds) == 1:
         whiskers = windowed_reuse(seeds[0])["ratio"]
@@ -466,19 +466,19 @@ def _reuse_bar(
         ends = [[max(mean - whiskers.min(), 0)], [max(whiskers.max() - mean, 0)]]
         axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    look = {"ha": "center", "va": "bottom", "bbox": box, "rotation": turn}
+    drawing = {"ha": "center", "va": "bottom", "bbox": box, "rotation": turn}
     axis.annotate(
-        percent_text(mean, digits=2), (left, 0), (0, 3), textcoords="offset points", **look
+        percent_text(mean, digits=2), (left, 0), (0, 3), textcoords="offset points", **drawing
     )
 
 
 def _with_genies(panels: Tables, methods: Methods) -> list[tuple[int, MethodInfo]]:
-    """The methods under which Genies looked something up, with their looks."""
+    """The methods under which Genies looked something up, with their styles."""
     names = {
         name for seeds in panels.values() for rows in seeds for name in rows["method"].unique()
     }
-    looks = style.method_looks([method.name for method in methods])
-    return [pair for pair in zip(looks, methods, strict=True) if pair[1].name in names]
+    styles = style.method_styles([method.name for method in methods])
+    return [pair for pair in zip(styles, methods, strict=True) if pair[1].name in names]
 
 
 def _use(samples: Columns) -> tuple[Any, Any]:
@@ -520,16 +520,21 @@ def _draw_use(
             host = _host(name)
             place = hosts.index(host)
             nth = [other for other in names if _host(other) == host].index(name)
-            look: dict[str, Any] = {
+            drawing: dict[str, Any] = {
                 "color": style.HOSTS[place],
                 "linestyle": ("-", "--", ":")[min(nth, 2)],
             }
-            look |= {
+            drawing |= {
                 "marker": style.MARKERS[place],
                 "markevery": ((place + 0.5) / 8 / len(style.HOSTS), 1 / 8),
             }
             axis.plot(
-                t_s, values, linewidth=1.0, markersize=3.5, label=host if nth == 0 else None, **look
+                t_s,
+                values,
+                linewidth=1.0,
+                markersize=3.5,
+                label=host if nth == 0 else None,
+                **drawing,
             )
     else:
         t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))

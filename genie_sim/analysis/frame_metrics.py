@@ -94,7 +94,7 @@ class FrameTime(Ratio):
         """Of each frame; NaN where there is none."""
         raise NotImplementedError
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         """The mean as a ratio of sums."""
         times_ms = self.times_ms(rows)
         return np.nan_to_num(times_ms), ~np.isnan(times_ms)
@@ -150,7 +150,7 @@ class FrameShare(Ratio):
         """Which frames count."""
         raise NotImplementedError
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return self.flags(rows), np.ones(len(rows))
 
 
@@ -193,7 +193,7 @@ class InTimeOfAnswered(InTime):
         super().__init__(answer)
         self.title += ", of answered frames"
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return self.flags(rows), ~np.isnan(rows.floats(f"{self._answer}_answer_ns"))
 
 

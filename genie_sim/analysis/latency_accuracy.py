@@ -50,20 +50,20 @@ def latency_accuracy(
     if accuracy is None:
         raise ValueError("runs without a common accuracy")
     figure, axis = one_panel(width_in or style.COLUMN_IN, 2.1, ax)
-    looks = style.method_looks([method.name for method in methods])
+    styles = style.method_styles([method.name for method in methods])
     for number, (label, metrics) in enumerate(runs.items()):
         numbers = {
             (metric.metric, metric.method, metric.component): metric
             for metric in metrics
             if metric.placement == "all" and metric.value is not None
         }
-        for look, method in zip(looks, methods, strict=True):
+        for style_number, method in zip(styles, methods, strict=True):
             x = numbers.get((LATENCY, method.name, ""))
             y = numbers.get((accuracy, method.name, ""))
             if x is not None and y is not None:
                 name = method.title if len(runs) == 1 else f"{label}: {method.title}"
-                marker = style.method_marker(number if len(runs) > 1 else look)
-                colour = style.method_colour(look)
+                marker = style.method_marker(number if len(runs) > 1 else style_number)
+                colour = style.method_colour(style_number)
                 _draw_point(axis, x, y, label=name, color=colour, marker=marker)
         bounds = [
             metric.value
@@ -87,10 +87,12 @@ def latency_accuracy(
     return figure
 
 
-def _draw_point(axis: Axes, x: Metric, y: Metric, **look: Any) -> None:
+def _draw_point(axis: Axes, x: Metric, y: Metric, **drawing: Any) -> None:
     """A mark at the values of two metrics, with a bar along each axis for its interval."""
     assert x.value is not None and y.value is not None
-    axis.errorbar(x.value, y.value, xerr=_reach(x), yerr=_reach(y), linestyle="", capsize=2, **look)
+    axis.errorbar(
+        x.value, y.value, xerr=_reach(x), yerr=_reach(y), linestyle="", capsize=2, **drawing
+    )
 
 
 def _reach(metric: Metric) -> np.ndarray[tuple[int, int], np.dtype[np.float64]] | None:

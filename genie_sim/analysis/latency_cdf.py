@@ -87,8 +87,8 @@ def latency_cdf(
             _draw(axis, curve, end_ms=high, of=of, label=label_once)
         if any(curve.answer == FRESH and any(map(len, curve.values_ms)) for curve in curves):
             axis.plot([], [], label="fresh results", **(FRESH_LOOK | {"color": "0.4"}))
-        look: dict[str, Any] = {"color": "black", "linewidth": 0.9, "linestyle": "--"}
-        axis.axvline(DEADLINE_MS, label=f"{DEADLINE_MS:g} ms deadline", **look)
+        drawing: dict[str, Any] = {"color": "black", "linewidth": 0.9, "linestyle": "--"}
+        axis.axvline(DEADLINE_MS, label=f"{DEADLINE_MS:g} ms deadline", **drawing)
         lines = [label] if several else []
         if of == ANSWERED:
             room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
@@ -126,7 +126,7 @@ class _Curve(NamedTuple):
         Of each seed the times in milliseconds, sorted.
     published : sequence of int
         How many frames were published, of each seed.
-    look : mapping
+    drawing : mapping
         Colour, dashes, markers and width of the line.
     """
 
@@ -134,7 +134,7 @@ class _Curve(NamedTuple):
     method: str
     values_ms: Sequence[Any]
     published: Sequence[int]
-    look: Mapping[str, Any]
+    drawing: Mapping[str, Any]
 
     @property
     def share(self) -> str:
@@ -148,8 +148,8 @@ class _Curve(NamedTuple):
 
 def _curves(seeds: Sequence[Columns], methods: Methods) -> Iterator[_Curve]:
     """The first answers of each method, and its fresh ones where their times differ."""
-    looks = style.method_looks([method.name for method in methods])
-    for place, (look, method) in enumerate(zip(looks, methods, strict=True)):
+    styles = style.method_styles([method.name for method in methods])
+    for place, (style_number, method) in enumerate(zip(styles, methods, strict=True)):
         tables = [frames.where(method=method.name) for frames in seeds]
         tables = [rows for rows in tables if len(rows)]
         if not tables:
@@ -160,15 +160,15 @@ def _curves(seeds: Sequence[Columns], methods: Methods) -> Iterator[_Curve]:
         )
         published = [len(rows) for rows in tables]
         start = MARKERS_APART * (place + 0.5) / len(methods)
-        line = style.method_line(look) | {
-            "marker": style.method_marker(look),
+        line = style.method_line(style_number) | {
+            "marker": style.method_marker(style_number),
             "markevery": (start, MARKERS_APART),
             "markersize": 3.5,
         }
-        yield _Curve(ANSWERED, method.title, values_ms=first, published=published, look=line)
+        yield _Curve(ANSWERED, method.title, values_ms=first, published=published, drawing=line)
         if not all(map(np.array_equal, first, fresh)):
             thin = line | FRESH_LOOK | {"marker": line["marker"]}
-            yield _Curve(FRESH, method.title, values_ms=fresh, published=published, look=thin)
+            yield _Curve(FRESH, method.title, values_ms=fresh, published=published, drawing=thin)
 
 
 def _share_lines(curves: Sequence[_Curve], room: int) -> list[str]:
@@ -225,7 +225,7 @@ def _draw(axis: Axes, curve: _Curve, *, end_ms: float, of: str, label: str | Non
         places = thinned(len(values_ms))
         shares = (places + 1) / (curve.published[0] if of == "published" else len(values_ms))
         ends = [*values_ms[places], end_ms]
-        axis.plot(ends, [*shares, shares[-1]], drawstyle="steps-post", label=label, **curve.look)
+        axis.plot(ends, [*shares, shares[-1]], drawstyle="steps-post", label=label, **curve.drawing)
         return
     times_ms = np.unique(np.concatenate(curve.values_ms))
     times_ms = times_ms[thinned(len(times_ms))]
@@ -237,8 +237,8 @@ def _draw(axis: Axes, curve: _Curve, *, end_ms: float, of: str, label: str | Non
     bands = mean_bands(np.array(seeds), shares=True)
     x = np.append(times_ms, end_ms)
     mean, low, high = (np.append(line, line[-1]) for line in bands)
-    axis.plot(x, mean, drawstyle="steps-post", label=label, **curve.look)
-    draw_band(axis, x, low, high, colour=str(curve.look["color"]), step="post")
+    axis.plot(x, mean, drawstyle="steps-post", label=label, **curve.drawing)
+    draw_band(axis, x, low, high, colour=str(curve.drawing["color"]), step="post")
 
 
 def _defined(values: Any) -> Any:

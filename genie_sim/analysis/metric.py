@@ -15,7 +15,7 @@ from genie_sim.analysis.result_table import Cell
 from genie_sim.analysis.statistics import Blocks, Measured, ratio
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.plugins import is_own, own_fault
+from genie_sim.base.plugins import custom_fault, is_custom
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric
 
@@ -161,7 +161,7 @@ class Ratio(MetricDefinition):
     def over_rows(self) -> "Ratio":
         return self
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         """What is above and below, a number for each of these rows."""
         raise NotImplementedError
 
@@ -176,7 +176,7 @@ class Ratio(MetricDefinition):
         counts = self.counts(view)
         if not counts.any():
             return None
-        above, below = (np.where(counts, part, 0.0) for part in self.parts(view.table))
+        above, below = (np.where(counts, part, 0.0) for part in self.terms(view.table))
         return ratio(view.blocks, np.nan_to_num(above), np.nan_to_num(below), self.unit == "%")
 
 
@@ -190,18 +190,18 @@ def measured(metrics: Mapping[str, MetricDefinition], views: Views) -> Iterator[
         by_view.setdefault(metric.view, {})[name] = metric
     for where, view in views:
         for name, metric in by_view.get(type(view), {}).items():
-            number = _own_number(name, metric, view) if is_own(name) else metric.of(view)
+            number = _custom_number(name, metric, view) if is_custom(name) else metric.of(view)
             if number is not None:
                 yield Metric(name, *where, unit=metric.unit_in_files, **number._asdict())
 
 
-def _own_number(name: str, metric: MetricDefinition, view: Any) -> Measured | None:
+def _custom_number(name: str, metric: MetricDefinition, view: Any) -> Measured | None:
     """The number of a metric of the user's own. Raises ``UserError`` for whatever goes wrong."""
     try:
         number = metric.of(view)
     except Exception as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
-        raise UserError(own_fault(error) or text) from error
+        raise UserError(custom_fault(error) or text) from error
     if number is not None and not isinstance(number, Measured):
         text = f"of() must return Measured or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")

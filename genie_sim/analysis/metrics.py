@@ -18,7 +18,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from genie_sim.analysis.metric import measured
-from genie_sim.analysis.registry import METRICS, own_metrics, views
+from genie_sim.analysis.registry import METRICS, custom_metrics, views
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, Metric
@@ -39,7 +39,7 @@ def compute(
     *,
     intervals: bool = True,
     fresh: Fresh = "look",
-    own: Sequence[str] = (),
+    custom: Sequence[str] = (),
 ) -> list[Metric]:
     """All metrics of one run, in a fixed order.
 
@@ -56,14 +56,14 @@ def compute(
         Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
     fresh : str
         What makes an answer fresh.
-    own : sequence of str
+    custom : sequence of str
         Metrics of the user's own, ``package.module:Class``. Raises ``UserError`` for one that
         cannot be computed.
     """
     filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
     frames = with_fresh(Columns.of(tables["frames"]), fresh)
     of_run = views({**filled, "frames": frames}, methods, intervals)
-    return [rounded(metric) for metric in measured({**METRICS, **own_metrics(own)}, of_run)]
+    return [rounded(metric) for metric in measured({**METRICS, **custom_metrics(custom)}, of_run)]
 
 
 def with_fresh(frames: Columns, fresh: Fresh) -> Columns:

@@ -31,9 +31,9 @@ class PhaseFrames(NamedTuple):
 
 
 class PhaseHeld(NamedTuple):
-    """What is judged of what consumers hold: above and below, row by row of one phase."""
+    """What is measured of what consumers hold: above and below, row by row of one phase."""
 
-    judged: type[HeldRatio]
+    ratio: type[HeldRatio]
     above: Any
     below: Any
 
@@ -70,12 +70,12 @@ def views(
         if held is None:
             continue
         of_consumers = held.where(method=method, what=CONSUMER)
-        for judged in (ObjectRecall, FalseObjects):
-            parts = [np.nan_to_num(part) for part in judged().parts(of_consumers)]
+        for ratio in (ObjectRecall, FalseObjects):
+            terms = [np.nan_to_num(term) for term in ratio().terms(of_consumers)]
             for phase, rows in _phases(of_consumers, *fault):
                 yield (
                     Where(method, component=phase),
-                    PhaseHeld(judged, *(part[rows] for part in parts)),
+                    PhaseHeld(ratio, *(term[rows] for term in terms)),
                 )
 
 
@@ -203,11 +203,11 @@ class FaultRecall(FaultMetric):
     pattern = "recall of visible objects {}"
     better = HIGHER
     view = PhaseHeld
-    judged: type[HeldRatio] = ObjectRecall
+    ratio: type[HeldRatio] = ObjectRecall
     reads = "held: right, visible_static, visible_moving"
 
     def of(self, view: PhaseHeld) -> Measured | None:
-        if view.judged is not self.judged:
+        if view.ratio is not self.ratio:
             return None
         above, below = float(np.sum(view.above)), float(np.sum(view.below))
         return Measured(above / below if below else None, n=round(below))
@@ -220,7 +220,7 @@ class FaultFalseObjects(FaultRecall):
 
     pattern = "false objects {}"
     better = LOWER
-    judged = FalseObjects
+    ratio = FalseObjects
     reads = "held: right, held"
 
 

@@ -181,7 +181,7 @@ class BytesOfFrames(Ratio):
     def __init__(self, column: str) -> None:
         self._column = column
 
-    def parts(self, rows: Columns) -> tuple[Any, Any]:
+    def terms(self, rows: Columns) -> tuple[Any, Any]:
         return rows[self._column], np.ones(len(rows))
 
 

@@ -65,7 +65,7 @@ class Unregistered(MetricDefinition):
         self.title = name
 
 
-def own_metrics(names: Iterable[str]) -> dict[str, MetricDefinition]:
+def custom_metrics(names: Iterable[str]) -> dict[str, MetricDefinition]:
     """Metrics of the user's own, each ``package.module:Class``. Raises ``UserError``."""
     found = {}
     for name in names:
@@ -90,7 +90,7 @@ def definition(name: str) -> MetricDefinition:
     if name in METRICS:
         return METRICS[name]
     try:
-        return own_metrics([name])[name]
+        return custom_metrics([name])[name]
     except UserError:
         return Unregistered(name)
 

@@ -110,7 +110,7 @@ def _side_by_side(table: ResultTable, width: int, intervals: bool) -> list[Resul
     for size in dict.fromkeys(-(-count // blocks) for blocks in range(1, count + 1)):
         parts = [slice(first, first + size) for first in range(0, count, size)]
         if all(title_width + sum(widths[part]) <= width for part in parts) or size == 1:
-            return [table.part(part) for part in parts]
+            return [table.cut(part) for part in parts]
     return []
 
 
@@ -163,7 +163,7 @@ def latex(table: ResultTable, name: str) -> str:
     """
     label = "".join(each if each.isalnum() and each.isascii() else "-" for each in name)
     parts = [
-        table.part(columns, rows)
+        table.cut(columns, rows)
         for rows in _blocks(len(table.rows), MAX_ROWS)
         for columns in _blocks(len(table.columns), MAX_WIDE)
     ]

@@ -112,7 +112,7 @@ class ResultTable:
             for row in self.rows
         ]
 
-    def part(self, columns: slice, rows: slice = slice(None)) -> "ResultTable":
+    def cut(self, columns: slice, rows: slice = slice(None)) -> "ResultTable":
         """The table with some of its columns and rows."""
         chosen = [row._replace(cells=row.cells[columns]) for row in self.rows[rows]]
         return replace(self, columns=self.columns[columns], rows=chosen)

@@ -62,7 +62,7 @@ COLOURS = (
 )
 # Of the methods that come with the program, and of their variants in its scenarios, which have the
 # colour of the method that they vary.
-METHOD_LOOKS = {
+METHOD_STYLES = {
     "local": 0,
     "remote": 1,
     "genie": 2,
@@ -86,8 +86,8 @@ METHOD_LOOKS = {
     "paced_remote": 18,
     "paced_tracker": 19,
 }
-FIRST_OWN_LOOKS = (4, 5)  # then those after all of METHOD_LOOKS
-SAME_COLOUR = 4  # looks of one colour that differ in dashes
+FIRST_CUSTOM_STYLES = (4, 5)  # then those after all of METHOD_STYLES
+SAME_COLOUR = 4  # styles of one colour that differ in dashes
 # no method's (Tol)
 HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")
 DARK_HOSTS = (
@@ -143,40 +143,42 @@ PLACEMENT_BARS = {
 }
 
 
-def method_looks(names: Sequence[str]) -> list[int]:
-    """The look of each method, by its name; no two are the same.
+def method_styles(names: Sequence[str]) -> list[int]:
+    """The style of each method, by its name; no two are the same.
 
-    A name may begin with that of a setting, as in ``wifi: genie``. A method that comes again, under
-    another setting, keeps its colour as long as there are dashes left for it.
+    A name may begin with that of a scenario, as in ``wifi: genie``. A method that comes again,
+    under another scenario, keeps its colour as long as there are dashes left for it.
     """
-    looks: list[int] = []
+    styles: list[int] = []
     for name in names:
-        look = METHOD_LOOKS.get(name.rpartition(": ")[2])
-        same_colour = () if look is None else range(look, SAME_COLOUR * len(COLOURS), len(COLOURS))
-        own_looks = chain(FIRST_OWN_LOOKS, count(max(METHOD_LOOKS.values()) + 1))
-        looks.append(next(look for look in chain(same_colour, own_looks) if look not in looks))
-    return looks
+        style = METHOD_STYLES.get(name.rpartition(": ")[2])
+        same_colour = (
+            () if style is None else range(style, SAME_COLOUR * len(COLOURS), len(COLOURS))
+        )
+        of_custom = chain(FIRST_CUSTOM_STYLES, count(max(METHOD_STYLES.values()) + 1))
+        styles.append(next(style for style in chain(same_colour, of_custom) if style not in styles))
+    return styles
 
 
-def method_line(look: int) -> dict[str, Any]:
+def method_line(style: int) -> dict[str, Any]:
     """Colour, dashes and width of a method's line; no two of the first 48 are the same."""
-    dashes = DASHES[(look + look // len(COLOURS)) % len(DASHES)]
-    return {"color": method_colour(look), "linestyle": dashes, "linewidth": 1.7}
+    dashes = DASHES[(style + style // len(COLOURS)) % len(DASHES)]
+    return {"color": method_colour(style), "linestyle": dashes, "linewidth": 1.7}
 
 
-def method_colour(look: int) -> str:
-    return COLOURS[look % len(COLOURS)]
+def method_colour(style: int) -> str:
+    return COLOURS[style % len(COLOURS)]
 
 
-def method_marker(look: int) -> str:
+def method_marker(style: int) -> str:
     """The marker of a method's points; with its colour, no two of the first 96 are the same."""
-    return MARKERS[(look + look // len(COLOURS)) % len(MARKERS)]
+    return MARKERS[(style + style // len(COLOURS)) % len(MARKERS)]
 
 
-def method_bar(look: int) -> dict[str, Any]:
+def method_bar(style: int) -> dict[str, Any]:
     """Colour and hatch of a method's bar."""
-    hatch = HATCHES[(look + look // len(COLOURS)) % len(HATCHES)]
-    return {"facecolor": method_colour(look), "hatch": hatch}
+    hatch = HATCHES[(style + style // len(COLOURS)) % len(HATCHES)]
+    return {"facecolor": method_colour(style), "hatch": hatch}
 
 
 def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:

@@ -112,7 +112,7 @@ class _Numbers:
                 self._places.setdefault(name, {})[place[0], place[1]] = None
 
     @property
-    def own(self) -> list[str]:
+    def custom(self) -> list[str]:
         """The metrics of the user's own."""
         return [name for name in self._places if name not in METRICS]
 
@@ -147,7 +147,7 @@ class _Numbers:
     def section(self, title: str) -> ResultTable:
         """The table of a section, of the columns that have a number."""
         columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
-        names = [name for name in (*METRICS, *self.own) if definition(name).section == title]
+        names = [name for name in (*METRICS, *self.custom) if definition(name).section == title]
         rows = list(self.rows(names, columns))
         table = ResultTable([column.title for column in columns], rows, title)
         return table.without_empty_columns()
@@ -271,7 +271,7 @@ def main_table(run: Run | SeedRuns) -> ResultTable:
     """
     numbers = _Numbers(run)
     columns = [*numbers.columns, *numbers.zero_delay()]
-    rows = list(numbers.rows((*MAIN, *numbers.own), columns, whole=True))
+    rows = list(numbers.rows((*MAIN, *numbers.custom), columns, whole=True))
     busiest = list(numbers.busiest(columns))
     notes = [ABOUT_TIMES, ABOUT_ANSWERS]
     if busiest:

@@ -50,7 +50,7 @@ class Checked:
 
     Parameters
     ----------
-    own : object
+    checked : object
         The object.
     owner : str
         Its class, as error lines name it.
@@ -58,17 +58,17 @@ class Checked:
         By the name of a method, what it must return.
     """
 
-    def __init__(self, own: Any, owner: str, contracts: Mapping[str, Contract]) -> None:
+    def __init__(self, checked: Any, owner: str, contracts: Mapping[str, Contract]) -> None:
         for name, contract in contracts.items():
-            method = require(owner, name, getattr(own, name, None), METHOD)
+            method = require(owner, name, getattr(checked, name, None), METHOD)
             self.__dict__[name] = _checked(method, owner, f"{name}()", contract)
-        self.__dict__["_own"] = own
+        self.__dict__["_checked"] = checked
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.__dict__["_own"], name)
+        return getattr(self.__dict__["_checked"], name)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        setattr(self.__dict__["_own"], name, value)
+        setattr(self.__dict__["_checked"], name, value)
 
 
 def _checked(

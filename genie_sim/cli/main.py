@@ -32,7 +32,7 @@ from genie_sim.cli.perceive import perceive, truth
 from genie_sim.cli.ros import attach, detach
 from genie_sim.cli.search import search
 from genie_sim.cli.shipped import copy, show
-from genie_sim.cli.terminal import Commands, Progress
+from genie_sim.cli.terminal import Commands, ProgressBar
 from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def app(context: click.Context) -> None:
 @click.option(
     "--workers",
     type=COUNT,
-    help="Processes for one run: methods side by side, or a fleet's only one in parts. Default: 1.",
+    help="Processes for one run, whose methods are simulated side by side. Default: 1.",
 )
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
@@ -146,19 +146,19 @@ def run(
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.scenario import load_scenario, with_methods
 
-    setting = load_scenario(scenario, set_, seed)
+    loaded = load_scenario(scenario, set_, seed)
     if methods is not None:
         names = arguments.listed("--methods", methods)
-        setting = with_methods(setting, names, f"--methods {methods}")
+        loaded = with_methods(loaded, names, f"--methods {methods}")
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
     from genie_sim.runs.folder import run_to_folder
 
     label = checked_label(label, "--label")
-    if own := build.plugin_names(setting):
-        click.echo(f"{setting.name} runs code of its own: {', '.join(own)}")
-    for note in build.notes(setting):
+    if own := build.plugin_names(loaded):
+        click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
+    for note in build.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
@@ -197,7 +197,7 @@ def _simulate(
     """Runs what is missing of a study. Ctrl-C ends the program with one line; what is done is
     kept.
     """
-    with Progress(unit="runs") as progress, closing(workers):
+    with ProgressBar(unit="runs") as progress, closing(workers):
         try:
             work.run(workers, part, progress)
         except KeyboardInterrupt:
@@ -315,7 +315,7 @@ def reproduce(
     from genie_sim.paper import verdict_table
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
-    with Progress(unit="runs") as progress:
+    with ProgressBar(unit="runs") as progress:
         result = run_evaluation(
             out,
             quick=quick,
@@ -377,7 +377,7 @@ def fetch(what: str, name: str, out: Path | None) -> None:
     }[what]
     folder = out or expanded(os.environ.get(variable) or usual)
     take = network.fetch_model if what == "model" else network.fetch_drive
-    with Progress(unit="bytes") as progress:
+    with ProgressBar(unit="bytes") as progress:
         path = take(name, folder, progress)
     click.echo(f"{path}\nTo use it from anywhere: export {variable}={folder.resolve()}")
     if what == "drive":
@@ -423,7 +423,7 @@ def profile(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "
             "elsewhere"
         )
-    with Progress(unit="pictures") as progress:
+    with ProgressBar(unit="pictures") as progress:
         if csv is not None:
             measured = device_fit.from_csv(csv, model or csv.stem)
         else:
@@ -482,7 +482,7 @@ def sweep(
     from genie_sim.study.tasks import DaskWorkers, LocalWorkers
 
     label = checked_label(label, "--label")
-    with Progress(unit="points") as progress:
+    with ProgressBar(unit="points") as progress:
         work = Study.load(sweep, out, progress, seeds=numbers, methods=names, label=label)
     workers = (
         LocalWorkers(jobs or parallel.workers_here())
@@ -599,7 +599,7 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:
         if (
             "--debug" in (sys.argv if argv is None else argv)
-            or (fault := plugins.own_fault(error)) is None
+            or (fault := plugins.custom_fault(error)) is None
         ):
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
@@ -613,6 +613,6 @@ def _status_of(stop: SystemExit) -> int:
     """
     if stop.code is None or isinstance(stop.code, int):
         return stop.code or 0
-    text = plugins.own_fault(stop) or str(stop.code)
+    text = plugins.custom_fault(stop) or str(stop.code)
     print(f"genie-sim: {one_line(text)}", file=sys.stderr)
     return 1

@@ -12,7 +12,7 @@ import click
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
 from genie_sim.cli.arguments import MAX_COUNT, PATH
-from genie_sim.cli.terminal import Progress
+from genie_sim.cli.terminal import ProgressBar
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
@@ -153,7 +153,7 @@ def perceive(
     selection = perception.DriveFrames(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
-    with Progress(unit="frames") as progress:
+    with ProgressBar(unit="frames") as progress:
         whole = perception.perceive(root, selection, settings, progress=progress)
     trace = whole.at_least(min_score)
     _write(out, trace)
@@ -227,7 +227,7 @@ def _of_bag(
 
     if settings.batch != 1:
         raise UserError("perceive: --batch: a bag's pictures go one at a time")
-    with Progress(unit="frames") as progress:
+    with ProgressBar(unit="frames") as progress:
         trace = perceive_bag(
             bag,
             detector=None if detections else settings.opened(),

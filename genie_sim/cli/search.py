@@ -9,7 +9,7 @@ import click
 
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import COUNT, PATH, backend_option, jobs_option, scheduler_option
-from genie_sim.cli.terminal import Progress
+from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
@@ -93,7 +93,7 @@ def search(
             if scheduler is None
             else DaskWorkers(scheduler)
         ) as workers,
-        Progress(unit="points") as progress,
+        ProgressBar(unit="points") as progress,
     ):
         work = Search(design, out, workers)
         try:

@@ -164,7 +164,7 @@ def machine_said(error: OSError | MemoryError) -> str:
     return f"{where}{error.strerror or error}"
 
 
-class Progress:
+class ProgressBar:
     """A progress bar on a terminal, and elsewhere a line on stderr every ``LINE_EVERY_S``, unless
     the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there
     is, and what is going on.
@@ -176,7 +176,7 @@ class Progress:
         self._state, self._what = "preparing", ""
         self._end = threading.Event()
 
-    def __enter__(self) -> "Progress":
+    def __enter__(self) -> "ProgressBar":
         if os.environ.get(PROGRESS_VARIABLE) == "off":
             return self
         if not sys.stderr.isatty():

@@ -108,7 +108,7 @@ def make_genie(
         miss_policy=miss_policy,
     )
     node_class = PerTopicGenie if rules.pending_index == "per_topic" else GenieNode
-    parts: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "key": similarity.key,
         "new_cache": new_cache,
         "pending": pending_index(role_rules, similarity.index),
@@ -116,7 +116,7 @@ def make_genie(
         "map_answer": Detections,
         "readings": readings_of(role_rules),
     }
-    return node_class(name, subscribed, published, role_rules, **(parts | middleware))
+    return node_class(name, subscribed, published, role_rules, **(arguments | middleware))
 
 
 def _similarity(rules: GenieRules) -> Similarity:
@@ -146,7 +146,7 @@ def make_paced_genie(
         guard = Guard(defence or Defence(), object_map.has, signed=looks.signed)
     told = looks.told
     pacer = Pacer(every_ns=looks.every_ns, in_flight=looks.in_flight, stale_ns=looks.stale_ns)
-    parts: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "pacer": pacer if has_edge else None,
         "own": looks.own,
         "object_map": object_map,
@@ -156,7 +156,7 @@ def make_paced_genie(
         "map_answer": Detections,
         "view_range_m": rules.view_range_m,
     }
-    return PacedGenie(name, subscribed, published, **(parts | middleware))
+    return PacedGenie(name, subscribed, published, **(arguments | middleware))
 
 
 def make_sharing_genie(
@@ -171,14 +171,14 @@ def make_sharing_genie(
     """The Genie beside an edge's detector that tells cars of one another's looks."""
     assert rules.looks is not None and isinstance(rules.looks.told, ToldRules)
     defence = _defence(rules.looks)
-    parts: dict[str, Any] = {
+    arguments: dict[str, Any] = {
         "object_map": _track_map(rules, laws, "look", defence),
         "told": rules.looks.told,
         "defence": defence,
         "signed": rules.looks.signed,
         "make_answer": Detections,
     }
-    return SharingGenie(name, subscribed, published, **(parts | middleware))
+    return SharingGenie(name, subscribed, published, **(arguments | middleware))
 
 
 def _defence(looks: LookRules) -> Defence | None:

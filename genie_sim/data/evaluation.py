@@ -30,7 +30,7 @@ STABLE_SHARE = 0.9
 MIN_SIGHTINGS = 5
 
 
-class JudgedDetection(NamedTuple):
+class MatchedDetection(NamedTuple):
     """A detection, the label it belongs to (``None``: it is wrong), and its camera's distance from
     that label [m].
     """
@@ -54,7 +54,7 @@ class Group:
     """
 
     name: str
-    judged: tuple[JudgedDetection, ...]
+    detections: tuple[MatchedDetection, ...]
     labels: int
 
     def average_precision(self) -> float:
@@ -63,7 +63,7 @@ class Group:
         """
         if not self.labels:
             return math.nan
-        right = np.array([item.label is not None for item in self.judged], dtype=float)
+        right = np.array([item.label is not None for item in self.detections], dtype=float)
         precision = np.cumsum(right) / np.arange(1, len(right) + 1)
         best_from_here = np.maximum.accumulate(precision[::-1])[::-1]
         return float((best_from_here * right).sum() / self.labels)
@@ -73,7 +73,7 @@ class Group:
         from a score on.
         """
         right = [
-            item.label is not None for item in self.judged if item.detection.score >= min_score
+            item.label is not None for item in self.detections if item.detection.score >= min_score
         ]
         precision = float(np.mean(right)) if right else math.nan
         recall = sum(right) / self.labels if self.labels else math.nan
@@ -83,7 +83,7 @@ class Group:
         """Of each bin of scores: its ends, how many detections, their mean score, and the share
         that are right.
         """
-        confident = [item for item in self.judged if item.detection.score >= min_score]
+        confident = [item for item in self.detections if item.detection.score >= min_score]
         scores = np.array([item.detection.score for item in confident])
         right = np.array([item.label is not None for item in confident])
         rows = []
@@ -127,11 +127,11 @@ class Evaluation:
     groups: Mapping[str, Group]
     min_score: float
 
-    def right(self, group: str | None = None, parked: bool = False) -> list[JudgedDetection]:
+    def right(self, group: str | None = None, parked: bool = False) -> list[MatchedDetection]:
         """Right detections from ``min_score`` on, or only those of what does not move."""
         groups = self.groups.values() if group is None else [self.groups[group]]
         right = []
-        for item in (item for each_group in groups for item in each_group.judged):
+        for item in (item for each_group in groups for item in each_group.detections):
             if item.label is None or item.detection.score < self.min_score:
                 continue
             if not parked or item.label.track not in self.truth.moving:
@@ -185,7 +185,7 @@ def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
     ]
     detections.sort(key=lambda item: -item[0].score)
     matched: set[tuple[tuple[str, int], int]] = set()
-    judged = []
+    compared = []
     for detection, box, picture, pose in detections:
         labels = [label for label in truth.pictures[picture] if label.group in (group, "anything")]
         boxes = np.array([label.box for label in labels]).reshape(-1, 4)
@@ -196,15 +196,15 @@ def _judge(group: str, trace: Trace, truth: PictureLabels) -> Group:
             matched.add((picture, best))
             centre = labels[best].centre
             range_m = None if centre is None else math.dist((pose.east_m, pose.north_m), centre[:2])
-            judged.append(JudgedDetection(detection, labels[best], range_m))
+            compared.append(MatchedDetection(detection, labels[best], range_m))
         elif not _is_ignored(box, [label for label in labels if not label.counts], MIN_IOU[group]):
-            judged.append(JudgedDetection(detection, None, None))
+            compared.append(MatchedDetection(detection, None, None))
     counted = sum(
         label.counts and label.group == group
         for labels in truth.pictures.values()
         for label in labels
     )
-    return Group(group, tuple(judged), counted)
+    return Group(group, tuple(compared), counted)
 
 
 def _is_ignored(box: Box, ignored: Sequence[ObjectLabel], min_iou: float) -> bool:
@@ -289,7 +289,7 @@ def table(evaluation: Evaluation) -> str:
     return "\n".join(text) + "\n"
 
 
-def _places(e: Evaluation) -> list[tuple[str, list[JudgedDetection]]]:
+def _places(e: Evaluation) -> list[tuple[str, list[MatchedDetection]]]:
     """Right detections by what is compared: groups, ranges and methods of placement."""
     right = e.right()
     parked = e.right("vehicles", parked=True)

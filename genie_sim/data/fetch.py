@@ -13,7 +13,6 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
 from urllib.error import HTTPError, URLError
@@ -21,6 +20,7 @@ from urllib.request import Request, urlopen
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.paths import replace_durably, usable
+from genie_sim.base.progress import Progress
 
 log = logging.getLogger(__name__)
 
@@ -30,8 +30,6 @@ TRIES = 3
 MAX_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
 MAX_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
 MAX_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
-
-Progress = Callable[[int, int], None]
 
 
 # By what ``--detector`` calls them: bytes and SHA-256, as several public projects pin them.
@@ -239,7 +237,7 @@ def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -
                 if size_bytes is not None and done > size_bytes:
                     raise UserError(f"{url}: more than {size_bytes:,} bytes: another file")
                 file.write(chunk)
-                progress(done, total or done)
+                progress(done, total or done, "")
         if total is not None and done < total:
             raise ConnectionError(f"the connection ended after {done:,} of {total:,} bytes")
 

@@ -2,13 +2,14 @@
 
 import importlib.metadata
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import expanded
+from genie_sim.base.progress import Progress
 from genie_sim.core.classes import SIZES, VEHICLES
 from genie_sim.core.geometry import Geodetic
 from genie_sim.data import placement
@@ -22,8 +23,6 @@ from genie_sim.data.tracking import TRACKING, tracking_trace
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
-
-Progress = Callable[[int, int], None]
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -115,7 +114,7 @@ def _by_camera(
     for done, frame in enumerate(frames, start=1):
         by_camera.setdefault(frame.camera, []).append(frame)
         if progress is not None:
-            progress(done, total)
+            progress(done, total, "perceive")
     return {camera: tuple(by_camera[camera]) for camera in sorted(by_camera)}
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding
 from genie_sim.data.source import Frames, FrameSource, Progress
@@ -92,13 +93,9 @@ class Live(FrameSource):
                 "set it to KITTI's folder"
             )
 
-        def tell(done: int, total: int) -> None:
-            if progress is not None:
-                progress(done, total, "perceive")
-
         frames = DriveFrames(self.drive, self.cameras)
         detector = DetectorSettings(self.detector, min_score=self.min_score)
-        return Recordings(perceive(root, frames, detector, progress=tell), origin)
+        return Recordings(perceive(root, frames, detector, progress=progress), origin)
 
 
 @dataclass

@@ -64,7 +64,7 @@ class Agreement:
             "detected": of_detected[rows],
             "matched": matched[rows],
         }
-        self._table.extend(Columns(columns))
+        self._table.extend_columns(Columns(columns))
 
 
 def _text(values: Sequence[str]) -> Text:

@@ -129,4 +129,4 @@ class HeldSpans:
             "begin_ns": begin_ns,
             "end_ns": end_ns,
         }
-        self._table.extend(Columns(columns))
+        self._table.extend_columns(Columns(columns))

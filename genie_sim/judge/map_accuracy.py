@@ -325,7 +325,7 @@ class MapAccuracy:
             "age_s": age_s,
             "error_m": error_m,
         }
-        self._table.extend(Columns(columns))
+        self._table.extend_columns(Columns(columns))
 
     def _follow(
         self, spans: HeldSpans, views: SceneViews, visible: Visible, compared: _Compared

@@ -88,9 +88,9 @@ def _genie(
     published: tuple[str, ...],
     *,
     on_edge: bool = False,
-    **parts: Any,
+    **arguments: Any,
 ) -> GenieNode:
-    """The Genie of a host; ``parts`` are further arguments of ``make_genie``."""
+    """The Genie of a host; ``arguments`` are further arguments of ``make_genie``."""
     assert host.genie is not None
     rules = replace(host.genie, looks=None, pass_time_ns=None)  # it follows Algorithm 1
     if not host.gets_images:  # there is no own node to learn from
@@ -103,7 +103,7 @@ def _genie(
         on_edge=on_edge,
         laws=host.laws,
         names_changes=host.records_changes,
-        **parts,
+        **arguments,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from genie_sim.analysis.metric import DEADLINE_MS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title
-from genie_sim.analysis.style import method_looks
+from genie_sim.analysis.style import method_styles
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import finite
 from genie_sim.paper import verdict_table
@@ -112,9 +112,9 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
             **{name: about[name] for name in names},
         },
         "methods": [
-            asdict(method) | {"look": look}
-            for look, method in zip(
-                method_looks([method.name for method in METHODS]), METHODS, strict=True
+            asdict(method) | {"look": style}
+            for style, method in zip(
+                method_styles([method.name for method in METHODS]), METHODS, strict=True
             )
         ],
         "verdicts": VERDICTS,

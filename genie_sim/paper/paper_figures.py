@@ -75,15 +75,15 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
     frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
     lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
     one_seed = {TITLES[name]: tables[name][0]["lookups"] for name in (*HO, *HE)}
-    look: dict[str, Any] = {"methods": METHODS, "footer": footer, "width_in": width_in}
-    of_first = look | {"footer": f"{footer}; the first seed"}
+    drawing: dict[str, Any] = {"methods": METHODS, "footer": footer, "width_in": width_in}
+    of_first = drawing | {"footer": f"{footer}; the first seed"}
     page_in = width_in or PAGE_IN
     worth = provenance.read_json(evaluation / "quality.json")
     return {
-        "latency_cdf": partial(latency_cdf, frames, of="answered", **look),
-        "latency_cdf_of_published": partial(latency_cdf, frames, **look),
-        "image_reuse": partial(figures.image_reuse, lookups, **look),
-        "object_reuse": partial(figures.object_reuse, lookups, **look),
+        "latency_cdf": partial(latency_cdf, frames, of="answered", **drawing),
+        "latency_cdf_of_published": partial(latency_cdf, frames, **drawing),
+        "image_reuse": partial(figures.image_reuse, lookups, **drawing),
+        "object_reuse": partial(figures.object_reuse, lookups, **drawing),
         "confidence_boost": partial(figures.confidence_boost, one_seed, **of_first),
         "case_study": partial(_case_study, tables[CASE], footer, page_in),
         "worth": partial(_worth, worth, footer, page_in),
@@ -109,24 +109,24 @@ def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: f
     )
     objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
     genie = _pooled(seeds, "frames").where(method="genie")
-    for car, label, look in (
+    for car, label, drawing in (
         ("car2", "car2, no cameras", objects),
         ("car1", "car1, cameras", images),
     ):
         values = frame_metrics.response_ms(genie.where(car=car), "first")
         ordered = np.sort(values[~np.isnan(values)])
-        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **look)
+        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **drawing)
     left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
     left.set_xlabel("response time, first answer [ms]")
     left.set_ylabel("share of frames")
     lookups = seeds[0]["lookups"]
     of_image = lookups["kind"] == "image"
-    for events, label, look in (
+    for events, label, drawing in (
         (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
         (lookups.rows(of_image).where(genie="car1/genie"), "images, car1 (cameras)", images),
     ):
         ratios = genie_metrics.running_reuse(events)["ratio"]
-        right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **look)
+        right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **drawing)
     right.set_xlabel("events (messages looked up)")
     right.set_ylabel("running hits / requests")
     right.set_ylim(0, 1.02)
@@ -154,7 +154,7 @@ def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
     }
     by_method = {(row["method"], row["name"]): row for row in rows}
     axis = figure.subplots()
-    looks = style.method_looks([method.name for method in METHODS])
+    styles = style.method_styles([method.name for method in METHODS])
     for place, method in enumerate(METHODS):
         for x, name in enumerate(names):
             row = by_method.get((method.name, name))
@@ -162,8 +162,8 @@ def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
                 mean, low, high = (row[key] for key in ("value", "low", "high"))
                 label = method.title if x == 0 else None
                 at = x + 0.27 * (place - 1)
-                look = style.method_bar(looks[place]) | {"label": label}
-                axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **look)
+                drawing = style.method_bar(styles[place]) | {"label": label}
+                axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **drawing)
                 axis.errorbar(
                     at,
                     mean,

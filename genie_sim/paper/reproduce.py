@@ -14,6 +14,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
+from genie_sim.base.progress import Progress
 from genie_sim.paper import figure_tables, page, quality, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
@@ -21,7 +22,7 @@ from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.evidence import BASE, Evidence, Values, interval, rounded
 from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import Reading, load_readings
-from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, Outcome, Progress, simulate
+from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, Outcome, simulate
 from genie_sim.record import provenance
 from genie_sim.report import html_page
 from genie_sim.scenario.yaml_input import read_mapping
@@ -46,7 +47,7 @@ Place = tuple[str, str]  # variant, scenario
 
 
 @dataclass(frozen=True)
-class Judged:
+class ReadingVerdicts:
     """What the claims come to under one reading; ``plain``: by the default's metrics where the
     reading means others.
     """
@@ -114,13 +115,13 @@ def reproduce(
         for number, (each, of_reading) in enumerate(zip(readings, settings, strict=True))
     ]
     outcomes = outcomes_of(wanted, workers, progress)
-    judged = judge_readings(readings, settings, outcomes, workers)
+    by_reading = judge_readings(readings, settings, outcomes, workers)
     shown = {
         scenario: group for (variant, scenario), group in outcomes[0].items() if variant == BASE
     }
-    worth = quality.summarise(judged[0].evidence, ALL)
+    worth = quality.summarise(by_reading[0].evidence, ALL)
     with provenance.result_folder(out) as folder:
-        _write(folder, judged, worth)
+        _write(folder, by_reading, worth)
         figure_tables.write(folder, shown, used_seeds)
         (folder / "figures").mkdir()
         in_parallel(_draw, [(folder, name) for name in figure_tables.FIGURES], workers)
@@ -130,7 +131,7 @@ def reproduce(
             "quick": quick,
             "workers": workers,
             "wall_time_s": round(wall_time_s, 1),
-            "settings": {one.reading.name: list(one.settings) for one in judged},
+            "settings": {one.reading.name: list(one.settings) for one in by_reading},
             "seeds": list(used_seeds),
             "inputs": _inputs(readings),
             "trace": shown[ALL[0]][0].trace,
@@ -208,7 +209,7 @@ def evidence_of(
 ) -> Evidence:
     """What runs say, with the metrics as these definitions mean them."""
     facts = {
-        place: [outcome.judged[definitions] for outcome in group]
+        place: [outcome.facts[definitions] for outcome in group]
         for place, group in outcomes.items()
     }
     return Evidence(facts, definitions)
@@ -219,7 +220,7 @@ def judge_readings(
     settings: Sequence[tuple[str, ...]],
     outcomes: Sequence[Mapping[Place, Sequence[Outcome]]],
     workers: int,
-) -> list[Judged]:
+) -> list[ReadingVerdicts]:
     """The verdicts under each reading, from its settings and what its runs gave."""
     meant = [  # by each reading, and by all
         (place, definitions)
@@ -230,7 +231,7 @@ def judge_readings(
     jobs = [(evidence[key], bool(readings[key[0]].fitted)) for key in meant]
     verdicts = dict(zip(meant, in_parallel(_verdicts, jobs, workers), strict=True))
     return [
-        Judged(
+        ReadingVerdicts(
             reading,
             settings[place],
             evidence=evidence[place, reading.definitions],
@@ -247,12 +248,14 @@ def _verdicts(job: tuple[Evidence, bool]) -> list[Verdict]:
     return judge(evidence, fitted)
 
 
-def _write(folder: Path, judged: Sequence[Judged], worth: list[dict[str, Any]]) -> None:
+def _write(
+    folder: Path, by_reading: Sequence[ReadingVerdicts], worth: list[dict[str, Any]]
+) -> None:
     """Writes verdicts, readings, metrics and answer quality. Raises OSError."""
-    rows = [row for one in judged for row in _rows(one)]
-    readings = [one.reading.as_json() | {"settings": list(one.settings)} for one in judged]
+    rows = [row for one in by_reading for row in _rows(one)]
+    readings = [one.reading.as_json() | {"settings": list(one.settings)} for one in by_reading]
     metrics = [
-        {"reading": one.reading.name, **row} for one in judged for row in _metrics(one.evidence)
+        {"reading": one.reading.name, **row} for one in by_reading for row in _metrics(one.evidence)
     ]
     for name, content in (
         ("verdicts", rows),
@@ -284,11 +287,11 @@ def _draw(job: tuple[Path, str]) -> None:
     paper_figures.save(*job)
 
 
-def _rows(judged: Judged) -> Iterator[dict[str, Any]]:
+def _rows(of_reading: ReadingVerdicts) -> Iterator[dict[str, Any]]:
     """Each verdict as plain data."""
-    plain = [None] * len(judged.verdicts) if judged.plain is None else judged.plain
-    for verdict, other in zip(judged.verdicts, plain, strict=True):
-        yield verdict_table.row(verdict, judged.reading.name, other)
+    plain = [None] * len(of_reading.verdicts) if of_reading.plain is None else of_reading.plain
+    for verdict, other in zip(of_reading.verdicts, plain, strict=True):
+        yield verdict_table.row(verdict, of_reading.reading.name, other)
 
 
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:

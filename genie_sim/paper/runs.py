@@ -6,13 +6,14 @@ Settings are overrides as on the command line, and a few words of the evaluation
 """
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import genie_sim as gs
 from genie_sim.analysis.metrics import with_fresh
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parallel import in_processes
+from genie_sim.base.progress import Progress
 from genie_sim.paper import quality
 from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.facts import METHODS, Facts, facts_of
@@ -30,8 +31,6 @@ SERVERS = ("one", "all", "shared")
 
 EVERY_METHOD = tuple(method.name for method in METHODS)
 
-Progress = Callable[[float, float, str], None]  # runs done, of how many, and of what
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -39,7 +38,7 @@ class Outcome:
 
     Parameters
     ----------
-    judged : mapping of Definitions to dict
+    facts : mapping of Definitions to dict
         The facts under each of its definitions.
     trace : str
         The digest of the trace that was played.
@@ -47,7 +46,7 @@ class Outcome:
         ``frames`` and ``lookups`` of a run that is shown in figures.
     """
 
-    judged: Mapping[Definitions, Facts]
+    facts: Mapping[Definitions, Facts]
     trace: str = ""
     tables: Mapping[str, Columns] = field(default_factory=dict)
 
@@ -96,17 +95,17 @@ class EvaluationRun:
         tables = run.tables
         frames = with_fresh(tables["frames"], "answer")  # as the paper counts
         beside = quality.facts_of(tables["held"]) | observer.facts()
-        judged = {
+        facts = {
             definitions: facts_of(frames, tables["lookups"], tables["resources"], definitions)
             | beside
             for definitions in self.definitions
         }
         kept = {name: tables[name] for name in ("frames", "lookups") if self.shown}
-        return Outcome(judged, next(iter(run.facts["traces"].values())), kept)
+        return Outcome(facts, next(iter(run.facts["traces"].values())), kept)
 
     def facts(self) -> Facts:
         """Simulates it; the facts under the first of the definitions."""
-        return self.simulate().judged[self.definitions[0]]
+        return self.simulate().facts[self.definitions[0]]
 
 
 def simulate(

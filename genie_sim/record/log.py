@@ -179,7 +179,7 @@ class Log:
         for header in settled:
             frame = self._open.pop(header)
             values += frame.values()
-        self._frames.append(values)
+        self._frames.extend(values)
         if before_ns is None:
             if self._accuracy is not None:
                 self._accuracy.close()
@@ -277,7 +277,7 @@ class Log:
                 begin_ns,
                 end_ns,
             )
-        self._steps.append(values)
+        self._steps.extend(values)
 
     def dropped(self, message: Message, where: str) -> None:
         """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no
@@ -407,7 +407,7 @@ class Log:
             )
             if forgotten:
                 del numbers[key]
-        self._objects.append(values)
+        self._objects.extend(values)
 
     def _note_expired(self, genie: str, request: Expired) -> None:
         """A client's request was forgotten before anybody answered it."""
@@ -439,4 +439,4 @@ class Log:
                 resource.occupancy.total_ns,
                 resource.occupancy.most,
             )
-        self._resources.append(values)
+        self._resources.extend(values)

@@ -259,15 +259,19 @@ class Table:
     def __len__(self) -> int:
         return self._spilled + self._rows + len(self._new) // self._width
 
-    def append(self, values: Sequence[Value]) -> None:
-        """Adds a row, or several one after the other; their values are in the order of the
-        columns.
-        """
+    def append(self, row: Sequence[Value]) -> None:
+        """Adds a row; its values are in the order of the columns."""
+        self._new += row
+        if len(self._new) >= self._room:
+            self._store(self._room)
+
+    def extend(self, values: Sequence[Value]) -> None:
+        """Adds rows; their values stand one after the other, in the order of the columns."""
         self._new += values
         while len(self._new) >= self._room:
             self._store(self._room)
 
-    def extend(self, columns: Columns) -> None:
+    def extend_columns(self, columns: Columns) -> None:
         """Adds the rows of a table with the same columns, as ``read`` or ``columns`` gives them."""
         self._store()
         begin, count = 0, len(columns)
@@ -406,7 +410,7 @@ def other_format(path: Path, version: object, expected: int) -> str:
 def write(path: Path, schema: Schema, columns: Columns) -> None:
     """Writes columns as ``Table.write`` writes the same rows. Raises OSError."""
     table = Table(schema)
-    table.extend(columns)
+    table.extend_columns(columns)
     table.write(path)
 
 

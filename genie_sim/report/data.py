@@ -13,7 +13,7 @@ from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
 from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
-from genie_sim.analysis.style import PARTS, PLACEMENTS, method_looks, thinned
+from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles, thinned
 from genie_sim.analysis.summary import energy_note
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
@@ -120,12 +120,12 @@ def _methods(run: "Run") -> Iterator[dict[str, Any]]:
     """The methods in their order, with their frames, and of their first answers the share from the
     object map.
     """
-    looks = method_looks([method.name for method in run.methods])
-    for look, method in zip(looks, run.methods, strict=True):
+    styles = method_styles([method.name for method in run.methods])
+    for style, method in zip(styles, run.methods, strict=True):
         frames = run.tables["frames"].where(method=method.name)
         answered = frames.rows(~np.isnan(frames.floats("first_answer_ns")))
         from_map = finite(float((answered["source"] == "map").mean())) if len(answered) else None
-        yield {**asdict(method), "look": look, "frames": len(frames), "from_map": from_map}
+        yield {**asdict(method), "look": style, "frames": len(frames), "from_map": from_map}
 
 
 def _about(run: "Run") -> dict[str, Any]:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
 from genie_sim.core.messages import Box, Detection
 from genie_sim.data.encoding import difference_hash
@@ -46,7 +47,6 @@ WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
 MAX_REASON = 200  # characters of what rosbags says about a broken file, which may be the file
 
-Progress = Callable[[int, int], None]
 Topics = Mapping[str, str]
 PlaceOf = Callable[[str, int], Array | None]
 
@@ -126,7 +126,7 @@ def perceive_bag(
             if frame is not None:
                 frames.setdefault(camera, []).append(frame)
             if progress is not None:
-                progress(done, total)
+                progress(done, total, "")
     if not frames:
         raise UserError(f"{path}: no image was taken where the car's position is known")
     detected_by: dict[str, Any] = {"detector": detections}

@@ -16,11 +16,11 @@ from pathlib import Path
 
 from genie_sim.base.parallel import in_processes
 from genie_sim.base.paths import atomic_write
+from genie_sim.base.progress import Progress
 from genie_sim.record.records import SCHEMAS, Tables, new_tables
 from genie_sim.record.tables import read
 
 PROGRESS_EVERY_S = 0.5
-Progress = Callable[[float, float, str], None]  # seconds now and at the end, what is going on
 # Adds the rows of the method with a number to empty tables.
 Simulate = Callable[[int, Tables, Progress], None]
 
@@ -60,7 +60,7 @@ def side_by_side(
             for job in in_processes(partial(_write_tables, simulate), jobs, workers):
                 for name, table in tables.items():
                     path = job.folder / f"{name}.parquet"
-                    table.extend(read(path, SCHEMAS[name]))
+                    table.extend_columns(read(path, SCHEMAS[name]))
                     path.unlink()
     return tables
 

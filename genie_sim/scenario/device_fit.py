@@ -10,7 +10,7 @@ import csv
 import os
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,6 +22,7 @@ import yaml
 from genie_sim.base import units
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.paths import atomic_write, read_text
+from genie_sim.base.progress import Progress
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
@@ -72,7 +73,7 @@ def measure(
     weights: str | Path | None,
     runs: int,
     model: str | None,
-    progress: Callable[[int, int], None],
+    progress: Progress,
 ) -> Measurement:
     """Times ``detect`` (letter box, network, suppression) on pictures of noise of KITTI's size, one
     after the other.
@@ -83,7 +84,7 @@ def measure(
     weights : its file or folder; ``None``: the folder GENIE_SIM_WEIGHTS
     runs : how many are timed, after ``WARM_UP`` others
     model : the name in the profile; ``None``: the detector's
-    progress : is called with the runs done and all runs
+    progress : is told the runs done and all runs
     """
     from genie_sim.data.detector import make_detector
 
@@ -95,7 +96,7 @@ def measure(
         detector.detect(picture)
         if run >= WARM_UP:
             latencies.append(time.perf_counter_ns() - begin_ns)
-            progress(len(latencies), runs)
+            progress(len(latencies), runs, "")
     size = "x".join(map(str, detector.size))
     source = (
         f"genie-sim {VERSION} profile: {runs} runs of {detector.name} at {size} "

@@ -190,7 +190,7 @@ class Scenario(MethodSettings):
         """The frame source, ``None`` for one of the user's own, whose code is not run to check a
         scenario.
         """
-        if plugins.is_own(self.perception.name):
+        if plugins.is_custom(self.perception.name):
             return None
         source: FrameSource = FRAME_SOURCE.make(self.perception)
         return source

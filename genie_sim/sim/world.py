@@ -27,7 +27,7 @@ SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight
 MAX_DRAIN_NS = 600 * NS_PER_S
 ONE_BY_ONE = Serving()
-Progress = Callable[[int, int], None]  # the time now and at the end [ns]
+Told = Callable[[int, int], None]  # the time now and at the end [ns]
 
 
 class World:
@@ -71,7 +71,7 @@ class World:
         for camera in self._cameras:
             self.clock.process(camera.run())
 
-    def run(self, progress: Progress | None = None) -> None:
+    def run(self, progress: Told | None = None) -> None:
         """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
         minutes after the last one was taken.
         """
@@ -141,7 +141,7 @@ class World:
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
 
-    def _sample(self, progress: Progress | None) -> Steps:
+    def _sample(self, progress: Told | None) -> Steps:
         """The process that samples resources."""
         while True:
             now_ns = self.clock.now

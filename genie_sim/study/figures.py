@@ -379,10 +379,10 @@ def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -
     """A method's line, or that of its Genies on cars or edges; of these in grey where no other
     method has any.
     """
-    look = dict(zip(titles, style.method_looks(list(titles)), strict=True))[method]
-    marker = {"marker": style.method_marker(look)}
+    style_number = dict(zip(titles, style.method_styles(list(titles)), strict=True))[method]
+    marker = {"marker": style.method_marker(style_number)}
     if placement not in PLACEMENTS:
-        return style.method_line(look) | marker | {"label": titles[method]}
+        return style.method_line(style_number) | marker | {"label": titles[method]}
     line, where = style.PLACEMENT_LINES[placement], PLACEMENTS[placement]
     if alone:
         return line | {
@@ -390,7 +390,9 @@ def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -
             "marker": style.MARKERS[list(PLACEMENTS).index(placement)],
         }
     return (
-        line | marker | {"label": f"{titles[method]}, {where}", "color": style.method_colour(look)}
+        line
+        | marker
+        | {"label": f"{titles[method]}, {where}", "color": style.method_colour(style_number)}
     )
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.registry import is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
-from genie_sim.analysis.style import method_looks
+from genie_sim.analysis.style import method_styles
 from genie_sim.base.errors import UserError, first_line
 from genie_sim.base.text import finite
 from genie_sim.record import provenance
@@ -81,8 +81,8 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
             for name, axis in axes.items()
         ],
         "methods": [
-            {"name": name, "title": titles.get(name, name), "look": look}
-            for name, look in zip(methods, method_looks(methods), strict=True)
+            {"name": name, "title": titles.get(name, name), "look": style}
+            for name, style in zip(methods, method_styles(methods), strict=True)
         ],
         "zero_delay": zero_delay(),
         "metric_info": metric_info(name for name, _ in metrics.groups),

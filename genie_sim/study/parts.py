@@ -1,13 +1,14 @@
 """The finished runs of a study in its folder: what is there is not run again."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import PARTIAL, atomic_write
+from genie_sim.base.progress import Progress
 from genie_sim.record import tables
 from genie_sim.record.columns import Columns
 from genie_sim.study.tasks import PART, DaskWorkers, Failure, LocalWorkers, Shared, StudyRun, Task
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
 
 TASK_FRAMES = 30_000  # about ten seconds of work, which is what a kill may cost a worker
 MIN_TASKS_A_WORKER = 4  # so that no worker waits long for the last one
-
-Progress = Callable[[float, float, str], None]
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Frames, Progress
 from genie_sim.record import provenance

@@ -20,6 +20,7 @@ from optuna.trial import Trial, TrialState
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import atomic_write, usable
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Progress
 from genie_sim.record import provenance

@@ -13,6 +13,7 @@ from genie_sim.analysis.seed_runs import load
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Progress
 from genie_sim.record import provenance

@@ -139,16 +139,16 @@ def test_a_method_looks_the_same_whatever_ran_beside_it():
     """Every registered method has a look of its own; others go by their order; under another
     setting a method keeps its colour.
     """
-    assert {*METHOD_CLASSES} <= {*style.METHOD_LOOKS}
-    registered = style.method_looks(list(METHOD_CLASSES))
+    assert {*METHOD_CLASSES} <= {*style.METHOD_STYLES}
+    registered = style.method_styles(list(METHOD_CLASSES))
     assert len({*registered}) == len(METHOD_CLASSES)
-    assert style.method_looks(["genie"]) == style.method_looks(["local", "genie"])[1:]
-    assert style.method_looks(["mine", "genie", "theirs"]) == [4, 2, 5]
-    assert not {*registered} & {*style.method_looks(["a", "b", "c"])}
-    before, after, other = style.method_looks(["old: genie", "new: genie", "new: remote"])
+    assert style.method_styles(["genie"]) == style.method_styles(["local", "genie"])[1:]
+    assert style.method_styles(["mine", "genie", "theirs"]) == [4, 2, 5]
+    assert not {*registered} & {*style.method_styles(["a", "b", "c"])}
+    before, after, other = style.method_styles(["old: genie", "new: genie", "new: remote"])
     assert before == 2 != after and other == 1
     assert style.method_colour(before) == style.method_colour(after)
-    many = style.method_looks([f"{setting}: genie" for setting in range(60)])
+    many = style.method_styles([f"{setting}: genie" for setting in range(60)])
     assert len({*many}) == 60
 
 
@@ -197,7 +197,7 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
     assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
     colours = {line.get_label(): line.get_color() for line in drawn["latency_cdf"].axes[0].lines}
     assert colours["Genie"] == style.COLOURS[2] and colours["Remote"] == style.COLOURS[1]
-    assert colours["Swift"] == style.COLOURS[style.FIRST_OWN_LOOKS[0]]
+    assert colours["Swift"] == style.COLOURS[style.FIRST_CUSTOM_STYLES[0]]
     assert (
         "Swift, on cars" in told["confidence_boost"]
         and "Genie, on edges" in told["confidence_boost"]

@@ -31,13 +31,13 @@ class FaultConformance:
     times: ClassVar[dict[str, str]] = {"begin": "0.5 s", "end": "1.1 s"}
     methods: ClassVar[tuple[str, ...]] = small.ALL
 
-    def setting(self, *faults: dict[str, Any], methods: Sequence[Any] | None = None) -> Scenario:
+    def scenario(self, *faults: dict[str, Any], methods: Sequence[Any] | None = None) -> Scenario:
         street = {"source": "tests.conformance.own:Street", "seconds": 2.0}
         chosen = self.methods if methods is None else methods
         return small.scenario(chosen, perception=street, faults=list(faults))
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, fault: dict[str, Any]):
-        written = small.check_twice_the_same(self.setting({**fault, **self.times}))
+        written = small.check_twice_the_same(self.scenario({**fault, **self.times}))
         rows = written["frames"].to_frame()
         small.check_conserved(rows, self.methods)
         if self.drops is not None:
@@ -46,13 +46,13 @@ class FaultConformance:
     def test_no_state_goes_from_one_method_to_the_next(self, fault: dict[str, Any]):
         timed = {**fault, **self.times}
         small.check_order_is_irrelevant(
-            lambda methods: self.setting(timed, methods=methods), self.methods
+            lambda methods: self.scenario(timed, methods=methods), self.methods
         )
 
     def test_what_was_before_is_as_if_it_never_happened(self, fault: dict[str, Any]):
         """Up to the moment it begins: afterwards even an old frame may be lost."""
         with_fault, without = (
-            small.frames(self.setting(*one)) for one in ([{**fault, **self.times}], [])
+            small.frames(self.scenario(*one)) for one in ([{**fault, **self.times}], [])
         )
         for name in ("first_answer_ns", "fresh_answer_ns", "result_answer_ns"):
             one, other = (
@@ -64,13 +64,13 @@ class FaultConformance:
     def test_it_happens_at_its_times_under_every_method(
         self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
     ):
-        happened = spy(monkeypatch, self.setting({**fault, **self.times}))
+        happened = spy(monkeypatch, self.scenario({**fault, **self.times}))
         begin, end = ("begin", BEGIN_NS), ("end", END_NS)
         assert happened == [[begin, end]] * len(self.methods)
 
     def test_nothing_is_down_when_it_is_over(self, fault: dict[str, Any]):
         for place, _ in enumerate(self.methods):
-            world, _ = small.world(self.setting({**fault, **self.times}), place)
+            world, _ = small.world(self.scenario({**fault, **self.times}), place)
             world.run()
             assert not world.network.outages and not any(
                 link.down_by for link in world.network.links.values()
@@ -114,11 +114,11 @@ class RandomFaultConformance:
         assert len(both) > len(alone) and set(alone) < set(both)
 
 
-def spy(monkeypatch: pytest.MonkeyPatch, setting: Scenario) -> list[list[tuple[str, int]]]:
+def spy(monkeypatch: pytest.MonkeyPatch, scenario: Scenario) -> list[list[tuple[str, int]]]:
     """For each of a scenario's methods, when its faults began and ended."""
     happened = []
-    for place, _ in enumerate(setting.methods):
-        world, _ = small.world(setting, place)
+    for place, _ in enumerate(scenario.methods):
+        world, _ = small.world(scenario, place)
         mine: list[tuple[str, int]] = []
         happened.append(mine)
         with monkeypatch.context() as patched:

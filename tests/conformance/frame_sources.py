@@ -22,7 +22,7 @@ class FrameSourceConformance:
     cameras: ClassVar[list[dict[str, Any]]] = small.CAMERAS
     route: ClassVar[dict[str, Any]] = {}
 
-    def setting(self, source: dict[str, Any], **more: Any) -> Scenario:
+    def scenario(self, source: dict[str, Any], **more: Any) -> Scenario:
         """``more``: further settings of the scenario, as in YAML."""
         cars = [small.car(i, route=self.route) for i in (1, 2)]
         return small.scenario(perception=source, cameras=self.cameras, cars=cars, **more)
@@ -45,7 +45,7 @@ class FrameSourceConformance:
         small.same(*(small.arrow(simulate(prepared)) for prepared in (one, other)))
 
     def test_no_state_goes_from_one_method_to_the_next(self, source: dict[str, Any]):
-        small.check_order_is_irrelevant(lambda methods: self.setting(source, methods=methods))
+        small.check_order_is_irrelevant(lambda methods: self.scenario(source, methods=methods))
 
     def test_it_says_whether_a_seed_matters(self, source: dict[str, Any]):
         one, other = (prepare(self.setting(source, seed=seed)).frames for seed in (1, 2))

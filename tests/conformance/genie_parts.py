@@ -19,21 +19,21 @@ from tests.conformance import small
 class GeniePartConformance:
     """``genie``: the settings that name the part, as in YAML."""
 
-    def setting(self, genie: dict[str, Any], methods: Sequence[Any] = ("genie",)) -> Scenario:
+    def scenario(self, genie: dict[str, Any], methods: Sequence[Any] = ("genie",)) -> Scenario:
         """Cars so slow that caches have hits."""
         street = {"source": "tests.conformance.own:Street", "speed_mps": 1.0}
         return small.scenario(methods, genie=genie, perception=street)
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, genie: dict[str, Any]):
-        written = small.check_twice_the_same(self.setting(genie))
+        written = small.check_twice_the_same(self.scenario(genie))
         small.check_conserved(written["frames"].to_frame(), ["genie"])
 
     def test_no_state_goes_from_one_genie_to_the_next(self, genie: dict[str, Any]):
         slower = {"name": "slower", "method": "genie", "model": "yolov8m"}
         small.check_order_is_irrelevant(
-            lambda methods: self.setting(genie, methods), ["genie", slower, "remote"]
+            lambda methods: self.scenario(genie, methods), ["genie", slower, "remote"]
         )
 
     def test_it_is_written_down_as_it_was_read(self, genie: dict[str, Any]):
-        setting = self.setting(genie)
-        assert from_plain(type(setting), plain_data(setting)) == setting
+        scenario = self.scenario(genie)
+        assert from_plain(type(scenario), plain_data(scenario)) == scenario

@@ -27,7 +27,7 @@ class MediumConformance:
 
     edges = ({}, {})  # further settings of the two edges
 
-    def setting(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
+    def scenario(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
         cars = [small.car(1, link=link), small.car(2, link=link, edge="edge1")]
         edges = [
             {"name": f"edge{place}", "device": "agx_xavier", **settings}
@@ -36,26 +36,26 @@ class MediumConformance:
         return small.scenario(methods, cars=cars, edges=edges)
 
     def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, link: Any):
-        written = small.check_twice_the_same(self.setting(link))
+        written = small.check_twice_the_same(self.scenario(link))
         small.check_conserved(written["frames"].to_frame(), small.ALL)
 
     def test_no_state_goes_from_one_method_to_the_next(self, link: Any):
-        small.check_order_is_irrelevant(lambda methods: self.setting(link, methods))
+        small.check_order_is_irrelevant(lambda methods: self.scenario(link, methods))
 
     def test_it_is_written_down_as_it_was_read(self, link: Any):
-        setting = self.setting(link)
-        assert from_plain(type(setting), plain_data(setting)) == setting
+        scenario = self.scenario(link)
+        assert from_plain(type(scenario), plain_data(scenario)) == scenario
 
 
 class LinkModelConformance(MediumConformance):
     """A link of a model whose links do not affect each other."""
 
-    def setting(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
+    def scenario(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
         cars = [small.car(1, link=link), small.car(2, link=link)]
         return small.scenario(methods, cars=cars, edge_network=link)
 
     def model(self, link: Any) -> LinkModel:
-        choice = self.setting(link).cars[0].link
+        choice = self.scenario(link).cars[0].link
         assert choice is not None
         model = build.link_model(choice)
         assert hasattr(model, "channel")

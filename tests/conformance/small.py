@@ -56,17 +56,17 @@ def car(number: int, **settings: Any) -> dict[str, Any]:
     return usual | settings
 
 
-def tables(setting: Scenario) -> dict[str, pd.DataFrame]:
+def tables(scenario: Scenario) -> dict[str, pd.DataFrame]:
     """Every table of a run of all its methods, by name, ``None`` for what is not known."""
-    return {name: _plain(table) for name, table in simulated(setting).items()}
+    return {name: _plain(table) for name, table in simulated(scenario).items()}
 
 
-def frames(setting: Scenario) -> pd.DataFrame:
+def frames(scenario: Scenario) -> pd.DataFrame:
     """The table of frames alone."""
-    return _plain(simulated(setting)["frames"])
+    return _plain(simulated(scenario)["frames"])
 
 
-def simulated(setting: Scenario) -> Tables:
+def simulated(scenario: Scenario) -> Tables:
     """Every table of a run of all its methods, by name."""
     return simulate(prepare(setting))
 
@@ -113,19 +113,19 @@ def same(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
         assert rows.equals(other[name]), f"{name}:\n{rows}\n{other[name]}"
 
 
-def check_twice_the_same(setting: Scenario) -> Tables:
+def check_twice_the_same(scenario: Scenario) -> Tables:
     """Two runs give the same bytes; returns the tables of the first."""
-    first = simulated(setting)
-    same(arrow(first), arrow(simulated(setting)))
+    first = simulated(scenario)
+    same(arrow(first), arrow(simulated(scenario)))
     return first
 
 
-def world(setting: Scenario, place: int = 0) -> tuple[World, Tables]:
+def world(scenario: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
     prepared, filled = prepare(setting), new_tables()
     entry = setting.methods[place]
     return World(
-        build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, setting.record)
+        build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, scenario.record)
     ), filled
 
 

@@ -52,7 +52,7 @@ class TestTown(FrameSourceConformance):
 class TestTraffic(FrameSourceConformance):
     cameras = NUMBERED
 
-    def setting(self, source: dict[str, Any], **more: Any) -> Scenario:
+    def scenario(self, source: dict[str, Any], **more: Any) -> Scenario:
         names = "veh_east.8", "veh_bus.1"
         cars = [small.car(number, name=name) for number, name in enumerate(names, 1)]
         return small.scenario(
@@ -80,8 +80,8 @@ def test_a_source_of_ones_own_is_run_and_decides_the_run():
 def test_cars_with_cameras_of_their_own():
     """One car has the scenario's two, one has one of its own: other frames, the same street."""
     own = [{"name": "roof", "recording": "right", "phase": "7 ms", "size": "20 kB"}]
-    setting = small.scenario(["remote"], cars=[small.car(1), small.car(2, cameras=own)])
-    rows = small.frames(setting)
+    scenario = small.scenario(["remote"], cars=[small.car(1), small.car(2, cameras=own)])
+    rows = small.frames(scenario)
     assert set(rows.query("car == 'car1'")["stream"]) == {"camera_0", "camera_1"}
     mine = rows.query("car == 'car2'")
     assert set(mine["stream"]) == {"roof"} and len(mine) == 20
@@ -170,7 +170,7 @@ def test_frames_out_of_order_are_one_line():
 def test_a_scenario_is_read_without_running_code_of_ones_own():
     """It is run only by ``run``, which says so: here not even its module is looked for."""
     nowhere = "nowhere_at_all:Nothing"
-    setting = small.scenario(
+    scenario = small.scenario(
         [nowhere],
         perception={"source": nowhere},
         faults=[{"fault": nowhere, "target": "car1", "begin": "1 s"}],
@@ -178,4 +178,4 @@ def test_a_scenario_is_read_without_running_code_of_ones_own():
         genie={"eviction": nowhere, "similarity": nowhere, "object_map": {"rule": nowhere}},
     )
     with pytest.raises(UserError, match="No module named 'nowhere_at_all'"):
-        build.plugin_digests(setting)
+        build.plugin_digests(scenario)

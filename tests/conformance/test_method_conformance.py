@@ -107,7 +107,7 @@ def test_one_method_several_times_with_other_settings():
         "remote",
     ]
     slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
-    setting = small.scenario(entries, **slow)
+    scenario = small.scenario(entries, **slow)
     swapped = small.scenario([entries[1], entries[0]], **slow)
     run = run_in_memory(setting)
     assert [one.name for one in run.methods] == ["genie", "tiny", "strict", "half", "remote"]
@@ -130,7 +130,7 @@ def test_one_method_several_times_with_other_settings():
     assert 0 < hits["half"] < small.FRAMES * 2
     for name in ("genie", "tiny"):
         small.same(
-            *(small.of(name, small.arrow(small.simulated(one))) for one in (setting, swapped))
+            *(small.of(name, small.arrow(small.simulated(one))) for one in (scenario, swapped))
         )
     assert read_scenario(plain_data(setting)).methods == setting.methods
 

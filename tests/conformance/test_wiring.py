@@ -88,7 +88,7 @@ def test_a_topic_that_reaches_nobody_is_one_line(mistake: str, monkeypatch: pyte
 def test_a_method_that_connects_a_car_without_an_edge_is_one_line():
     lonely = small.car(1)
     del lonely["edge"], lonely["link"]
-    setting = small.scenario(["tests.conformance.own:Again"], cars=[lonely, small.car(2)])
+    scenario = small.scenario(["tests.conformance.own:Again"], cars=[lonely, small.car(2)])
     with pytest.raises(UserError, match=r"^again and again: car1 has an uplink, but no edge$"):
         run_in_memory(setting)
 

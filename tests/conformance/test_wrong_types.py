@@ -17,7 +17,7 @@ from tests.conformance.wrong_types import CASES, OWN
 def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
     settings, cls, name, value, message = CASES[case]
     usual = {"methods": ["local"], "perception": {"source": f"{OWN}:Street", "speed_mps": 1.0}}
-    setting = small.scenario(**{**usual, **settings})
+    scenario = small.scenario(**{**usual, **settings})
     monkeypatch.setattr(cls, name, value, raising=False)
     with pytest.raises(UserError) as error:
         run_in_memory(setting)

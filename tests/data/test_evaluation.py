@@ -62,13 +62,13 @@ def test_average_precision_of_a_list_worked_by_hand():
 
 def test_a_second_detection_of_one_object_is_wrong():
     e = judged([frame(car(0.9), car(0.8, label="truck"))], {0: [label()]})
-    assert [one.label is not None for one in e.groups["vehicles"].judged] == [True, False]
+    assert [one.label is not None for one in e.groups["vehicles"].detections] == [True, False]
 
 
 def test_a_detection_belongs_to_the_label_it_overlaps_best():
     shifted = (110.0, 100.0, 210.0, 160.0)
     e = judged([frame(car(0.9, shifted))], {0: [label(track=1), label(shifted, track=2)]})
-    assert e.groups["vehicles"].judged[0].label.track == 2
+    assert e.groups["vehicles"].detections[0].label.track == 2
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_a_detection_belongs_to_the_label_it_overlaps_best():
 )
 def test_what_is_ignored_is_neither_right_nor_wrong(detection, ignored):
     e = judged([frame(detection)], {0: [ignored] if ignored else []})
-    assert e.groups["vehicles"].judged == ()
+    assert e.groups["vehicles"].detections == ()
 
 
 def test_groups_are_judged_apart_and_signs_not_at_all():
@@ -90,8 +90,8 @@ def test_groups_are_judged_apart_and_signs_not_at_all():
     e = judged(
         [frame(car(0.9), car(0.8, label="person"), car(0.7, label="stop sign"))], {0: [person]}
     )
-    assert [one.label for one in e.groups["vehicles"].judged] == [None]
-    assert [one.label for one in e.groups["persons"].judged] == [person]
+    assert [one.label for one in e.groups["vehicles"].detections] == [None]
+    assert [one.label for one in e.groups["persons"].detections] == [person]
 
 
 def test_calibration_error_of_scores_that_say_too_little():

@@ -61,7 +61,7 @@ def street(tmp_path_factory):
 def test_a_drive_becomes_a_trace(street):
     root, weights = street
     steps = []
-    trace = perceived(root, weights, progress=lambda done, total: steps.append((done, total)))
+    trace = perceived(root, weights, progress=lambda done, total, _: steps.append((done, total)))
     assert steps == [(i, 6) for i in range(1, 7)]
     assert trace.name == "kitti_0005"
     assert [(f.camera, f.index) for c in ("02", "03") for f in trace.frames[c]] == [

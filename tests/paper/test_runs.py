@@ -94,7 +94,7 @@ def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(s
 def test_a_run_is_simulated_once_and_judged_under_each_of_its_definitions():
     run = EvaluationRun("1car_homo", 1, BASE, ("genie",), definitions=(USUAL, OTHER))
     outcome = run.simulate()
-    usual, other = (outcome.judged[definitions] for definitions in (USUAL, OTHER))
+    usual, other = (outcome.facts[definitions] for definitions in (USUAL, OTHER))
     different = {fact.metric for fact in usual if repr(usual[fact]) != repr(other[fact])}
     assert different == {"confidence_boost"}
     assert not outcome.tables, "no figure shows it"
@@ -120,7 +120,7 @@ def test_the_number_of_processes_does_not_change_a_number():
         for scenario in ("1car_homo", "2car_hetero")
         for seed in (1, 2)
     ]
-    alone, together = ([repr(one.judged) for one in simulate(runs, n)] for n in (1, 2))
+    alone, together = ([repr(one.facts) for one in simulate(runs, n)] for n in (1, 2))
     assert alone == together
 
 

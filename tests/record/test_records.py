@@ -154,7 +154,7 @@ def some_objects(table: Table, at_once: int = 1) -> Table:
         label = "car" if t_ns % 3 else "bus"
         rows += ("genie", t_ns, f"car{9 - t_ns // 20_000}/genie", 7, label, float(t_ns), -1.0, 0.5)
         if t_ns % at_once == at_once - 1:
-            table.append(rows)
+            table.extend(rows)
             rows = []
     return table
 
@@ -190,7 +190,7 @@ def test_rows_of_other_tables_can_follow_and_leave_the_same_bytes(tmp_path):
     for name, spill in (("here", None), ("spilled", tmp_path / "spilled.partial")):
         joined = Table(OBJECTS, spill)
         for rows in (slice(0, 70_001), slice(70_001, 70_001), slice(70_001, None)):
-            joined.extend(columns.rows(rows))
+            joined.extend_columns(columns.rows(rows))
         assert len(joined) == 150_000
         joined.write(tmp_path / name)
     some_objects(Table(OBJECTS)).write(tmp_path / "in memory")
@@ -202,7 +202,7 @@ def test_rows_of_other_tables_can_follow_and_leave_the_same_bytes(tmp_path):
 def test_what_is_unknown_stays_unknown_where_rows_follow(table, tmp_path):
     table.write(tmp_path / "first")
     joined = Table(table.schema)
-    joined.extend(tables.read(tmp_path / "first", table.schema))
+    joined.extend_columns(tables.read(tmp_path / "first", table.schema))
     joined.write(tmp_path / "second")
     assert (tmp_path / "second").read_bytes() == (tmp_path / "first").read_bytes()
 

@@ -70,9 +70,9 @@ def measured(recordings: Iterable[Iterable[Look]]) -> DetectorLaws:
         for look in looks:
             tracks.look(look, look.header.stamp_ns)
         records += census.records.values()
-    judged = [record for record in records if len(record.looks) >= MIN_LOOKS]
-    real = [record for record in judged if record.found_share() >= REAL_SHARE]
-    false = [record for record in judged if record.found_share() <= FALSE_SHARE]
+    often = [record for record in records if len(record.looks) >= MIN_LOOKS]
+    real = [record for record in often if record.found_share() >= REAL_SHARE]
+    false = [record for record in often if record.found_share() <= FALSE_SHARE]
     vehicles = [record for record in real if record.vehicle]
     others = [record for record in real if not record.vehicle]
     return DetectorLaws(

@@ -374,7 +374,7 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
     KITTI's labels.
     """
     judged = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)
-    wrong = sum(item.label is None for group in judged.groups.values() for item in group.judged)
+    wrong = sum(item.label is None for group in judged.groups.values() for item in group.detections)
     real = wrong / len(trace.frames["02"])
     from_town = 0
     for batch, place in {(frame._batch, frame._place) for frame in town_frames}:
