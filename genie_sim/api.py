@@ -30,7 +30,6 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Progress
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
@@ -280,11 +279,11 @@ def run(
         return _run_seeds(loaded, seeds, label, out=out, jobs=jobs, progress=progress)
     if out is None:
         run = run_folder.run_in_memory(
-            setting, progress, label=label, workers=workers, observer=observer
+            loaded, progress, label=label, workers=workers, observer=observer
         )
     else:
         run = run_folder.run_to_folder(
-            setting, expanded(out), progress, label=label, workers=workers
+            loaded, expanded(out), progress, label=label, workers=workers
         )
     return _one_in_hand(run)
 

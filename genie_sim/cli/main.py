@@ -162,9 +162,9 @@ def run(
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(setting, several, out, jobs=jobs, label=label, output=output)
-    with Progress() as progress:
-        result = run_to_folder(setting, out, progress, output, label=label, workers=workers or 1)
+        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output)
+    with ProgressBar() as progress:
+        result = run_to_folder(loaded, out, progress, output, label=label, workers=workers or 1)
     _show(result, output)
 
 
@@ -340,7 +340,7 @@ def rerun(folder: Path, allow_changed: bool) -> None:
     """Run a result folder again and compare it byte for byte."""
     from genie_sim.runs import folder as run_folder
 
-    with Progress() as progress:
+    with ProgressBar() as progress:
         compared = run_folder.rerun(folder, progress, allow_changed=allow_changed)
     for name, same in compared.items():
         click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding
-from genie_sim.data.source import Frames, FrameSource, Progress
+from genie_sim.data.source import Frames, FrameSource
 
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
-from genie_sim.data.source import Progress
 from genie_sim.record import provenance
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
@@ -190,7 +190,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
+    measured = metrics.compute(methods_of(prepared), columns, custom=prepared.scenario.metrics)
     return Run(
         run_id=run_id,
         facts=prepared.facts,

@@ -6,8 +6,9 @@ from typing import Any
 
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
+from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Drive, Frames, FrameSource, Progress
+from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import build, own_classes
 from genie_sim.runs.build import Prepared
@@ -28,9 +29,9 @@ def prepare(
     """
     checks.check_own_plugins(scenario)
     if scenario.metrics:
-        from genie_sim.analysis.registry import own_metrics
+        from genie_sim.analysis.registry import custom_metrics
 
-        own_metrics(scenario.metrics)
+        custom_metrics(scenario.metrics)
     source: FrameSource = FRAME_SOURCE.make(scenario.perception)
     owner = plugins.own_label("frame source", scenario.perception.name)
     if owner is not None:
@@ -71,13 +72,13 @@ def on_frames(
     for encoding in dict.fromkeys(encodings):
         for car in full.cars:
             if encoding != "raw" and car.edge is not None:
-                drive = frames.encoded(car.name, encoding)
-                if drive is None:
+                sent = frames.encoded(car.name, encoding)
+                if sent is None:
                     raise UserError(
                         f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
                         "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
                     )
-                encoded[encoding, car.name] = drive
+                encoded[encoding, car.name] = sent
     profiles = scenario.profiles if devices is None else devices
     names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     used = {name: profiles[name] for name in dict.fromkeys(names)}

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Protocol
 
 from genie_sim.base.parallel import max_memory_bytes
+from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.monitor import Samples
-from genie_sim.data.source import Progress
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.objects import Objects

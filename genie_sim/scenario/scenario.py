@@ -256,7 +256,7 @@ class Scenario(MethodSettings):
         seen = set()
         for path, link in named:
             key = repr(link), path.endswith("edge_network")
-            if link is not None and key not in seen and not plugins.is_own(link.name):
+            if link is not None and key not in seen and not plugins.is_custom(link.name):
                 seen.add(key)
                 yield path, link
 
@@ -268,7 +268,7 @@ class Scenario(MethodSettings):
                 named += chosen(self.method_settings[entry.name], f"methods[{index}]")
         detector = Choice(str(self.perception.parameters.get("detector")))
         named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
-        return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
+        return [plug_in for plug_in in named if plugins.is_custom(plug_in.choice.name)]
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""

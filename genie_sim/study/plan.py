@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Frames, Progress
+from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs.build import Prepared

@@ -22,7 +22,6 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Progress
 from genie_sim.record import provenance
 from genie_sim.scenario.scenario import Scenario, load_scenario, with_methods
 from genie_sim.study import search_report as report

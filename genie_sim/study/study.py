@@ -15,7 +15,6 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Progress
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page

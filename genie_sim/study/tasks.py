@@ -214,7 +214,7 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
 
 def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[Metric]:
     used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(run_folder.methods_of(prepared), used, own=prepared.scenario.metrics)
+    return metrics.compute(run_folder.methods_of(prepared), used, custom=prepared.scenario.metrics)
 
 
 @functools.lru_cache(maxsize=1)

@@ -68,7 +68,7 @@ def frames(scenario: Scenario) -> pd.DataFrame:
 
 def simulated(scenario: Scenario) -> Tables:
     """Every table of a run of all its methods, by name."""
-    return simulate(prepare(setting))
+    return simulate(prepare(scenario))
 
 
 def _plain(table: Table) -> pd.DataFrame:
@@ -122,8 +122,8 @@ def check_twice_the_same(scenario: Scenario) -> Tables:
 
 def world(scenario: Scenario, place: int = 0) -> tuple[World, Tables]:
     """The world of one of the scenario's methods, ready to run, and the tables that it fills."""
-    prepared, filled = prepare(setting), new_tables()
-    entry = setting.methods[place]
+    prepared, filled = prepare(scenario), new_tables()
+    entry = scenario.methods[place]
     return World(
         build.setup(prepared, entry), build.method(entry), Log(entry.name, filled, scenario.record)
     ), filled

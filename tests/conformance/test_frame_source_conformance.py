@@ -89,8 +89,8 @@ def test_cars_with_cameras_of_their_own():
     alone = small.frames(small.scenario(["remote"])).query("car == 'car1'")
     theirs = rows.query("car == 'car1'")
     assert alone["stamp_ns"].tolist() == theirs["stamp_ns"].tolist(), "car1 does not feel that"
-    written = read_scenario(plain_data(setting))
-    assert written == setting
+    written = read_scenario(plain_data(scenario))
+    assert written == scenario
 
 
 def test_a_recording_that_is_not_there_names_car_and_trace():

@@ -99,7 +99,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
     assert (made.slot_ms, made.slot_bytes) == (1.0, 200_000)
     rows = small.frames(setting).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()
-    assert f"link model {RADIO}" in build.plugin_digests(scenario)
+    assert f"link model {RADIO}" in build.plugin_digests(setting)
     failing = small.scenario(
         ["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)]
     )

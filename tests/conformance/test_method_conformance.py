@@ -109,7 +109,7 @@ def test_one_method_several_times_with_other_settings():
     slow = {"perception": {"source": "tests.conformance.own:Street", "speed_mps": 1.0}}
     scenario = small.scenario(entries, **slow)
     swapped = small.scenario([entries[1], entries[0]], **slow)
-    run = run_in_memory(setting)
+    run = run_in_memory(scenario)
     assert [one.name for one in run.methods] == ["genie", "tiny", "strict", "half", "remote"]
     assert [one.title for one in run.methods] == [
         "Genie (DG)",
@@ -132,7 +132,7 @@ def test_one_method_several_times_with_other_settings():
         small.same(
             *(small.of(name, small.arrow(small.simulated(one))) for one in (scenario, swapped))
         )
-    assert read_scenario(plain_data(setting)).methods == setting.methods
+    assert read_scenario(plain_data(scenario)).methods == scenario.methods
 
 
 def test_each_method_that_is_no_baseline_is_compared_with_each_that_is():

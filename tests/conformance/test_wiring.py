@@ -90,7 +90,7 @@ def test_a_method_that_connects_a_car_without_an_edge_is_one_line():
     del lonely["edge"], lonely["link"]
     scenario = small.scenario(["tests.conformance.own:Again"], cars=[lonely, small.car(2)])
     with pytest.raises(UserError, match=r"^again and again: car1 has an uplink, but no edge$"):
-        run_in_memory(setting)
+        run_in_memory(scenario)
 
 
 def test_a_car_without_an_edge_may_be_left_without_any_node():

@@ -20,7 +20,7 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
     scenario = small.scenario(**{**usual, **settings})
     monkeypatch.setattr(cls, name, value, raising=False)
     with pytest.raises(UserError) as error:
-        run_in_memory(setting)
+        run_in_memory(scenario)
     text = str(error.value)
     assert message in text and f"{OWN}:" in text and "\n" not in text
 

@@ -17,7 +17,7 @@ from genie_sim.worlds.town.objects import TownObject
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
-    from genie_sim.data.source import Progress
+    from genie_sim.base.progress import Progress
     from genie_sim.worlds.town.frames import TownFrame
     from genie_sim.worlds.town.town import Town, TownDrive
 

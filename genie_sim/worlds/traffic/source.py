@@ -14,7 +14,7 @@ from genie_sim.data.source import FrameSource
 from genie_sim.worlds.town.rules import MAX_VIEW_M
 
 if TYPE_CHECKING:
-    from genie_sim.data.source import Progress
+    from genie_sim.base.progress import Progress
     from genie_sim.worlds.traffic.traffic import TrafficDrives
 
 MAX_FRAMES = 100_000_000  # as a town's
