@@ -111,14 +111,14 @@ def test_times_that_are_all_equal_are_fitted():
 
 def test_a_detector_is_measured_into_a_profile(run_cli, tmp_path):
     weights = make_network(tmp_path / "yolox_nano.onnx")
-    arguments = ("profile", "--detector", "yolox_nano", "--weights", str(weights), "--runs", "30")
+    arguments = ("profile", "--detector", "yolox_nano", "--weights", str(weights), "--runs", "20")
     done = run_cli(*arguments, "--out", "device_profiles/here.yaml")
     assert done.returncode == 0, done.stderr
     device = load_profile(tmp_path / "device_profiles" / "here.yaml")
     time = detector_time(device, "yolox_nano")
     assert 100_000 < time.median_ns < 10**10
     assert device.models["yolox_nano"].tag == "M"
-    assert "30 runs of yolox_nano at 640x192" in device.models["yolox_nano"].source
+    assert "20 runs of yolox_nano at 640x192" in device.models["yolox_nano"].source
     assert {device.spreads.isolated.tag, device.spreads.loaded.tag} == {"A"}
     assert run_cli("list", "devices").stdout.splitlines()[0].startswith("agx_orin")
     assert "here " in run_cli("list", "devices").stdout

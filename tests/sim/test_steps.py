@@ -185,13 +185,13 @@ def test_a_peer_answers(passes):
             "cars[0].link=wifi",
         ),
         (
-            "faults=[{fault: outage, target: car1, begin: 1 s, end: 1500 ms}]",
+            "faults=[{fault: outage, target: car1, begin: 500 ms, end: 1 s}]",
             "genie.share_answers=on_request",
         ),
     ],
 )
 def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
-    windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 2} s]" for i in range(3)]
+    windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 1.5} s]" for i in range(3)]
     others = ["methods[11]=paced_remote"]
     run = run_in_memory(load_scenario("baselines", [*others, *windows, *settings]))
     assert {one.name for one in run.methods} == set(METHODS)
