@@ -5,10 +5,10 @@ that it gives to cars. ``sources`` has the shipped ones.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
+from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding, Frame
 
-Progress = Callable[[float, float, str], None]
 Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
 
 
