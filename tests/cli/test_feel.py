@@ -178,12 +178,12 @@ def test_without_a_terminal_there_is_no_bar_and_no_colour(run_process):
 def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setattr(terminal, "LINE_EVERY_S", 0.02)
     monkeypatch.setenv("GENIE_SIM_PROGRESS", "off")
-    with terminal.Progress() as progress:
+    with terminal.ProgressBar() as progress:
         progress(1.5, 90.0, "genie, 400 frames/s")
         time.sleep(0.2)
     assert capsys.readouterr().err == ""
     monkeypatch.delenv("GENIE_SIM_PROGRESS")
-    with terminal.Progress() as progress:
+    with terminal.ProgressBar() as progress:
         progress(1.5, 90.0, "genie, 400 frames/s")
         time.sleep(0.5)
     lines = capsys.readouterr().err.splitlines()

@@ -28,7 +28,7 @@ class FrameSourceConformance:
         return small.scenario(perception=source, cameras=self.cameras, cars=cars, **more)
 
     def test_its_frames_are_in_order_and_complete(self, source: dict[str, Any]):
-        prepared = prepare(self.setting(source))
+        prepared = prepare(self.scenario(source))
         for drive in prepared.drives.values():
             assert drive.name and drive.frames
             for frames in drive.frames.values():
@@ -40,7 +40,7 @@ class FrameSourceConformance:
                     assert all(0 <= one.score <= 1 for one in frame.detections)
 
     def test_it_is_the_same_whenever_it_is_opened(self, source: dict[str, Any]):
-        one, other = (prepare(self.setting(source)) for _ in range(2))
+        one, other = (prepare(self.scenario(source)) for _ in range(2))
         assert dict(one.frames.digests()) == dict(other.frames.digests())
         small.same(*(small.arrow(simulate(prepared)) for prepared in (one, other)))
 
@@ -48,16 +48,16 @@ class FrameSourceConformance:
         small.check_order_is_irrelevant(lambda methods: self.scenario(source, methods=methods))
 
     def test_it_says_whether_a_seed_matters(self, source: dict[str, Any]):
-        one, other = (prepare(self.setting(source, seed=seed)).frames for seed in (1, 2))
+        one, other = (prepare(self.scenario(source, seed=seed)).frames for seed in (1, 2))
         assert (dict(one.digests()) != dict(other.digests())) == one.seeded
 
     def test_where_its_frames_come_from_can_be_written_down(self, source: dict[str, Any]):
-        frames = prepare(self.setting(source)).frames
+        frames = prepare(self.scenario(source)).frames
         assert frames.digests() and all(isinstance(one, str) for one in frames.digests().values())
         json.dumps({name: dict(known) for name, known in frames.provenance().items()})
 
     def test_every_frame_that_a_camera_takes_is_published_once(self, source: dict[str, Any]):
-        prepared = prepare(self.setting(source))
+        prepared = prepare(self.scenario(source))
         found = simulate(prepared)["frames"].to_frame()
         for car, drive in prepared.drives.items():
             begin_ns, end_ns = prepared.scenario.cars[0].route.window_ns or (0, 10**15)

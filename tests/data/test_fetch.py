@@ -103,7 +103,7 @@ def nano(server, monkeypatch):
     server.files["/yolox_nano.onnx"] = CONTENT
 
 
-def quiet(done, total):
+def quiet(done, total, what):
     assert done <= total
 
 
@@ -116,7 +116,7 @@ def link(name):
 def test_a_model_is_fetched_once(server, nano, tmp_path):
     steps = []
     path = fetch.fetch_model(
-        "yolox_nano", tmp_path, lambda done, total: steps.append((done, total))
+        "yolox_nano", tmp_path, lambda done, total, what: steps.append((done, total))
     )
     assert path.read_bytes() == CONTENT
     assert steps[-1] == (len(CONTENT), len(CONTENT))

@@ -96,7 +96,20 @@ def resources():
         ("genie", 4, "car1->edge1", "link", 9000, 100),
     ):
         table.append(
-            (method, (BEGIN_S + second) * S, resource, kind, 1, busy_ms * MS, 0, completed, 0, None)
+            (
+                method,
+                (BEGIN_S + second) * S,
+                resource,
+                kind,
+                1,
+                busy_ms * MS,
+                0,
+                completed,
+                0,
+                None,
+                0,
+                0,
+            )
         )
     return table.columns()
 
