@@ -108,6 +108,10 @@ def test_seeds_give_means_and_each_run(runs):
         gs.run("1car_homo", seed=1, seeds=2)
 
 
+def test_a_comparison_has_figures(runs):
+    assert list(runs.compare().figures)[:2] == ["differences", "latency_cdf"]
+
+
 @pytest.mark.slow
 def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
     settings = {**SHORT, "methods": ["remote", "genie"]}

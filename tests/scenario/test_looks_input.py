@@ -113,7 +113,7 @@ def test_what_only_other_methods_use_is_not_refused():
     assert scenario.method_settings[scenario.methods[0].name].genie.similarity.name == "exact"
 
 
-def test_a_car_without_cameras_asks_a_cache_whose_settings_are_not_refused():
+def test_a_car_without_cameras_has_a_cache_with_settings():
     """What is refused is that the cars of this scenario cannot be told of one another."""
     genie = "algorithm: recommended, similarity: {cell: 2 m}, looks: {told: {gate: 1 m}}"
     with pytest.raises(UserError, match=r"genie\.looks\.told: cars replay recordings"):
