@@ -216,7 +216,7 @@ def test_few_seeds_say_what_they_cannot_decide():
 
 
 def test_what_was_not_run_is_not_testable():
-    verdicts = {verdict.claim.id: verdict for verdict in judge(evidence(object_reuse__car=0.3))}
+    verdicts = {verdict.claim.id: verdict for verdict in judge(evidence(3, object_reuse__car=0.3))}
     assert verdicts["C31"].verdict == "not testable here"
     assert {verdict.verdict for verdict in verdicts.values()} <= set(VERDICTS)
 
