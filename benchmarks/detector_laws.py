@@ -20,7 +20,7 @@ from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.perceive import DriveFrames, perceive
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.version import PACKAGE_FOLDER
 from genie_sim.worlds.town.town import drive_name
 

@@ -46,7 +46,8 @@ from genie_sim.runs import build
 from genie_sim.runs.build import Prepared
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link_models.wire import Wire
 
 REPOSITORY = Path(__file__).resolve().parent.parent

@@ -35,8 +35,9 @@ from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
-from genie_sim.scenario import scenario
-from genie_sim.scenario.scenario import Scenario, with_methods
+from genie_sim.scenario import reading
+from genie_sim.scenario.reading import with_methods
+from genie_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -70,7 +71,7 @@ class Run(results.Run):
     @cached_property
     def scenario(self) -> Scenario:
         """The scenario as it was run."""
-        return scenario.read_scenario(self.facts["scenario"], where=self.name)
+        return reading.read_scenario(self.facts["scenario"], where=self.name)
 
     @cached_property
     def metrics(self) -> "pd.DataFrame":
@@ -590,9 +591,9 @@ def load_scenario(
     overrides = _overrides(settings)
     try:
         if isinstance(source, str | Path):
-            return scenario.load_scenario(source, overrides, seed)
+            return reading.load_scenario(source, overrides, seed)
         data = plain_data(source) if isinstance(source, Scenario) else source
-        return scenario.read_scenario({"name": "scenario", **data}, overrides, seed)
+        return reading.read_scenario({"name": "scenario", **data}, overrides, seed)
     except UserError as error:
         # that is how the command line says it
         raise UserError(str(error).removeprefix("--set ")) from error

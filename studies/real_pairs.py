@@ -30,7 +30,7 @@ from genie_sim.data.truth_table import path_beside, write_truth
 from genie_sim.data.v2v4real import CarRecording
 from genie_sim.paper.facts import Fact, facts_of, placed
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import read_scenario
+from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.yaml_input import dump
 
 OUT = Path("results/studies/real_pairs")

@@ -10,7 +10,8 @@ from typing import Any
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.source import Drive, Frames, FrameSource
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 
 WEST_M, SOUTH_M = -1000.0, 5000.0
 SPEED_MPS = 20.0

@@ -23,7 +23,8 @@ import pandas as pd
 
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
 
 COMMITTED = Path(__file__).with_name("table_digests.json")

@@ -15,7 +15,7 @@ from genie_sim.cli.main import main
 from genie_sim.paper import page as evaluation
 from genie_sim.record import provenance, results
 from genie_sim.runs.folder import run_to_folder
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY, copied
 
 SHORT = ["cars[0].route.window=[0 s, 1 s]", "methods=[local, genie]"]

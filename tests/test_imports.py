@@ -228,7 +228,7 @@ def test_the_command_line_starts_without_heavy_libraries():
 @pytest.mark.process
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
-    assert not set(LATE) & _loaded_by("import genie_sim.scenario.scenario")
+    assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
 
 
 @pytest.mark.process

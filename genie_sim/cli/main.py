@@ -144,7 +144,7 @@ def run(
         raise UserError("--workers: is for one run; with --seeds give --jobs")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
-    from genie_sim.scenario.scenario import load_scenario, with_methods
+    from genie_sim.scenario.reading import load_scenario, with_methods
 
     loaded = load_scenario(scenario, set_, seed)
     if methods is not None:

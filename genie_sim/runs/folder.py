@@ -26,7 +26,8 @@ from genie_sim.runs.build import Prepared
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import Observer, simulate, simulate_with
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.scenario import Scenario, as_yaml, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario, as_yaml
 
 
 def run_to_folder(

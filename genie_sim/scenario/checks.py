@@ -8,7 +8,7 @@ rest is told when a run is prepared: ``check_own_plugins`` once the user's code 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
@@ -22,11 +22,9 @@ from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import MethodEntry, method_class
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import Car, Route, check_unique
-
-if TYPE_CHECKING:
-    from genie_sim.scenario.scenario import Scenario
 
 EDGES = "edges"  # the network between edges, in the names of links
 
@@ -36,7 +34,7 @@ MAX_DAYS = 30
 DAY_NS = 24 * DURATIONS["h"]
 
 
-def check(scenario: "Scenario") -> None:
+def check(scenario: Scenario) -> None:
     """Raises ``SettingError`` unless the settings fit together, and to the files that they name."""
     check_unique("methods", [entry.name for entry in scenario.methods], ".name")
     check_unique("record", scenario.record)
@@ -66,14 +64,14 @@ def check(scenario: "Scenario") -> None:
             _check_model(scenario, index, entry, profile)
 
 
-def _faults(scenario: "Scenario", own: bool = False) -> Iterator[tuple[str, str]]:
+def _faults(scenario: Scenario, own: bool = False) -> Iterator[tuple[str, str]]:
     """What is wrong with the faults: (path, text)."""
     edge_of = {car.name: car.edge for car in scenario.cars}
     edges = [edge.name for edge in scenario.edges]
     return check_faults(scenario.faults, edge_of, edges, own=own)
 
 
-def _check_cars_or_fleet(scenario: "Scenario") -> None:
+def _check_cars_or_fleet(scenario: Scenario) -> None:
     """Somebody drives: cars of their own, or a fleet in a town."""
     source = scenario.source
     is_map = source is not None and source.is_map  # one of the user's own is looked at when open
@@ -94,7 +92,7 @@ def _check_cars_or_fleet(scenario: "Scenario") -> None:
         _check_on_map(scenario)
 
 
-def _check_on_map(scenario: "Scenario") -> None:
+def _check_on_map(scenario: Scenario) -> None:
     """Cars in a town, or on any other map, have no recording to replay."""
     if scenario.origin is not None:
         raise SettingError("origin", "a town is where it is; leave it out")
@@ -112,7 +110,7 @@ def _check_on_map(scenario: "Scenario") -> None:
             raise SettingError(f"{path}.cameras", text)
 
 
-def _check_cars(scenario: "Scenario") -> None:
+def _check_cars(scenario: Scenario) -> None:
     """Names are free, edges exist, and a car without cameras has an edge of its own."""
     edges = {edge.name for edge in scenario.edges}
     check_unique("cars", [car.name for car in scenario.cars], ".name", also=edges)
@@ -126,7 +124,7 @@ def _check_cars(scenario: "Scenario") -> None:
             _check_without_cameras(scenario, index, car)
 
 
-def _check_without_cameras(scenario: "Scenario", index: int, car: Car) -> None:
+def _check_without_cameras(scenario: Scenario, index: int, car: Car) -> None:
     """A car without cameras has an edge without detector, and asks by position."""
     for place, fault in enumerate(scenario.faults):
         if fault.target == car.name and "edge" in fault.fault.parameters:
@@ -148,7 +146,7 @@ def _check_without_cameras(scenario: "Scenario", index: int, car: Car) -> None:
             raise SettingError(f"cars[{index}].cameras", text)
 
 
-def _check_neighbours(scenario: "Scenario") -> None:
+def _check_neighbours(scenario: Scenario) -> None:
     """Neighbours exist and agree: what one edge asks another, that one must be able to answer."""
     neighbours = {edge.name: edge.neighbours for edge in scenario.edges}
     for index, edge in enumerate(scenario.edges):
@@ -165,7 +163,7 @@ def _check_neighbours(scenario: "Scenario") -> None:
         check_unique(f"edges[{index}].neighbours", edge.neighbours or ())
 
 
-def _check_links(scenario: "Scenario") -> None:
+def _check_links(scenario: Scenario) -> None:
     """Edges have places where a link model needs them, and one that needs cars is not between
     edges.
     """
@@ -185,7 +183,7 @@ def _check_links(scenario: "Scenario") -> None:
                     raise SettingError(f"edges[{place}].at", text)
 
 
-def _check_looks(scenario: "Scenario", index: int, entry: MethodEntry) -> None:
+def _check_looks(scenario: Scenario, index: int, entry: MethodEntry) -> None:
     """Edges tell cars of one another only where what one car sees is there for the others, and
     every setting that is given has an effect.
     """
@@ -210,7 +208,7 @@ def _check_looks(scenario: "Scenario", index: int, entry: MethodEntry) -> None:
             raise SettingError(f"cars[{place}].cameras", text)
 
 
-def _check_serving(scenario: "Scenario", index: int, entry: MethodEntry) -> None:
+def _check_serving(scenario: Scenario, index: int, entry: MethodEntry) -> None:
     """As many pictures as a batch takes can wait."""
     settings = scenario.method_settings[entry.name]
     where = f"methods[{index}]." if "serving" in entry.settings else ""
@@ -227,7 +225,7 @@ def _check_serving(scenario: "Scenario", index: int, entry: MethodEntry) -> None
             raise SettingError(f"{path}.batch", text)
 
 
-def _check_traces(scenario: "Scenario") -> None:
+def _check_traces(scenario: Scenario) -> None:
     """The traces that are named exist. What a source of the user's own calls a trace is its own
     business.
     """
@@ -246,7 +244,7 @@ def _check_traces(scenario: "Scenario") -> None:
 
 
 def _check_model(
-    scenario: "Scenario", index: int, entry: MethodEntry, profile: DeviceProfile
+    scenario: Scenario, index: int, entry: MethodEntry, profile: DeviceProfile
 ) -> None:
     """The device runs the method's model, and answers before a request expires."""
     settings = scenario.method_settings[entry.name]
@@ -265,7 +263,7 @@ def _check_model(
         raise SettingError(f"{where}genie.request_expiry", text)
 
 
-def sequence(scenario: "Scenario") -> str | None:
+def sequence(scenario: Scenario) -> str | None:
     """The sequence whose recordings the cars replay, each its own; ``None`` where they are of none.
 
     Raises ``SettingError`` where the recordings would lose their common clock.
@@ -299,7 +297,7 @@ def sequence(scenario: "Scenario") -> str | None:
     return named[0]
 
 
-def profiles(scenario: "Scenario") -> dict[str, DeviceProfile]:
+def profiles(scenario: Scenario) -> dict[str, DeviceProfile]:
     """The profile of every device, by the name or path that the scenario gives it. Raises
     ``SettingError`` with the path where that stands first.
     """
@@ -329,7 +327,7 @@ def _unknown_edge(name: str, edges: Collection[str]) -> str:
     return unknown("edge", name, edges) if edges else f"unknown edge {name!r}; there are no edges"
 
 
-def check_own_plugins(scenario: "Scenario") -> None:
+def check_own_plugins(scenario: Scenario) -> None:
     """Raises ``UserError`` where a class of the user's own does not take the settings that the
     scenario gives it. Imports the classes.
     """
@@ -345,7 +343,7 @@ def check_own_plugins(scenario: "Scenario") -> None:
             raise UserError(f"{where}: {field}: {error.message}") from error
 
 
-def check_time_on_map(scenario: "Scenario", duration_ns: int) -> None:
+def check_time_on_map(scenario: Scenario, duration_ns: int) -> None:
     """Raises ``UserError`` if a car would drive for too long on a map that knows where all are for
     so long.
     """
@@ -354,7 +352,7 @@ def check_time_on_map(scenario: "Scenario", duration_ns: int) -> None:
         check_time(scenario, path, route, duration_ns)
 
 
-def check_time(scenario: "Scenario", path: str, route: Route, recorded_ns: int) -> None:
+def check_time(scenario: Scenario, path: str, route: Route, recorded_ns: int) -> None:
     """Raises ``UserError`` if a car on this route, at ``path``, through a drive so long would take
     frames for too long.
     """
@@ -369,7 +367,7 @@ def check_time(scenario: "Scenario", path: str, route: Route, recorded_ns: int) 
 
 
 def check_driven(
-    scenario: "Scenario", drives: Mapping[str, Drive], features: Mapping[str, str | None]
+    scenario: Scenario, drives: Mapping[str, Drive], features: Mapping[str, str | None]
 ) -> None:
     """Checks a scenario with every car and edge of its fleet.
 
@@ -409,7 +407,7 @@ def check_driven(
                 )
 
 
-def _check_route(scenario: "Scenario", index: int, car: Car, drive: Drive) -> None:
+def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
     """The car's cameras are recorded on its drive, and its window is a part of it."""
     route, cameras = car.route, scenario.cameras_of(car)
     for number, camera in enumerate(cameras):

@@ -1,20 +1,16 @@
 """A scenario: who drives where with which computers, links and readings of the paper.
 
-``load_scenario`` reads a YAML file, applies ``--set`` overrides and checks everything that can be
-known before simulating. In Python names carry units (``start_ns``), in YAML values do (``start: 3
-s``).
+``reading`` reads it from YAML, and ``checks`` has what must hold beyond each setting. In Python
+names carry units (``start_ns``), in YAML values do (``start: 3 s``).
 """
 
-import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from genie_sim import methods
-from genie_sim.base import files, plugins, units
-from genie_sim.base.errors import UserError
+from genie_sim.base import plugins, units
 from genie_sim.base.plugins import Choice
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import (
@@ -35,16 +31,14 @@ from genie_sim.base.settings import (
 from genie_sim.core.rules import ToldRules
 from genie_sim.data.source import FrameSource
 from genie_sim.data.sources import SOURCES
-from genie_sim.methods import METHODS
-from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.methods import METHOD, MethodEntry
-from genie_sim.scenario.overrides import Override, apply_overrides
+from genie_sim.scenario.overrides import Override
 from genie_sim.scenario.power import InterfaceName
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.yaml_input import dump, read_mapping
+from genie_sim.scenario.yaml_input import dump
 from genie_sim.sim.settings import (
     FOUR_CAMERAS,
     Camera,
@@ -279,79 +273,3 @@ def as_yaml(written: Mapping[str, Any]) -> str:
     """A scenario's plain data in YAML, its name and its methods first."""
     first = {key: written[key] for key in ("name", "description", "seed", "methods")}
     return dump({**first, **written})
-
-
-def load_scenario(
-    path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None
-) -> Scenario:
-    """A scenario file, by path or by name, with ``path=value`` overrides. Raises ``UserError``."""
-    path = files.find(files.SCENARIO, path_or_name)
-    data = read_mapping(path)
-    data.setdefault("name", path.stem)
-    return read_scenario(data, overrides, seed, where=str(path))
-
-
-def with_methods(scenario: Scenario, names: Sequence[str], where: str = "methods") -> Scenario:
-    """The scenario with these methods: its own entries by name, else ones by themselves. Raises
-    ``UserError``.
-    """
-    entries: dict[str, MethodEntry] = {entry.name: entry for entry in scenario.methods}
-    for name in names:
-        try:
-            plugins.checked_name("method", name, {**METHODS, **entries})
-        except ValueError as error:
-            raise UserError(f"{where}: {error}") from error
-        if name not in entries:
-            entries[name] = from_plain(MethodEntry, name)
-    try:
-        return _checked(replace(scenario, methods=tuple(entries[name] for name in names)))
-    except SettingError as error:
-        raise UserError(f"{where}: {error.field}: {error.message}") from error
-
-
-def read_scenario(
-    data: Mapping[str, Any],
-    overrides: Sequence[str] = (),
-    seed: int | None = None,
-    where: str = "scenario",
-) -> Scenario:
-    """The scenario in ``data``.
-
-    Parameters
-    ----------
-    data : mapping
-        Plain data as in YAML.
-    overrides : sequence of str
-        Settings to change, as ``path=value``.
-    seed : int, optional
-        A seed in place of the one in ``data``.
-    where : str
-        The file, to begin errors with.
-
-    Raises
-    ------
-    UserError
-        In one line, for the first mistake.
-    """
-    settings = copy.deepcopy(dict(data))
-    origin = Origin(where, tuple(apply_overrides(settings, overrides)))
-    if seed is not None:
-        settings["seed"] = seed
-    try:
-        return _checked(replace(from_plain(Scenario, settings), read_from=origin))
-    except SettingError as error:
-        message = error.message
-        if message.startswith("unknown field"):
-            message = setting_paths.hint(Scenario, error.field, message)
-        parts = (origin.of(error.field), error.field, message)
-        raise UserError(": ".join(part for part in parts if part)) from error
-
-
-def _checked(scenario: Scenario) -> Scenario:
-    """The scenario with what the files that it names say. Raises ``SettingError`` unless the
-    settings fit together, and to these files.
-    """
-    sequence, profiles = checks.sequence(scenario), checks.profiles(scenario)
-    scenario = replace(scenario, sequence=sequence, profiles=profiles)
-    checks.check(scenario)
-    return scenario

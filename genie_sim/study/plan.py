@@ -12,13 +12,8 @@ from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs.build import Prepared
 from genie_sim.runs.prepare import facts, on_frames, prepare
-from genie_sim.scenario.scenario import (
-    FRAME_SOURCE,
-    Scenario,
-    load_scenario,
-    read_scenario,
-    with_methods,
-)
+from genie_sim.scenario.reading import load_scenario, read_scenario, with_methods
+from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, Point
 from genie_sim.study.tasks import PointRun, Shared
 

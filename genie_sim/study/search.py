@@ -23,7 +23,8 @@ from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
-from genie_sim.scenario.scenario import Scenario, load_scenario, with_methods
+from genie_sim.scenario.reading import load_scenario, with_methods
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import search_report as report
 from genie_sim.study.design import Level
 from genie_sim.study.parts import Parts

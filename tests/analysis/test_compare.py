@@ -22,7 +22,7 @@ from genie_sim.record.results import Run
 from genie_sim.report import comparison
 from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_in_memory, run_to_folder
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 WINDOW = "cars[0].route.window=[2 s, 5 s]"
 SLOWER = "edges[0].device=jetson_tx2"

@@ -10,7 +10,7 @@ from genie_sim.analysis.correctness import METRICS, lap_views
 from genie_sim.analysis.metric import measured
 from genie_sim.record.columns import Columns
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 S = 1_000_000_000
 

@@ -13,7 +13,7 @@ from genie_sim.base.plugins import own_code
 from genie_sim.base.settings import plain_data
 from genie_sim.record.results import Run
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """

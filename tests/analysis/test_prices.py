@@ -20,7 +20,7 @@ from genie_sim.runs.prepare import on_frames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.interface import InterfaceUse
 from tests.sim.street import fixed_device, scenario, street
 

@@ -10,7 +10,7 @@ from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric, Run
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ import pytest
 from genie_sim.base import plugins, removed
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import app, main
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.setting_paths import setting_paths
 from genie_sim.study.design import read_design
 

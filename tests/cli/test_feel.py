@@ -115,7 +115,7 @@ def test_the_examples_of_help_are_right():
     """Their commands and options exist and their scenario loads; running them is the README's
     test.
     """
-    from genie_sim.scenario.scenario import load_scenario
+    from genie_sim.scenario.reading import load_scenario
 
     assert (
         load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
@@ -330,7 +330,7 @@ def test_bash_itself_completes(tmp_path):
 def test_every_completed_setting_is_one():
     """Each may be given: the scenario knows it and says nothing of an unknown field."""
     from genie_sim.base.errors import UserError
-    from genie_sim.scenario.scenario import load_scenario
+    from genie_sim.scenario.reading import load_scenario
 
     offered = completed("run", "3car_hetero", "--set", "")
     assert len(offered) > 30

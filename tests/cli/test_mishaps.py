@@ -20,7 +20,7 @@ from genie_sim.base.paths import atomic_write
 from genie_sim.cli.arguments import PATH
 from genie_sim.cli.main import app, main
 from genie_sim.scenario.checks import MAX_DAYS, check_time
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY
 
 SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}

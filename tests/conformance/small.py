@@ -22,7 +22,8 @@ from genie_sim.runs import build
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.world import World
 
 CAMERAS = [

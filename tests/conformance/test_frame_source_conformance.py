@@ -15,7 +15,8 @@ from genie_sim.data.sources import SOURCES
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
 from tests.conformance.frame_sources import FrameSourceConformance
 from tests.conformance.own import Street

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 SETTINGS: dict[str, dict[str, Any]] = {"ttl": {"ttl": "400 ms"}}
 LOST_EDGE = {

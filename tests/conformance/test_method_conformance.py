@@ -14,7 +14,7 @@ from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
-from genie_sim.scenario.scenario import read_scenario
+from genie_sim.scenario.reading import read_scenario
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 from tests.conformance.own import Again, Latest

@@ -15,7 +15,7 @@ from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
 from genie_sim.runs.build import setup
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 SHIPPED = json.loads(
     (resources.files("genie_sim.data") / "detector_laws.json").read_text(encoding="utf-8")

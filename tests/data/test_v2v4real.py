@@ -14,7 +14,7 @@ from genie_sim.data.trace import read_trace
 from genie_sim.data.truth_table import read_truth_table
 from genie_sim.data.v2v4real import DETECTIONS, LABELS, CarRecording, recordings
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from tests.data import made_up_pair as street
 
 NEAR_M = 0.3

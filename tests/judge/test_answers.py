@@ -19,7 +19,8 @@ from genie_sim.record.log import ComparedAnswer, Log
 from genie_sim.record.records import ANSWERS, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.made_up_run import METHODS
 
 SECOND = 1_000_000_000

@@ -39,7 +39,8 @@ from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Table
 from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
-from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.judge.judging import POSE, SECOND, Frame, Step, Street, judged, last, one, thing
 
 Listed = Sequence[tuple[str, float, float]]

@@ -13,7 +13,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import DETECTOR
 from tests.conformance import small
 

@@ -10,7 +10,7 @@ from genie_sim.core.recommended.pacing import Pacer
 from genie_sim.methods.paced_remote import PacedSender
 from genie_sim.record.columns import Columns
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 
 MS = 1_000_000

@@ -16,7 +16,7 @@ from genie_sim.paper.facts import Fact
 from genie_sim.paper.readings import load_reading
 from genie_sim.paper.reproduce import calibrated_settings, check, declared_seeds, runs_of
 from genie_sim.paper.runs import EvaluationRun, simulate
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim import nodes
 
 BASE = calibrated_settings()

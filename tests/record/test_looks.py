@@ -16,7 +16,7 @@ from genie_sim.core.rules import ObjectMapRules
 from genie_sim.record.log import Log
 from genie_sim.record.records import new_tables
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 MS = 1_000_000
 POSE = CameraPose(0.0, 0.0, 1.6, 0.0)

@@ -28,7 +28,8 @@ from genie_sim.data.trace import TraceFrame, read_trace
 from genie_sim.runs import build
 from genie_sim.runs import simulate as simulation
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.ros.conftest import DETECTOR, REPOSITORY, Master, until
 
 NS, MS = 10**9, 10**6

@@ -107,7 +107,7 @@ def test_a_scenario_drives_through_a_bag(tmp_path: Path, capsys: pytest.CaptureF
     """From the bag to a run, as on the command line: three frames are shown and answered."""
     from genie_sim.cli.main import main
     from genie_sim.runs.folder import run_in_memory
-    from genie_sim.scenario.scenario import read_scenario
+    from genie_sim.scenario.reading import read_scenario
 
     bag, trace = street(tmp_path / "street.bag").write(), tmp_path / "street.parquet"
     assert main(["perceive", "--bag", str(bag), "--detections", OBJECTS, "--out", str(trace)]) == 0

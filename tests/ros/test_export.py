@@ -12,7 +12,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.record.results import Run
 from genie_sim.runs.folder import run_in_memory, run_to_folder
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 pytest.importorskip("mcap_ros2", reason="needs mcap-ros2-support: pip install 'genie-sim[ros]'")

@@ -32,7 +32,8 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan

@@ -10,7 +10,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_S
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import read_scenario
+from genie_sim.scenario.reading import read_scenario
 from tests.fleet_maps import on_map
 
 

@@ -14,7 +14,8 @@ from genie_sim.cli.main import main
 from genie_sim.runs.method_processes import MethodJob, Reporter, watched
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate, simulate_with
-from genie_sim.scenario.scenario import RECORDS, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import RECORDS
 from tests.checkout import REPOSITORY
 
 EVERY_TABLE = {

@@ -25,7 +25,7 @@ from genie_sim.cli.main import main
 from genie_sim.methods import METHODS
 from genie_sim.runs import own_classes
 from genie_sim.runs.folder import run_to_folder
-from genie_sim.scenario.scenario import load_scenario, with_methods
+from genie_sim.scenario.reading import load_scenario, with_methods
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 

@@ -7,7 +7,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_S
 from genie_sim.paper.runs import EvaluationRun
-from genie_sim.scenario.scenario import read_scenario
+from genie_sim.scenario.reading import read_scenario
 
 QUADRO, XAVIER = "quadro_rtx_4000", "agx_xavier"
 THREE = {"cars": 3, "device": "jetson_tx2"}

@@ -15,7 +15,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import parse
 from tests.sim.street import drive, street
 

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.runs.build import notes
-from genie_sim.scenario.scenario import load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 
 NO_EFFECT = "has no effect with looks, which keep no answers; leave it out"

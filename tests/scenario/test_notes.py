@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.runs.build import notes
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 RECOMMENDED = "methods=[{name: mine, method: genie, genie: recommended}]"
 OTHER_TIMES = "cars replay recordings at different times, so what one sees is not there for others"

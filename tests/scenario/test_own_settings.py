@@ -10,7 +10,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.scenario.checks import check_own_plugins
 from genie_sim.scenario.methods import METHOD
-from genie_sim.scenario.scenario import Scenario, load_scenario
+from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link_models.presets import LINK
 
 OWN = """\

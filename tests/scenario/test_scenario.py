@@ -29,7 +29,8 @@ from genie_sim.runs import build
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.methods import METHOD
-from genie_sim.scenario.scenario import Scenario, load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
 from genie_sim.sim.link_models import LINK_MODELS

@@ -13,7 +13,8 @@ from genie_sim.core.rules import ToldRules
 from genie_sim.data.trace import Trace, TraceFrame, write_trace
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 
 MS = 1_000_000
 ORIGIN = (49.0, 8.4, 115.0)

@@ -21,7 +21,8 @@ from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs import build as construction
 from genie_sim.runs.prepare import on_frames
 from genie_sim.scenario.profiles import DeviceProfile
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.world import World
 
 FOV_RAD = math.radians(81.4)

@@ -10,7 +10,8 @@ import pytest
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.worlds.town.frames import BATCH_FRAMES, FrameBatch
 
 

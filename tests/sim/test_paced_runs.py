@@ -9,7 +9,7 @@ import pytest
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
 
 S = 1_000_000_000
 RECOMMENDED = {"algorithm": "recommended"}

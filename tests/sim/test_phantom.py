@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.scenario.scenario import load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.sim.cameras import POSITION_BYTES
 from genie_sim.sim.method import OBJECTS
 from genie_sim.sim.nodes import DetectorNode

@@ -17,7 +17,7 @@ from genie_sim.data.trace import TraceFrame
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.profiles import load_profile
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim import world
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host

@@ -17,7 +17,8 @@ from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs.build import device
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import RECORDS, load_scenario
+from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.scenario import RECORDS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor

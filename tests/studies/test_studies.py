@@ -11,7 +11,7 @@ from genie_sim.api import load_scenario
 from genie_sim.data import v2v4real
 from genie_sim.data.v2v4real import recordings
 from genie_sim.paper.facts import Fact, placed
-from genie_sim.scenario import scenario as scenarios
+from genie_sim.scenario import reading as scenarios
 from genie_sim.study.design import load_design
 from genie_sim.study.search_design import load
 from studies import baselines, real_pairs, where_it_pays

@@ -13,7 +13,7 @@ from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 
 pytestmark = pytest.mark.slow
 

@@ -35,7 +35,7 @@ from genie_sim.record.tables import Table
 from genie_sim.runs.build import Prepared
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.study import figures, tables, tasks
 from genie_sim.study.design import load_design
 from genie_sim.study.parts import Parts

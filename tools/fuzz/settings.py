@@ -27,7 +27,7 @@ from genie_sim.report import NAME, write
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import load_scenario
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.study import page as sweep_page
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study, load_design

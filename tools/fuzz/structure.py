@@ -39,7 +39,7 @@ from genie_sim.record import provenance
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import load_scenario, read_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
 from tests.conformance import own, small
 from tests.conformance.wrong_types import CASES
 from tests.data.traces import KARLSRUHE, frame

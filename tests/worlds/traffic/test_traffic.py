@@ -13,7 +13,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.scenario import Scenario, read_scenario
+from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from tests.worlds.traffic.fcd_files import write_fcd
 
 SECONDS = 4
