@@ -16,7 +16,7 @@ import genie_sim as gs
 from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.base.errors import UserError
-from genie_sim.cli.main import main as cli
+from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
 from genie_sim.report import comparison
