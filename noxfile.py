@@ -15,8 +15,9 @@ import nox
 nox.options.sessions = ["lint", "types", "test", "rest"]
 nox.options.reuse_existing_virtualenvs = True
 
-# What python -m pytest leaves out (tests/README.md).
-REST = "(slow or process or browser or ros or data) and not nightly"
+# What python -m pytest leaves out (tests/README.md), in two parts.
+REST = "(slow or browser or data) and not (process or ros or nightly)"
+PROCESSES = "(process or ros) and not nightly"
 
 
 def install(session: nox.Session, *requirements: str) -> None:
@@ -50,9 +51,18 @@ def test(session: nox.Session) -> None:
 def rest(session: nox.Session) -> None:
     """What the fast tests leave out, and the tools, but nothing that takes minutes. What is missing
     on this machine is skipped.
+
+    Tests of processes and networks wait for other programs. Those that fail beside others run once
+    more, alone, and both runs are printed.
     """
     install(session, ".[test]")
     session.run("python", "-m", "pytest", "-m", REST, "--durations=15", *session.posargs)
+    processes = ("python", "-m", "pytest", "-m", PROCESSES, "--durations=15", *session.posargs)
+    try:
+        session.run(*processes)
+    except nox.command.CommandFailed:
+        session.warn("What failed beside other tests runs again, alone.")
+        session.run(*processes, "--last-failed", "-n0")
     session.run("python", "-m", "pytest", "-m", "not nightly", "tools")
 
 

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -155,10 +156,15 @@ def test_continuous_integration_runs_the_tests_as_the_readme_says():
     assert re.findall(r"^ *task (\w+)", done, re.MULTILINE) == ["rest"]
 
 
-def test_the_rest_is_all_that_the_fast_tier_leaves_out_but_nightly():
+def test_every_test_runs_once_but_for_nightly_ones():
+    """With any of the tiers' marks a test is one of the fast ones, of the rest, or of processes."""
     tasks = (REPOSITORY / "noxfile.py").read_text(encoding="utf-8")
-    fast = tiers.FAST.removeprefix("not ")
-    assert f'REST = "{fast.replace(" or nightly", "")} and not nightly"' in tasks
+    runs = [tiers.FAST, *re.findall(r'^(?:REST|PROCESSES) = "(.*)"$', tasks, re.MULTILINE)]
+    names = re.findall(r"\w+", tiers.FAST.removeprefix("not ").replace(" or ", " "))
+    for marks in product((False, True), repeat=len(names)):
+        marked = dict(zip(names, marks, strict=True))
+        times = sum(eval(run, {}, marked) for run in runs)
+        assert times == (not marked["nightly"]), marked
     options = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     assert tiers.FAST in options["tool"]["pytest"]["ini_options"]["addopts"]
 
