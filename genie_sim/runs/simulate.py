@@ -26,7 +26,6 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
-from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 
@@ -136,12 +135,16 @@ def simulate_method(
         samples = "none"
     setup = build.setup(prepared, entry)
     accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
+    answers = None
+    if "answers" in scenario.record:
+        objects = Objects() if accuracy is None else accuracy.objects
+        answers = Agreement(entry.name, tables["answers"], objects)
     log = Log(
         entry.name,
         tables,
         record=scenario.record,
         samples=samples,
-        answers=answers_of(scenario, entry.name, tables, accuracy),
+        answers=answers,
         accuracy=accuracy,
         posed=driven,
     )
@@ -230,18 +233,6 @@ def accuracy_of(
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.scenario.judged == "all",
     )
-
-
-def answers_of(
-    scenario: Scenario, method: str, tables: Tables, accuracy: MapAccuracy | None
-) -> Agreement | None:
-    """Returns what compares the answers of one method with the detector's, if the scenario wants
-    it.
-    """
-    if "answers" not in scenario.record:
-        return None
-    objects = Objects() if accuracy is None else accuracy.objects
-    return Agreement(method, tables["answers"], objects)
 
 
 @contextmanager
