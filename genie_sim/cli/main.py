@@ -144,12 +144,10 @@ def run(
         raise UserError("--workers: is for one run; with --seeds give --jobs")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
-    from genie_sim.scenario.reading import load_scenario, with_methods
+    from genie_sim.scenario.reading import load_scenario
 
-    loaded = load_scenario(scenario, set_, seed)
-    if methods is not None:
-        names = arguments.listed("--methods", methods)
-        loaded = with_methods(loaded, names, f"--methods {methods}")
+    names = arguments.listed("--methods", methods)
+    loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
