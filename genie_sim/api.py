@@ -64,7 +64,7 @@ Settings = Mapping[str, Any] | Sequence[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(results.Run):
-    """A finished run in hand: its tables (see ``recording.results.Run``), metrics, figures and
+    """A finished run in hand: its tables (see ``record.results.Run``), metrics, figures and
     page.
     """
 

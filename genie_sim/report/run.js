@@ -118,7 +118,7 @@ function showAccuracy() {
   });
   intervalChart(byId("accuracy"), { title: "Accuracy versus latency", series, x: { log: true, label: `${metricTitle("first_answer_mean")} [ms], logarithmic`, read: (value) => asText(value, "ms") },
     y: { label: metricTitle(name), most: 1, format: percent, read: percent, levels: bound ? [{ y: bound, label: DATA.zero_delay.title }] : [] },
-    note: `${infoOf(name).meaning}${streaming ? "" : " 'genie-sim truth' adds the truth of a labelled drive."} Up and to the left is better.` });
+    note: `${infoOf(name).meaning}${streaming ? "" : " 'genie-sim import truth' adds the truth of a labelled drive."} Up and to the left is better.` });
 }
 
 function showLatency() {

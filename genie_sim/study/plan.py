@@ -11,7 +11,7 @@ from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import facts, on_frames, prepare
+from genie_sim.runs.prepare import facts, prepare, prepare_with_frames
 from genie_sim.scenario.reading import load_scenario, read_scenario, with_methods
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, Point
@@ -156,7 +156,7 @@ class SharedFrames:
             {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
         )
         known = self._known.get(needs)
-        prepared = prepare(scenario) if known is None else on_frames(scenario, known)
+        prepared = prepare(scenario) if known is None else prepare_with_frames(scenario, known)
         if not prepared.frames.seeded:
             self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
         return prepared
