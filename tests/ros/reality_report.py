@@ -220,23 +220,11 @@ def page(series: Series, links: list[Transfer] | str) -> str:
 
 def link_section(transfers: list[Transfer]) -> str:
     """What the page says of the link."""
-    rows = []
-    for transfer in transfers:
-        count = f"{transfer.count} x " if transfer.count > 1 else ""
-        cells = (
-            f"{transfer.rate_mbps} Mbit/s",
-            f"{count}{transfer.size_bytes / 1e3:,.1f} kB",
-            f"{transfer.real_ms:.2f} ms",
-            f"{min(transfer.all_real_ms):.2f} to {max(transfer.all_real_ms):.2f} ms",
-            f"{transfer.simulated_ms:.2f} ms",
-            f"{transfer.off:+.1%}",
-        )
-        rows.append(f"| {' | '.join(cells)} |\n")
     values = {
         "overhead_bytes": reality_link.TBF_OVERHEAD_BYTES,
         "repeated": reality_link.REPEATED,
-        "largest": max(abs(transfer.off) for transfer in transfers),
-        "transfers": "".join(rows),
+        "rates": ", ".join(str(one) for one in sorted({one.rate_mbps for one in transfers})),
+        "largest": max(abs(one.off) for one in transfers),
     }
     return (HERE / "reality_page_link.md").read_text(encoding="utf-8").format(**values)
 
