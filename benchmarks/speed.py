@@ -14,11 +14,9 @@ ratios within them.
 from __future__ import annotations
 
 import argparse
-import cProfile
 import gc
 import os
 import platform
-import pstats
 import subprocess
 import sys
 import tempfile
@@ -415,41 +413,6 @@ def growth(sizes: Sizes) -> Block:
     return table(header, rows, left=0)
 
 
-# Where the time goes
-
-
-def shares() -> Block:
-    """Which parts of the code the first lap of ``3car_hetero`` spends its time in, with all tables.
-    A built-in function counts as a part of those that call it.
-    """
-    profiler = cProfile.Profile()
-    profiler.runcall(simulate, prepare(laps("genie", 1)))
-    of_part: dict[str, float] = defaultdict(float)
-    timed: Mapping[Any, Any] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
-    for place, (_, _, own_s, _, callers) in timed.items():
-        if place[0] == "~":
-            for caller, (_, _, its_s, _) in callers.items():
-                of_part[part(caller[0])] += its_s
-        else:
-            of_part[part(place[0])] += own_s
-    whole_s = sum(of_part.values())
-    rows = [(name, f"{own_s / whole_s:.0%}") for name, own_s in of_part.items()]
-    rows = sorted(rows, key=lambda row: -of_part[row[0]])
-    return table(("part", "share of the time"), [row for row in rows if row[1] != "0%"])
-
-
-def part(file: str) -> str:
-    """``genie_sim.core`` or ``simpy``: the package, and of the project's own the room."""
-    parts = Path(file).parts
-    if "genie_sim" in parts:
-        place = len(parts) - parts[::-1].index("genie_sim")
-        inner = parts[place : place + 1] if len(parts) > place + 1 else ()
-        return f"`{'.'.join(('genie_sim', *inner))}`"
-    if "site-packages" in parts:
-        return f"`{parts[parts.index('site-packages') + 1]}`"
-    return "Python's library"
-
-
 # The page
 
 
@@ -500,7 +463,6 @@ def measure(
     yield "frames", costs(sizes)
     yield "peers", like_for_like(sizes, peers_python)
     yield "growth", growth(sizes)
-    yield "shares", shares()
     yield "machine", about(command)
 
 

@@ -99,13 +99,6 @@ def test_a_command_is_measured_as_a_whole():
         speed.genie_sim("bogus")
 
 
-def test_parts_are_named_as_the_page_explains_them():
-    assert speed.part("/home/genie_sim/x/genie_sim/core/node.py") == "`genie_sim.core`"
-    assert speed.part("/home/genie_sim/api.py") == "`genie_sim`"
-    assert speed.part("/v/lib/python3.11/site-packages/simpy/core.py") == "`simpy`"
-    assert speed.part("/usr/lib/python3.11/heapq.py") == "Python's library"
-
-
 def test_a_page_without_a_place_for_a_table_is_refused():
     assert speed_page.filled(
         "a\n<!-- measured: x -->\nold\n<!-- end -->\nb", "x", "new", "p.md"
