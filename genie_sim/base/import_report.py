@@ -14,7 +14,7 @@ MAX_LINES = 10
 MAX_NAMED = 6  # of labels, ranges and ways in one line
 FASTEST_MPS = 100.0  # no car; what goes faster from one step to the next has other units
 SLOWEST_MPS = 0.002  # what moves at all is faster; degrees taken for metres are not
-FAST_SHARE = 0.01  # of the steps may be faster: a fix that jumps
+FAST_SHARE, FEW_STEPS = 0.01, 3  # of the steps may be faster: a fix that jumps
 LONG_GAP_S = 1.0
 DROPPED_SHARE = 0.5  # what loses more has another content than it claims
 
@@ -37,11 +37,11 @@ class _Way(NamedTuple):
 
 class ImportReport:
     """The report of one import of ``path``. ``accept``: what cannot be is told as a warning, not
-    refused.
+    refused; ``option`` is how a user says so.
     """
 
-    def __init__(self, path: object, accept: bool = False) -> None:
-        self.path, self.accept = path, accept
+    def __init__(self, path: object, accept: bool = False, option: str = "--accept") -> None:
+        self.path, self.accept, self.option = path, accept, option
         self.counts: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
         self.unused: Counter[str] = Counter()
@@ -84,7 +84,7 @@ class ImportReport:
     def refuse(self, text: str, path: object = None) -> None:
         """Something in a file cannot be. Raises UserError, unless it is accepted."""
         if not self.accept:
-            raise UserError(f"{path or self.path}: {text}; --accept reads it all the same")
+            raise UserError(f"{path or self.path}: {text}; {self.option} reads it all the same")
         self.warn(text)
 
     def dropped(self, what: str, kept: int, of: int, why: str) -> None:
@@ -111,27 +111,26 @@ class ImportReport:
         passed_s, steps_m = np.diff(t_s), np.hypot(*np.diff(at_m[:, :2], axis=0).T)
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = np.where(passed_s > 0, steps_m / passed_s, np.where(steps_m > 0, np.inf, 0.0))
-        fast = int((speeds > FASTEST_MPS).sum())
-        way = _Way(
-            len(t_s),
-            float(t_s[-1] - t_s[0]),
-            float(steps_m.sum()),
-            float(speeds.max()),
-        )
+        way = _Way(len(t_s), float(t_s[-1] - t_s[0]), float(steps_m.sum()), float(speeds.max()))
         self._ways[name] = way
-        if fast > FAST_SHARE * len(speeds):
-            self.refuse(
-                f"{name}: {fast:,} of {len(speeds):,} steps are faster than {FASTEST_MPS:g} m/s, "
-                f"up to {way.top_mps:.3g} m/s: are places in metres and times in seconds?"
-            )
-        elif fast:
-            self.warn(f"{name}: {fast:,} steps are faster than {FASTEST_MPS:g} m/s")
-        if 0 < way.top_mps < SLOWEST_MPS and way.duration_s > LONG_GAP_S:
-            self.refuse(
-                f"{name}: moves, but never faster than {way.top_mps:.2g} m/s: are places in "
-                "degrees? They must be in metres"
-            )
+        self.speeds(name, speeds, float(t_s[-1] - t_s[0]))
         self.gaps(name, t_s.tolist())
+
+    def speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
+        """The speeds from step to step. Raises UserError where they are none of a car."""
+        top_mps, steps = float(speeds_mps.max(initial=0.0)), len(speeds_mps)
+        fast = int((speeds_mps > FASTEST_MPS).sum())
+        told = f"{name}: {fast:,} of {steps:,} steps are faster than {FASTEST_MPS:g} m/s, up to "
+        told += f"{top_mps:.3g} m/s"
+        if fast > max(FAST_SHARE * steps, FEW_STEPS):
+            self.refuse(f"{told}: are places in metres and times in seconds?")
+        elif fast:
+            self.warn(told)
+        if 0 < top_mps < SLOWEST_MPS and duration_s > LONG_GAP_S:
+            self.refuse(
+                f"{name}: nothing moves faster than {top_mps:.2g} m/s: are places in degrees? They "
+                "must be in metres"
+            )
 
     def lines(self) -> list[str]:
         """The report, in at most ten lines."""
@@ -143,7 +142,7 @@ class ImportReport:
             ),
             "chosen": "; ".join(self.chosen[:MAX_NAMED]),
             "ranges": _listed(
-                f"{what} {low:,.6g} to {high:,.6g} {unit}".rstrip()
+                f"{what} {_plain(low)} to {_plain(high)} {unit}".rstrip()
                 for what, (low, high, unit) in self._ranges.items()
             ),
             "ways": _listed((f"{name}: {way}" for name, way in self._ways.items()), "; "),
@@ -186,6 +185,11 @@ def class_map(option: str, pairs: Iterable[str], classes: Collection[str]) -> di
             raise UserError(f"{option} {label}: {unknown('class', name.strip(), classes)}")
         chosen[label.strip()] = name.strip()
     return chosen
+
+
+def _plain(value: float) -> str:
+    """Four digits, or all before the point."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def _listed(texts: Iterable[str], mark: str = ", ") -> str:
