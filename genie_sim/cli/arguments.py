@@ -77,7 +77,7 @@ accept_option = click.option(  # of every command that reads files of others
 )
 map_option = click.option(
     "--map",
-    "labels",
+    "classes",
     multiple=True,
     metavar="LABEL=CLASS",
     help="Take a label of the file for a class, such as pedestrian=person, or =none.",

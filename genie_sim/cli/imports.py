@@ -36,7 +36,7 @@ def import_tables(
     size: str,
     range_: str,
     origin: str | None,
-    labels: tuple[str, ...],
+    classes: tuple[str, ...],
     accept: bool,
 ) -> None:
     """Turn tables of poses and detections into traces.
@@ -54,10 +54,10 @@ def import_tables(
     size_bytes = arguments.quantity("--size", size, units.size_bytes)
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.core.classes import ROAD_LABELS
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import pose_import
 
-    classes = class_map("--map", labels, [*ROAD_LABELS, pose_import.NO_CLASS])
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
     sensor = pose_import.Sensor(fov_rad, size_bytes, range_m)
     recordings = pose_import.import_recordings(
@@ -66,7 +66,7 @@ def import_tables(
         truth,
         sensor=sensor,
         origin=place or pose_import.ORIGIN,
-        classes=classes,
+        classes=of_labels,
         report=report,
     )
     for line in pose_import.write_recordings(out, recordings):

@@ -2,7 +2,6 @@
 parsed.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -11,15 +10,13 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
-from genie_sim.cli.arguments import MAX_COUNT, PATH
-from genie_sim.cli.terminal import ProgressBar
+from genie_sim.cli.arguments import MAX_COUNT, PATH, accept_option, map_option
+from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
 
 if TYPE_CHECKING:
-    from genie_sim.core.geometry import Geodetic
-    from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.trace import Trace
 
 
@@ -31,6 +28,11 @@ if TYPE_CHECKING:
     "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
 )
 @click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
+@click.option("--imu", metavar="TOPIC", help="Of the bag's IMUs this one.")
+@click.option("--fix", metavar="TOPIC", help="Of the bag's positions these.")
+@click.option("--lidar", metavar="TOPIC", help="Of the bag's lidars this one.")
+@map_option
+@accept_option
 @click.option(
     "--format",
     "data_set",
@@ -89,6 +91,11 @@ def perceive(
     partner: int | None,
     topics: tuple[str, ...],
     detections: str | None,
+    imu: str | None,
+    fix: str | None,
+    lidar: str | None,
+    classes: tuple[str, ...],
+    accept: bool,
     out: Path | None,
     kitti: Path | None,
     cameras: str,
@@ -118,6 +125,8 @@ def perceive(
             )
         _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
         return
+    if bag is None and (imu, fix, lidar) != (None, None, None):
+        raise UserError("perceive: --imu, --fix and --lidar go with --bag only")
     for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
         if value is not None:
             raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
@@ -142,8 +151,31 @@ def perceive(
         batch=batch,
         encoding=encoding,
     )
+    from genie_sim.base.import_report import ImportReport, class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
+
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     if bag is not None:
-        _write(out, _of_bag(bag, topics, detections, settings=settings, world=world))
+        from genie_sim.ros.bags import BagTopics, perceive_bag
+
+        if batch != 1:
+            raise UserError("perceive: --batch: a bag's pictures go one at a time")
+        report = ImportReport(bag, accept)
+        with ProgressBar(unit="frames") as progress:
+            trace = perceive_bag(
+                bag,
+                detector=None if detections else settings.opened(),
+                cameras=topics,
+                detections=detections,
+                origin=world,
+                min_score=min_score,
+                progress=progress,
+                sensors=BagTopics(imu, fix, lidar),
+                classes=of_labels,
+                report=report,
+            ).at_least(min_score)
+        _write(out, trace)
+        tell(report)
         return
     assert drive is not None
     if evaluate:  # weak detections count for average precision; they need no place
@@ -203,41 +235,6 @@ def _of_pair(
         f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
         f"{about['partner']}"
     )
-
-
-def _of_bag(
-    bag: Path,
-    topics: Sequence[str],
-    detections: str | None,
-    *,
-    settings: "DetectorSettings",
-    world: "Geodetic | None",
-) -> "Trace":
-    """The trace of a bag, by a detector or by the bag's own detections.
-
-    Parameters
-    ----------
-    bag : the file or folder
-    topics : of its images; none: all
-    detections : the topic of the bag's own detections, or ``None``
-    settings : of the detector
-    world : the origin, latitude [deg], longitude [deg], altitude [m]; ``None``: the bag's first fix
-    """
-    from genie_sim.ros.bags import perceive_bag
-
-    if settings.batch != 1:
-        raise UserError("perceive: --batch: a bag's pictures go one at a time")
-    with ProgressBar(unit="frames") as progress:
-        trace = perceive_bag(
-            bag,
-            detector=None if detections else settings.opened(),
-            cameras=topics,
-            detections=detections,
-            origin=world,
-            min_score=settings.min_score,
-            progress=progress,
-        )
-        return trace.at_least(settings.min_score)
 
 
 def _write(out: Path | None, trace: "Trace") -> None:

@@ -22,7 +22,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
 from genie_sim.base.tables import FileColumn, read_rows
 from genie_sim.base.units import NS_PER_S, NS_PER_US
-from genie_sim.core.classes import CANONICAL, MOVING_MPS, ROAD_LABELS
+from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
@@ -47,7 +47,6 @@ SAME_TIME_S = 0.0005  # what differs by less is one instant
 MAX_TIME_S = 1e11
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 BEYOND_M = 10.0  # the truth is told so much beyond the range, for what is held a little off
-NO_CLASS = "none"  # of a label whose objects are left out
 DRIVES_MPS = 1.0  # what is faster has a course
 ASKEW_RAD = math.radians(45.0)  # a sensor that looks farther away from it is worth a word
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
