@@ -113,6 +113,8 @@ def perceive(
     encoding: Encoding,
 ) -> None:
     """Run a detector over a drive, a bag or a data set; write traces."""
+    from genie_sim.base.import_report import ImportReport, class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import perceive as perception
     from genie_sim.data.detector import DetectorSettings
 
@@ -141,6 +143,7 @@ def perceive(
     if bag is not None and evaluate:
         raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
     world = arguments.geodetic("--origin", origin)
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     settings = DetectorSettings(
         name=detector,
         weights=weights,
@@ -150,11 +153,8 @@ def perceive(
         threads=threads,
         batch=batch,
         encoding=encoding,
+        classes=of_labels,
     )
-    from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
-
-    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     if bag is not None:
         from genie_sim.ros.bags import BagTopics, perceive_bag
 
@@ -182,13 +182,15 @@ def perceive(
         lowest = min(min_score, perception.LOWEST_SCORE)
         settings = replace(settings, min_score=lowest, place_from=min_score)
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    report = ImportReport(root, accept)
     selection = perception.DriveFrames(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with ProgressBar(unit="frames") as progress:
-        whole = perception.perceive(root, selection, settings, progress=progress)
+        whole = perception.perceive(root, selection, settings, progress=progress, report=report)
     trace = whole.at_least(min_score)
     _write(out, trace)
+    tell(report)
     if evaluate:
         from genie_sim.data import evaluation, truth
 

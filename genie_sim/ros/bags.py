@@ -29,6 +29,7 @@ from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
 from genie_sim.data.placement import HALF_DEPTH_M, Placement
 from genie_sim.data.trace import Trace, TraceFrame, checked, detection, trace_frame
+from genie_sim.data.trace_report import tell_frames, tell_network
 from genie_sim.ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim.ros.surroundings import (
     FIX,
@@ -170,7 +171,8 @@ def perceive_bag(
             f"{perception.when(around)}"
         )
     by_camera = _numbered(path, frames, report)
-    _tell_way(by_camera, report)
+    tell_network(report, detector)
+    tell_frames(report, by_camera)
     detected_by: dict[str, Any] = {"detector": detections}
     if detector is not None:
         detected_by = {"detector": detector.name, "weights_sha256": detector.sha256}
@@ -552,20 +554,11 @@ def _numbered(
             report.warn(f"{camera}: {early:,} images are earlier than the one before: sorted")
         by_stamp = {frame.stamp_ns: frame for frame in of_camera}
         report.dropped("images", len(by_stamp), len(of_camera), "the stamp of another")
-        report.read(f"images of {camera}", len(by_stamp))
         numbered += [
             replace(by_stamp[stamp_ns], index=index, stamp_ns=stamp_ns - first_ns)
             for index, stamp_ns in enumerate(sorted(by_stamp))
         ]
     return checked(path, numbered)
-
-
-def _tell_way(by_camera: Mapping[str, Sequence[TraceFrame]], report: ImportReport) -> None:
-    """The way of each camera, for the report. Raises UserError where it goes too fast."""
-    for camera, frames in by_camera.items():
-        times_s = [frame.stamp_ns / NS_PER_S for frame in frames]
-        report.way(camera, times_s, [frame.pose[:2] for frame in frames])
-        report.span("width", {frame.width for frame in frames}, "px")
 
 
 def _digest(path: Path) -> str:
