@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +72,16 @@ own_code_option = click.option(  # of every command that reads result folders
 )
 
 
+accept_option = click.option(  # of every command that reads files of others
+    "--accept", is_flag=True, help="Read what cannot be right all the same; the report says so."
+)
+map_option = click.option(
+    "--map",
+    "classes",
+    multiple=True,
+    metavar="LABEL=CLASS",
+    help="Take a label of the file for a class, such as pedestrian=person, or =none.",
+)
 changed_option = click.option(  # of every command that reads result folders
     "--allow-changed",
     is_flag=True,
@@ -114,6 +125,17 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
             f"{option}: {short_repr(text)}: altitude {altitude_m} must be a number of metres"
         )
     return latitude, longitude, altitude_m
+
+
+def quantity(option: str, text: str, read: Callable[[object], Any]) -> Any:
+    """What is written with a unit and must be more than zero. Raises ``UserError``."""
+    try:
+        value = read(text)
+    except ValueError as error:
+        raise UserError(f"{option}: {error}") from error
+    if value <= 0:
+        raise UserError(f"{option}: must be more than zero, but is {text}")
+    return value
 
 
 def listed(option: str, text: str | None) -> list[str]:

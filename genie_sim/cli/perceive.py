@@ -2,7 +2,6 @@
 parsed.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -11,15 +10,13 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
-from genie_sim.cli.arguments import MAX_COUNT, PATH
-from genie_sim.cli.terminal import ProgressBar
+from genie_sim.cli.arguments import MAX_COUNT, PATH, accept_option, map_option
+from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
 
 if TYPE_CHECKING:
-    from genie_sim.core.geometry import Geodetic
-    from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.trace import Trace
 
 
@@ -31,6 +28,11 @@ if TYPE_CHECKING:
     "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
 )
 @click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
+@click.option("--imu", metavar="TOPIC", help="Of the bag's IMUs this one.")
+@click.option("--fix", metavar="TOPIC", help="Of the bag's positions these.")
+@click.option("--lidar", metavar="TOPIC", help="Of the bag's lidars this one.")
+@map_option
+@accept_option
 @click.option(
     "--format",
     "data_set",
@@ -89,6 +91,11 @@ def perceive(
     partner: int | None,
     topics: tuple[str, ...],
     detections: str | None,
+    imu: str | None,
+    fix: str | None,
+    lidar: str | None,
+    classes: tuple[str, ...],
+    accept: bool,
     out: Path | None,
     kitti: Path | None,
     cameras: str,
@@ -106,6 +113,8 @@ def perceive(
     encoding: Encoding,
 ) -> None:
     """Run a detector over a drive, a bag or a data set; write traces."""
+    from genie_sim.base.import_report import ImportReport, class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import perceive as perception
     from genie_sim.data.detector import DetectorSettings
 
@@ -118,6 +127,8 @@ def perceive(
             )
         _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
         return
+    if bag is None and (imu, fix, lidar) != (None, None, None):
+        raise UserError("perceive: --imu, --fix and --lidar go with --bag only")
     for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
         if value is not None:
             raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
@@ -132,6 +143,7 @@ def perceive(
     if bag is not None and evaluate:
         raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
     world = arguments.geodetic("--origin", origin)
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     settings = DetectorSettings(
         name=detector,
         weights=weights,
@@ -141,22 +153,44 @@ def perceive(
         threads=threads,
         batch=batch,
         encoding=encoding,
+        classes=of_labels,
     )
     if bag is not None:
-        _write(out, _of_bag(bag, topics, detections, settings=settings, world=world))
+        from genie_sim.ros.bags import BagTopics, perceive_bag
+
+        if batch != 1:
+            raise UserError("perceive: --batch: a bag's pictures go one at a time")
+        report = ImportReport(bag, accept)
+        with ProgressBar(unit="frames") as progress:
+            trace = perceive_bag(
+                bag,
+                detector=None if detections else settings.opened(),
+                cameras=topics,
+                detections=detections,
+                origin=world,
+                min_score=min_score,
+                progress=progress,
+                sensors=BagTopics(imu, fix, lidar),
+                classes=of_labels,
+                report=report,
+            ).at_least(min_score)
+        _write(out, trace)
+        tell(report)
         return
     assert drive is not None
     if evaluate:  # weak detections count for average precision; they need no place
         lowest = min(min_score, perception.LOWEST_SCORE)
         settings = replace(settings, min_score=lowest, place_from=min_score)
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    report = ImportReport(root, accept)
     selection = perception.DriveFrames(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with ProgressBar(unit="frames") as progress:
-        whole = perception.perceive(root, selection, settings, progress=progress)
+        whole = perception.perceive(root, selection, settings, progress=progress, report=report)
     trace = whole.at_least(min_score)
     _write(out, trace)
+    tell(report)
     if evaluate:
         from genie_sim.data import evaluation, truth
 
@@ -203,41 +237,6 @@ def _of_pair(
         f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
         f"{about['partner']}"
     )
-
-
-def _of_bag(
-    bag: Path,
-    topics: Sequence[str],
-    detections: str | None,
-    *,
-    settings: "DetectorSettings",
-    world: "Geodetic | None",
-) -> "Trace":
-    """The trace of a bag, by a detector or by the bag's own detections.
-
-    Parameters
-    ----------
-    bag : the file or folder
-    topics : of its images; none: all
-    detections : the topic of the bag's own detections, or ``None``
-    settings : of the detector
-    world : the origin, latitude [deg], longitude [deg], altitude [m]; ``None``: the bag's first fix
-    """
-    from genie_sim.ros.bags import perceive_bag
-
-    if settings.batch != 1:
-        raise UserError("perceive: --batch: a bag's pictures go one at a time")
-    with ProgressBar(unit="frames") as progress:
-        trace = perceive_bag(
-            bag,
-            detector=None if detections else settings.opened(),
-            cameras=topics,
-            detections=detections,
-            origin=world,
-            min_score=settings.min_score,
-            progress=progress,
-        )
-        return trace.at_least(settings.min_score)
 
 
 def _write(out: Path | None, trace: "Trace") -> None:

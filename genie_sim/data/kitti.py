@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.data.files import matrices, within
@@ -28,6 +29,7 @@ log = logging.getLogger(__name__)
 CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 TRACKLETS = "tracklet_labels.xml"
+SAME_SHAPE = 0.02  # width by height may differ by this share
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
@@ -40,12 +42,14 @@ ATTRIBUTION = (
 @dataclass(frozen=True, slots=True)
 class SensorCalibration:
     """Where the sensors of a day's drives are mounted (4x4 transforms), and the 3x3 intrinsics of
-    the rectified cameras, by camera.
+    the rectified cameras, by camera. ``sizes``: the width and height [px] of their pictures, where
+    the calibration tells.
     """
 
     velo_SE3_imu: Array
     camera_SE3_velo: Mapping[str, Array]
     intrinsics: Mapping[str, Array]
+    sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,7 @@ class CameraFrame:
     """One picture on disk: its frame number, its camera's own time stamp, and where the camera was.
 
     ``stamp_ns`` is Unix time as KITTI's file gives it. ``intrinsics`` is the 3x3 matrix of the
-    rectified camera.
+    rectified camera, for pictures of ``size`` (width, height; ``None``: whatever they have).
     """
 
     camera: str
@@ -62,6 +66,22 @@ class CameraFrame:
     image_path: Path
     world_SE3_camera: Array
     intrinsics: Array
+    size: tuple[int, int] | None = None
+
+    def intrinsics_of(self, size: tuple[int, int]) -> Array:
+        """The matrix for a picture of this width and height, which somebody may have made smaller.
+        Raises UserError for one of another shape.
+        """
+        if self.size is None or size == self.size:
+            return self.intrinsics
+        scale = np.array([size[0] / self.size[0], size[1] / self.size[1]])
+        if abs(scale[0] / scale[1] - 1) > SAME_SHAPE:
+            raise UserError(
+                f"{self.image_path}: has {size[0]}x{size[1]} pixels; the calibration is for "
+                f"{self.size[0]}x{self.size[1]}, another shape: nobody knows what was cut off"
+            )
+        scaled: Array = self.intrinsics * np.array([[scale[0]], [scale[1]], [1.0]])
+        return scaled
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +147,7 @@ def open_drive(
     *,
     origin: Geodetic | None = None,
     allow_missing_scans: bool = False,
+    report: ImportReport | None = None,
 ) -> KittiDrive:
     """Open a drive such as ``2011_09_26/0005`` of a folder in KITTI's raw layout, with JPEG or PNG
     images.
@@ -143,8 +164,10 @@ def open_drive(
     origin : latitude [deg], longitude [deg], altitude [m] of the world's origin; ``None``: the
         drive's first GPS fix
     allow_missing_scans : whether frames may have no laser scan
+    report : is told what is left out and chosen
     """
     root = Path(root)
+    report = report or ImportReport(root)
     folder = _drive_folder(root, drive)
     day = folder.parent
     if not cameras or len(set(cameras)) != len(cameras):
@@ -153,14 +176,14 @@ def open_drive(
             f"out of {', '.join(CAMERAS)}"
         )
     calibration = _calibration(day)
-    images = {camera: _images(folder, camera) for camera in cameras}
+    images = {camera: _images(folder, camera, report) for camera in cameras}
     numbers = sorted({index for sequence in images.values() for index in sequence})
     scan_paths = _numbered(folder / "velodyne_points" / "data", "bin")
     if not allow_missing_scans:
         _check_scans(folder, numbers, scan_paths)
     oxts = folder / "oxts" / "data"
     oxts_paths = _numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, numbers, oxts, origin)
+    origin, poses = _positions(oxts_paths, numbers, oxts, origin, report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
         for camera in cameras
@@ -232,18 +255,26 @@ def _numbered(folder: Path, extension: str) -> dict[int, Path]:
     return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
 
 
-def _images(folder: Path, camera: str) -> dict[int, Path]:
+def _images(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:
+    """The pictures of a camera, by frame number: PNG or JPEG, whichever each frame has."""
     if camera not in CAMERAS:
         raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
     data = folder / f"image_{camera}" / "data"
-    images = _numbered(data, "png") or _numbered(data, "jpg")
-    if not images:
+    png, jpg = _numbered(data, "png"), _numbered(data, "jpg")
+    if not (png or jpg):
         raise UserError(f"{data}: no images (0000000000.png or .jpg) of camera {camera}")
-    return images
+    both = len(png.keys() & jpg.keys())
+    report.leave_out(f"JPEG images of {camera} that are there as PNG, too", both)
+    images = jpg | png
+    return {index: images[index] for index in sorted(images)}
 
 
 def _positions(
-    paths: Mapping[int, Path], needed: Sequence[int], folder: Path, origin: Geodetic | None
+    paths: Mapping[int, Path],
+    needed: Sequence[int],
+    folder: Path,
+    origin: Geodetic | None,
+    report: ImportReport,
 ) -> tuple[Geodetic, dict[int, Array]]:
     """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others
     are warned of.
@@ -259,6 +290,7 @@ def _positions(
     for index in needed:
         if index not in packets:
             log.warning("%s: missing: frame %d is left out", folder / f"{index:010d}.txt", index)
+            report.leave_out("frames without a position")
     if origin is None:
         latitude, longitude, altitude = packets[min(packets)][:3].tolist()
         origin = (latitude, longitude, altitude)
@@ -281,12 +313,17 @@ def _calibration(folder: Path) -> SensorCalibration:
     cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
     names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
     names += [((f"R_rect_{camera}",), 3) for camera in CAMERAS]
-    camera_matrices = matrices(cameras, _calibration_rows(cameras), names)
+    rows = _calibration_rows(cameras)
+    camera_matrices = matrices(cameras, rows, names)
     projections = camera_matrices[: len(CAMERAS)]
     rectification = camera_matrices[len(CAMERAS)]
     camera0_SE3_velo = rigid(rectification, (0.0, 0.0, 0.0)) @ _rigid_of(velo_to_cam)
     camera_SE3_velo = {}
+    sizes = {}
     for camera, projection in zip(CAMERAS, projections, strict=True):
+        size = rows.get(f"S_rect_{camera}")
+        if size is not None and len(size) == 2 and min(size) >= 1 and within(size):
+            sizes[camera] = (round(float(size[0])), round(float(size[1])))
         if projection[0, 0] <= 0:
             raise UserError(f"{cameras}: P_rect_{camera}: its focal length is not positive")
         beside_m = projection[0, 3] / projection[0, 0]
@@ -298,6 +335,7 @@ def _calibration(folder: Path) -> SensorCalibration:
             camera: projection[:, :3]
             for camera, projection in zip(CAMERAS, projections, strict=True)
         },
+        sizes=sizes,
     )
 
 
@@ -362,6 +400,7 @@ def _frames(
                 image_path=image_path,
                 world_SE3_camera=poses[index] @ imu_SE3_camera,
                 intrinsics=calibration.intrinsics[camera],
+                size=calibration.sizes.get(camera),
             )
         )
     if not frames:

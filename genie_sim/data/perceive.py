@@ -2,12 +2,14 @@
 
 import importlib.metadata
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.core.classes import SIZES, VEHICLES
@@ -18,6 +20,7 @@ from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_driv
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
+from genie_sim.data.trace_report import tell_frames, tell_network
 from genie_sim.data.tracking import TRACKING, tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
@@ -62,6 +65,7 @@ def perceive(
     detector: DetectorSettings = DEFAULT_DETECTOR,
     *,
     progress: Progress | None = None,
+    report: ImportReport | None = None,
 ) -> Trace:
     """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
 
@@ -71,8 +75,10 @@ def perceive(
     frames : what to look at
     detector : what looks; at a tracking sequence ``pointrcnn`` or ``rrc``, as published
     progress : is called with the frames done and all frames
+    report : is told what was read, left out and chosen
     """
     root = kitti_folder(kitti_root)
+    report = report or ImportReport(root)
     if frames.drive.startswith(TRACKING):
         if (detector.threads, detector.batch, detector.encoding) != (1, 1, "raw"):
             raise UserError(
@@ -92,6 +98,7 @@ def perceive(
         frames.cameras,
         origin=frames.origin,
         allow_missing_scans=frames.allow_missing_scans,
+        report=report,
     )
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
@@ -103,8 +110,29 @@ def perceive(
         encoding=detector.encoding,
     )
     by_camera = _by_camera(perceived, len(camera_frames), progress)
-    about = _provenance(drive, network, detector) | {"features": feature_facts(by_camera)}
+    tell_network(report, network)
+    _tell(drive, by_camera, report)
+    about = _provenance(drive, network, detector) | {
+        "features": feature_facts(by_camera),
+        "import": report.facts(),
+    }
     return Trace(f"kitti_{frames.drive.split('/')[1]}", drive.origin, by_camera, about)
+
+
+def _tell(
+    drive: KittiDrive, by_camera: Mapping[str, Sequence[TraceFrame]], report: ImportReport
+) -> None:
+    """What was read, for the report: also which pictures have another size than the calibration."""
+    for camera, sequence in by_camera.items():
+        wanted = drive.calibration.sizes.get(camera)
+        sizes = Counter((frame.width, frame.height) for frame in sequence)
+        for (width, height), count in sizes.items():
+            if wanted is not None and (width, height) != wanted:
+                report.warn(
+                    f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
+                    f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
+                )
+    tell_frames(report, by_camera)
 
 
 def _by_camera(

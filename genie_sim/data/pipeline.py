@@ -122,6 +122,7 @@ class _Stages:
         scan, ground = self._scanned(frame.index)
         camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
         blob, scale = self.detector.prepare(image)
+        intrinsics = frame.intrinsics_of((width, height))
         return _Picture(
             world_SE3_camera=frame.world_SE3_camera,
             frame=trace_frame(
@@ -132,13 +133,11 @@ class _Stages:
                 digest=hashlib.sha256(data).hexdigest(),
                 dhash=dhash,
                 world_SE3_camera=frame.world_SE3_camera,
-                intrinsics=frame.intrinsics,
+                intrinsics=intrinsics,
                 features={"hsv": packed(hue_saturation(image))},
                 size_bytes=size_bytes,
             ),
-            placement=Placement(
-                frame.intrinsics, (width, height), camera_SE3_velo, scan, ground=ground
-            ),
+            placement=Placement(intrinsics, (width, height), camera_SE3_velo, scan, ground=ground),
             blob=blob,
             scale=scale,
         )
