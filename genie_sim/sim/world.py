@@ -216,6 +216,7 @@ class World:
             has_edge=has_edge,
             genie=self.setup.settings.genie if genie else None,
             stream=partial(self.network.stream, name),
+            draws=partial(self.network.draws, name),
             records_changes=self.monitor.wants_changes,
             laws=self.setup.laws,
             edges=self._edge_names,

@@ -11,7 +11,7 @@ import pytest
 from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.seeds import stream
+from genie_sim.base.seeds import Draws, stream
 from genie_sim.runs import build
 from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_models import LinkEnds, recording
@@ -33,7 +33,7 @@ def write(path: Path, **columns) -> str:
 
 def sender(trace: RecordedLink, ends: LinkEnds = UP, seed: int = 1, place=(0.0, 0.0)):
     air = SimpleNamespace(
-        clock=None, stream=lambda *names: stream(seed, *names), place=lambda car: place
+        clock=None, draws=lambda *names: Draws(seed, *names), place=lambda car: place
     )
     return TraceRadio(trace, air).sender(ends)  # type: ignore[arg-type]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from genie_sim.base.seeds import stream
+from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_models import LinkEnds
 from genie_sim.sim.link_models.cell import Band, Cell
@@ -21,7 +21,7 @@ from genie_sim.sim.link_models.wire import Wire
 from tests.sim.processes import send
 from tests.theory.replications import equivalent
 
-SEED, S = 5, 1_000_000_000
+SEED, S = 6, 1_000_000_000
 FREE = Cell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up
 
 
@@ -35,8 +35,8 @@ class Street:
     resources: list = field(default_factory=list)
     place: Callable[[str], tuple[float, float]] = lambda car: (50.0, 0.0)
 
-    def stream(self, *names):
-        return stream(self.seed, *names)
+    def draws(self, *names):
+        return Draws(self.seed, *names)
 
     def site(self, edge):
         return 0.0, 0.0
@@ -284,7 +284,8 @@ def test_a_field_is_standard_normal_and_correlated_over_its_spacing():
     }
     values: dict[str, list[float]] = {name: [] for name in places}
     for number in range(300):
-        ground = NormalField(lambda x, y, number=number: stream(number, "field", x, y), 10.0)
+        draws = Draws(number, "field")
+        ground = NormalField(lambda x, y, draws=draws: draws.normal(f"{x} {y}"), 10.0)
         for name, place in places.items():
             values[name].append(ground.at(*place))
             assert ground.at(*place) == values[name][-1]
