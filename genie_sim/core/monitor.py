@@ -150,6 +150,8 @@ class HostUsage(NamedTuple):
         What a car has sent to its edges, and received.
     transfer_ns, tail_ns : int
         How long its interface sent or received, and stayed awake in between [ns].
+    begin_ns : int
+        Since when it is there: a car from its start, an edge always [ns].
     """
 
     host: str
@@ -164,6 +166,7 @@ class HostUsage(NamedTuple):
     bytes_down: int = 0
     transfer_ns: int = 0
     tail_ns: int = 0
+    begin_ns: int = 0
 
 
 class Monitor(Protocol):

@@ -358,6 +358,7 @@ class HostRow(NamedTuple):
     bytes_down: Annotated[int, "B", "sent to a car by its edges; 0 for edges"]
     transfer_ns: Annotated[int, "ns", "time its interface sent or received; 0 for edges"]
     tail_ns: Annotated[int, "ns", "time its interface stayed awake between transfers"]
+    begin_ns: Annotated[int, "ns", "since when it is there: a car from its start, an edge always"]
 
 
 class PowerRow(NamedTuple):

@@ -103,7 +103,7 @@ class World:
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""
         setup = self.setup
-        cars, uplinks = {car.name for car in setup.cars}, {}
+        starts_ns, uplinks = {car.name: car.route.start_ns for car in setup.cars}, {}
         for uplink in self._uplinks:
             bytes_up, bytes_down = uplink.bytes_carried()
             use = uplink.interface
@@ -118,7 +118,7 @@ class World:
             host, interface = graph.host, setup.interfaces.get(name)
             yield HostUsage(
                 host=name,
-                placement="car" if name in cars else "edge",
+                placement="car" if name in starts_ns else "edge",
                 device=host.device.name,
                 interface=None if interface is None else interface.name,
                 accelerator_ns=host.accelerator.busy_ns,
@@ -126,6 +126,7 @@ class World:
                 pictures=host.accelerator.completed,
                 batches=host.accelerator.jobs,
                 **uplinks.get(name, {}),
+                begin_ns=starts_ns.get(name, 0),
             )
 
     def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
