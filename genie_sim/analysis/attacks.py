@@ -101,10 +101,12 @@ def views(
             continue
         begin_ns = int(forgeries["begin_ns"].min())
         stamps_ns = {car: of_car["stamp_ns"] for car, of_car in instants.groups("car")}
-        lasts_ns = {car: float(stamps.max()) for car, stamps in stamps_ns.items()}
+        driven_ns = {
+            car: (float(stamps.min()), float(stamps.max())) for car, stamps in stamps_ns.items()
+        }
         after_ns = {
-            car: max(lasts_ns[car] - max(begin_ns, float(stamps.min())), 0.0)
-            for car, stamps in stamps_ns.items()
+            car: max(last_ns - max(begin_ns, first_ns), 0.0)
+            for car, (first_ns, last_ns) in driven_ns.items()
         }
         cars, attackers = set(stamps_ns), set(forgeries["attacker"].unique())
         groups = {
@@ -114,9 +116,9 @@ def views(
         }
         rows = held_objects.where(method=method)
         false_objects = rows.rows(rows["judged"].isin(CAUSES))
-        added = list(_holds(forgeries.where(change="added"), false_objects, lasts_ns))
+        added = list(_holds(forgeries.where(change="added"), false_objects, driven_ns))
         left_out = list(
-            _holds(forgeries.where(change="left_out"), rows.where(judged="missed"), lasts_ns)
+            _holds(forgeries.where(change="left_out"), rows.where(judged="missed"), driven_ns)
         )
         for component, members in groups.items():
             seconds = sum(after_ns[car] for car in members) / NS_PER_S
@@ -127,9 +129,11 @@ def views(
         yield Where(method, component="others"), AtOthers(at_others, ends_ns, len(others))
 
 
-def _holds(forgeries: Columns, rows: Columns, lasts_ns: Mapping[str, float]) -> Iterator[Hold]:
+def _holds(
+    forgeries: Columns, rows: Columns, driven_ns: Mapping[str, tuple[float, float]]
+) -> Iterator[Hold]:
     """The rows of ``held_objects`` that a forgery explains; each by the first of them. What does
-    not end is held until its car's last instant.
+    not end is held until its car's last instant; ``driven_ns`` has the first and the last of each.
     """
     places: Grid[Place] = Grid(2 * NEAR_M)
     columns = (forgeries[name].tolist() for name in ("east_m", "north_m", "begin_ns", "end_ns"))
@@ -147,7 +151,7 @@ def _holds(forgeries: Columns, rows: Columns, lasts_ns: Mapping[str, float]) -> 
         strict=True,
     ):
         if np.isnan(end_ns):
-            end_ns = lasts_ns[car]
+            end_ns = driven_ns[car][1]
         area = east_m - NEAR_M, east_m + NEAR_M, north_m - NEAR_M, north_m + NEAR_M
         near = [
             place
@@ -159,7 +163,8 @@ def _holds(forgeries: Columns, rows: Columns, lasts_ns: Mapping[str, float]) -> 
         ]
         if near:
             first = min(near, key=lambda place: (place.begin_ns, place.number))
-            yield Hold(car, first.number, max(begin_ns, first.begin_ns), end_ns)
+            since_ns = max(begin_ns, first.begin_ns, driven_ns[car][0])
+            yield Hold(car, first.number, since_ns, end_ns)
 
 
 def _union_ns(spans: Iterable[tuple[float, float]]) -> float:

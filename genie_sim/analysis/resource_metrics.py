@@ -35,21 +35,29 @@ class Samples:
         The samples.
     span : Span
         From one of the instants at which resources are sampled to another.
+    counted_ns : float
+        The end of the warm-up.
     """
 
-    def __init__(self, rows: Columns, span: Span) -> None:
+    def __init__(self, rows: Columns, span: Span, counted_ns: float = 0.0) -> None:
         self.all = rows
         self.seconds = max(span.end_ns - span.begin_ns, 0.0) / NS_PER_S
         t_ns = rows["t_ns"]
         self.n = int(((t_ns >= span.begin_ns) & (t_ns <= span.end_ns)).sum())
-        self._ends = np.searchsorted(t_ns, [span.begin_ns, span.end_ns], side="right") - 1
+        self._span, self._counted_ns = span, counted_ns
 
     def during(self, column: str) -> float:
-        """How much a count grew in that time; before its first sample it was 0."""
-        before, after = (
-            float(self.all[column][row]) if row >= 0 else 0.0 for row in self._ends.tolist()
-        )
-        return after - before
+        """How much a count grew in that time."""
+        return self._until(column, self._span.end_ns) - self._until(column, self._span.begin_ns)
+
+    def in_all(self, column: str) -> int:
+        """How much it grew from the end of the warm-up to the end of the run."""
+        return int(self.all[column][-1] - self._until(column, self._counted_ns))
+
+    def _until(self, column: str, instant_ns: float) -> float:
+        """The count at an instant; before its first sample it was 0."""
+        row = int(np.searchsorted(self.all["t_ns"], instant_ns, side="right")) - 1
+        return float(self.all[column][row]) if row >= 0 else 0.0
 
 
 def views(
@@ -61,26 +69,29 @@ def views(
     ordered = tables["resources"].by("t_ns")
     for method in methods:
         of_method = ordered.where(method=method)
-        spans = driven(tables, method)
+        counted_ns, spans = driven(tables, method)
         instants_ns = np.union1d([0.0], of_method.floats("t_ns"))
-        whole = Span(0.0, max((span.end_ns for span in spans.values()), default=np.inf))
+        whole = Span(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
         for name, samples in of_method.groups("resource"):
             hosts = re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name).split("->")
             (span,) = [spans[host] for host in hosts if host in spans] or [whole]
             placement = "all" if len(hosts) > 1 else "edge" if span is whole else "car"
-            yield Where(method, placement, name), Samples(samples, _sampled(span, instants_ns))
+            sampled = _sampled(span, instants_ns)
+            yield Where(method, placement, name), Samples(samples, sampled, counted_ns)
 
 
-def driven(tables: Mapping[str, Columns], method: str) -> dict[str, Span]:
-    """From the start of each car to its last frame, by the car."""
-    begins_ns = {}
+def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str, Span]]:
+    """The end of the warm-up, and from the start of each car to its last frame, by the car."""
+    frames, begins_ns, cars = tables["frames"].where(method=method), {}, []
     if "hosts" in tables:
         hosts = tables["hosts"].where(method=method)
         begins_ns = dict(zip(hosts["host"].tolist(), hosts["begin_ns"].tolist(), strict=True))
-    frames = tables["frames"].where(method=method)
-    return {
-        car: Span(begins_ns.get(car, 0), float(of_car["stamp_ns"].max()))
-        for car, of_car in frames.groups("car")
+        cars = hosts.where(placement="car")["host"].tolist()
+    ends_ns = {car: float(of_car["stamp_ns"].max()) for car, of_car in frames.groups("car")}
+    counted_ns = min(begins_ns.values(), default=0)
+    return counted_ns, {
+        car: Span(begins_ns.get(car, counted_ns), ends_ns.get(car, 0.0))
+        for car in (*ends_ns, *cars)
     }
 
 
@@ -176,7 +187,7 @@ class Completed(ResourceMetric):
     reads = "resources: completed"
 
     def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["completed"][-1]), n=len(view.all))
+        return Measured(view.in_all("completed"), n=len(view.all))
 
 
 class MessagesDropped(ResourceMetric):
@@ -188,7 +199,7 @@ class MessagesDropped(ResourceMetric):
     reads = "resources: dropped"
 
     def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["dropped"][-1]), n=len(view.all))
+        return Measured(view.in_all("dropped"), n=len(view.all))
 
 
 class BytesCarried(ResourceMetric):
@@ -199,8 +210,9 @@ class BytesCarried(ResourceMetric):
     reads = "resources: bytes"
 
     def of(self, view: Samples) -> Measured | None:
-        carried = view.all.floats("bytes")[-1]
-        return None if np.isnan(carried) else Measured(int(carried), n=len(view.all))
+        if np.isnan(view.all.floats("bytes")[-1]):
+            return None
+        return Measured(view.in_all("bytes"), n=len(view.all))
 
 
 METRICS = {

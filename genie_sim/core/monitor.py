@@ -103,6 +103,8 @@ class Occupied(Protocol):
     @property
     def total_ns(self) -> int: ...
 
+    def forget_most(self) -> None: ...
+
 
 class Resource(Protocol):
     """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes."""
@@ -130,7 +132,7 @@ class Resource(Protocol):
 
 
 class HostUsage(NamedTuple):
-    """What a host has used until the end of a run.
+    """What a host has used from the end of the warm-up until the end of a run.
 
     Parameters
     ----------
@@ -151,7 +153,8 @@ class HostUsage(NamedTuple):
     transfer_ns, tail_ns : int
         How long its interface sent or received, and stayed awake in between [ns].
     begin_ns : int
-        Since when it is there: a car from its start, an edge always [ns].
+        Since when that is: a car from its start, an edge always, neither before the end of the
+        warm-up [ns].
     """
 
     host: str

@@ -117,6 +117,10 @@ class Scenario(MethodSettings):
     """Every car starts up to this much later, drawn uniformly. Assumed; it keeps cars from running
     in step."""
 
+    warm_up_ns: int = 0
+    """How long caches and maps fill before anything counts: frames that are taken earlier are
+    simulated, but in no table and no metric."""
+
     edges: tuple[Edge, ...] = ()
     """The edge servers."""
 
