@@ -32,6 +32,7 @@ def header(run: Run | SeedRuns) -> str:
         parts.append(f"{number_text(seconds)} s")
     under = f"each of {len(methods)} methods" if len(methods) > 1 else "one method"
     parts.append(f"{_count(len(of_method), 'frame')} under {under}")
+    parts += filter(None, [run.runs[0].warm_up])
     parts.append(seeds_text([of_seed.seed for of_seed in run.runs]))
     name = f"{run.label} ({run.name})" if run.label else run.name
     return f"{one_line(name)}: {', '.join(parts)}"

@@ -66,8 +66,8 @@ NO_TRUTH = (
     "table of any labelled drive."
 )
 ABOUT_ENERGY = (
-    "Energy: of cars and edges until the last answer, from the watts of the device profiles; in "
-    "brackets with every power at the lower and at the upper end of its range."
+    "Energy: of cars while they drive and of edges until the last answer, from the watts of the "
+    "device profiles; in brackets with every power at the lower and at the upper end of its range."
 )
 ABOUT = {
     IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
@@ -259,6 +259,8 @@ def markdown(run: Run | SeedRuns) -> str:
     else:
         parts = [f"# {run.title}", f"Run `{run.run_id}`, seed {run.seed}."]
         about_intervals = ABOUT_INTERVALS
+    if run.runs[0].warm_up:
+        parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
     abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
     parts += [textwrap.fill(about, 120) for about in abouts]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]

@@ -100,6 +100,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
         codec=_codec(prepared, settings.image_encoding),
         interfaces=_interfaces(scenario),
+        warm_up_ns=scenario.warm_up_ns,
         places={car.name: _place(scenario, car, prepared.drives[car.name]) for car in cars},
     )
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock
@@ -307,3 +309,43 @@ def test_line_of_sight_is_as_frequent_as_it_should_be():
     assert np.mean(sights) == pytest.approx(
         expected, abs=4 * math.sqrt(expected * (1 - expected) / 400)
     )
+
+
+BANDS_HZ = st.integers(100_000, 3 * 10**9)
+LOSSES_DB = st.floats(30.0, 190.0)
+
+
+@given(BANDS_HZ, BANDS_HZ, LOSSES_DB, LOSSES_DB, st.booleans())
+def test_a_rate_never_falls_with_bandwidth_nor_rises_with_path_loss(
+    one_hz: int, other_hz: int, one_db: float, other_db: float, up: bool
+):
+    narrow, wide = (
+        replace(FREE, path_loss="umi", up=Band(hz), down=Band(hz))
+        for hz in sorted((one_hz, other_hz))
+    )
+    near_db, far_db = sorted((one_db, other_db))
+    assert 0 <= narrow.rate_bps(up, near_db) <= wide.rate_bps(up, near_db) + 1
+    assert 0 <= wide.rate_bps(up, far_db) <= wide.rate_bps(up, near_db) + 1
+    assert wide.rate_bps(up, near_db) <= wide.rate_bps(up)
+
+
+@given(st.floats(1.0, 5_000.0), st.floats(1.0, 5_000.0))
+def test_path_loss_never_falls_with_distance(one_m: float, other_m: float):
+    near_m, far_m = sorted((one_m, other_m))
+    for loss_db in (los_db, nlos_db):
+        assert loss_db(near_m, 3.5) <= loss_db(far_m, 3.5) + 1e-9
+
+
+@given(st.integers(1, 9), st.floats(10.0, 400.0), st.integers(10**6, 10**9))
+def test_a_message_is_no_sooner_there_with_more_cars_or_less_bandwidth(
+    cars: int, distance_m: float, bandwidth_hz: int
+):
+    def end_ns(count: int, hz: int) -> int:
+        air = Street(place=lambda car: (distance_m, 0.0))
+        return ends_ns(Cell(up=Band(hz)), [(0, 50_000)] * count, air)[0]
+
+    loss_db = _loss(0.0).db(distance_m, 0.0)
+    assume(Cell().rate_bps(True, loss_db))
+    usual_ns = end_ns(cars, bandwidth_hz)
+    assert usual_ns < end_ns(cars + 1, bandwidth_hz)
+    assert usual_ns >= end_ns(cars, 2 * bandwidth_hz) - 1
