@@ -141,12 +141,17 @@ def finish(
 
 def character_in(text: str) -> float:
     """About the width [in] of a character of a kind of text, such as ``legend.fontsize``."""
-    return CHARACTER_IN * float(rcParams[text]) / style.TEXT_POINTS
+    return CHARACTER_IN * _points(text) / style.TEXT_POINTS
 
 
 def line_in(text: str) -> float:
     """The height [in] of a line of a kind of text."""
-    return LINE_IN * float(rcParams[text]) / style.TEXT_POINTS
+    return LINE_IN * _points(text) / style.TEXT_POINTS
+
+
+def _points(text: str) -> float:
+    parameters: Any = rcParams
+    return float(parameters[text])
 
 
 def letter_panels(figure: Figure) -> None:

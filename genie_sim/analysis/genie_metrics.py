@@ -133,7 +133,7 @@ def _added_entries(lookups: Columns) -> "Ints":
     order = np.argsort(genies.codes, kind="stable")
     codes, entries = genies.codes[order], lookups["entries"][order].astype(np.int64)
     before = np.where(np.diff(codes, prepend=-1) == 0, np.roll(entries, 1), 0)
-    added = np.empty_like(entries)
+    added: Ints = np.empty_like(entries)
     added[order] = entries - before
     return added
 

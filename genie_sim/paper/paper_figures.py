@@ -40,6 +40,7 @@ PLACE_LINES: dict[str, dict[str, Any]] = {
 FORMATS = ("svg", "png", "pdf")
 CURVE_POINTS = 400
 EVENTS = "recorded events"
+WHISKER: dict[str, Any] = {"color": "black", "linewidth": 0.8, "capsize": 2}
 MARK: dict[str, Any] = {"color": "black", "linestyle": "", "markersize": 4, "zorder": 5}
 HOLLOW = MARK | {"markerfacecolor": "white"}
 # what the paper prints, by the claim that says so: C2 is what is left of the time
@@ -286,7 +287,7 @@ def _reuse(shown: Shown, of_images: bool) -> Figure:
         figure, grid = shown.panels(1, 2, 1.5, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for side, (placement, place) in enumerate(reversed(PLACES.items())):
-                look = style.PLACEMENT_BARS[placement] | {"label": place}
+                look: dict[str, Any] = {**style.PLACEMENT_BARS[placement], "label": place}
                 for x, scenario in enumerate(scenarios):
                     if placement in bars[scenario]:
                         _bar(axis, x + 0.4 * (side - 0.5), bars[scenario][placement], look)
@@ -299,9 +300,8 @@ def _reuse(shown: Shown, of_images: bool) -> Figure:
             axis.set_ylabel(what)
             axis.label_outer()
         grid[0, 0].set_ylim(0, min(1.1 * grid[0, 0].get_ylim()[1], 1.08))
-        look = {"color": "black", "linewidth": 0.8, "capsize": 2}
         label = ERROR_BARS[shown.definitions.error_bars]
-        grid[0, 0].errorbar([], [], yerr=[], label=label, **look)
+        grid[0, 0].errorbar([], [], yerr=[], label=label, **WHISKER)
         requests = (
             f"requests {REQUESTS[shown.definitions.image_reuse]}" if of_images else "requests"
         )
@@ -312,7 +312,9 @@ def _reuse(shown: Shown, of_images: bool) -> Figure:
 def _reuse_marks(axis: Axes, what: str, mean: float, image_mean: float) -> None:
     """Lines at the mean of all bars here, and at what the paper prints."""
     average, most, times = (PRINTED[claim] for claim in ("C11", "C12", "C13"))
-    lines = {f"mean of the bars, {percent_text(mean, 2)}": (mean, "-")}
+    lines: dict[str, tuple[float, Any]] = {
+        f"mean of the bars, {percent_text(mean, 2)}": (mean, "-")
+    }
     if what == "image reuse":
         label = f"paper: a fourth of {percent_text(average)}"
         lines[label] = (average / times, "--")
@@ -335,10 +337,10 @@ def _bar(axis: Axes, x: float, bar: tuple[float, float, float], look: Mapping[st
     mean, low, high = bar
     axis.bar(x, mean, 0.36, edgecolor="black", linewidth=0.6, **look)
     ends = [[max(mean - low, 0)], [max(high - mean, 0)]]
-    axis.errorbar(x, mean, yerr=ends, color="black", linewidth=0.8, capsize=2)
+    axis.errorbar(x, mean, yerr=ends, **WHISKER)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
-    above = {"textcoords": "offset points", "ha": "center", "va": "bottom", "bbox": box}
-    axis.annotate(f"{100 * mean:.2g}", (x, max(mean, high)), (0, 2), **above)
+    above: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "bottom"}
+    axis.annotate(f"{100 * mean:.2g}", (x, max(mean, high)), (0, 2), bbox=box, **above)
 
 
 def _boosts(shown: Shown) -> Figure:
@@ -458,7 +460,7 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
                     at = x + 0.27 * (place - 1)
                     axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.6, **look)
                     ends = [[mean - low], [high - mean]]
-                    axis.errorbar(at, mean, yerr=ends, color="black", linewidth=0.8, capsize=2)
+                    axis.errorbar(at, mean, yerr=ends, **WHISKER)
                     look["label"] = None
         axis.set_xticks(range(len(names)), list(names.values()))
         axis.set_ylim(0, 1.02)
