@@ -109,6 +109,8 @@ def app(context: click.Context) -> None:
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
+@click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")
+@arguments.metrics_option
 def run(
     *,
     scenario: str,
@@ -122,6 +124,8 @@ def run(
     out: Path,
     no_report: bool,
     figures: bool,
+    all_rows: bool,
+    metrics: str | None,
 ) -> None:
     """Simulate a scenario under each of its methods.
 
@@ -143,12 +147,19 @@ def run(
         raise UserError("--jobs: goes with --seeds; for one run give --workers")
     if workers is not None and several is not None:
         raise UserError("--workers: is for one run; with --seeds give --jobs")
+    rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
+    if rows and all_rows:
+        raise UserError("--all and --metrics: give one of them")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.reading import load_scenario
 
     names = arguments.listed("--methods", methods)
     loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
+    if rows:
+        from genie_sim.analysis import registry
+
+        registry.checked(rows, loaded.metrics)
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
@@ -161,10 +172,10 @@ def run(
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output)
+        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output, rows=rows)
     with ProgressBar() as progress:
         result = run_to_folder(loaded, out, progress, output, label=label, workers=workers or 1)
-    _show(result, output)
+    _show(result, output, rows)
 
 
 def _run_seeds(
@@ -175,6 +186,7 @@ def _run_seeds(
     jobs: int | None,
     label: str,
     output: "Output",
+    rows: list[str] | None,
 ) -> None:
     """Runs a scenario under several seeds, or what is missing of that, and shows the means."""
     from genie_sim.analysis.seed_runs import load
@@ -187,7 +199,7 @@ def _run_seeds(
     work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=output.page)
     _simulate(work, LocalWorkers(jobs or parallel.workers_here()))
     status = work.finish(output)
-    _show(load(status.folder), output)
+    _show(load(status.folder), output, rows)
 
 
 def _simulate(
@@ -206,13 +218,15 @@ def _simulate(
             raise SystemExit(130) from None
 
 
-def _show(result: "Run | SeedRuns", output: "Output") -> None:
-    """Prints the main table of a run, or of several seeds, and where the results are."""
+def _show(result: "Run | SeedRuns", output: "Output", rows: list[str] | None = None) -> None:
+    """Prints the table of a run, or of several seeds, as ``screen.text`` chooses its rows, and
+    where the results are.
+    """
     from genie_sim.analysis import screen
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
-    click.echo(screen.text(result, columns), nl=False)
+    click.echo(screen.text(result, columns, rows), nl=False)
     if len(result.runs) > 1:
         from genie_sim.analysis.compare import compared
         from genie_sim.analysis.verdict import verdicts
