@@ -27,6 +27,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 
