@@ -157,7 +157,7 @@ def _difference(row: Difference | None) -> Cell:
 def _ratio(row: Difference | None) -> Cell:
     """What pairing leaves of the variance."""
     ratio = None if row is None else row.variance_ratio
-    return Cell() if ratio is None else Cell(f"{ratio:.2f}")
+    return Cell() if ratio is None else Cell(round(ratio, 2))
 
 
 def _has_ratios(rows: Sequence[Difference]) -> bool:

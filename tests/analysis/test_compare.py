@@ -16,6 +16,7 @@ import genie_sim as gs
 from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
@@ -137,7 +138,7 @@ def test_what_pairing_gained_stands_in_every_table(usual: list[Run], slower: lis
     made = compare([*usual, *slower], ["remote"])
     found = row(list(made.rows), "first_answer_mean", "remote")
     assert found.variance_ratio is not None
-    text = f"{found.variance_ratio:.2f}"
+    text = number_text(round(found.variance_ratio, 2))
     for table in ("markdown", "latex"):
         written = compare_tables.text(made, table)
         assert "variance ratio" in written and text in written, table
