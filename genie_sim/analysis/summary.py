@@ -251,6 +251,21 @@ def about_seeds(runs: SeedRuns) -> str:
     return f"{seeds[0].upper()}{seeds[1:]}: means, in brackets their 95 % t intervals over seeds."
 
 
+def about_laws(run: Run | SeedRuns) -> str:
+    """What the laws of the detector rest on, which maps and trackers go by; empty where that is not
+    known.
+    """
+    laws = run.runs[0].facts.get("laws")
+    if laws is None:
+        return ""
+    count = len(laws["measured_on"])
+    if count:
+        drives = "one other drive" if count == 1 else f"{count} other drives"
+        return f"Laws of {laws['detector']}: measured on {drives}, shrunk towards assumed ones."
+    where = "on this drive alone" if laws["is_known"] else "nowhere"
+    return f"Laws of {laws['detector']}: measured {where}, so the assumed ones are used."
+
+
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
     if isinstance(run, SeedRuns):
@@ -262,7 +277,7 @@ def markdown(run: Run | SeedRuns) -> str:
     if run.runs[0].warm_up:
         parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
     abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
-    parts += [textwrap.fill(about, 120) for about in abouts]
+    parts += [textwrap.fill(about, 120) for about in (*abouts, about_laws(run)) if about]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
@@ -282,6 +297,9 @@ def main_table(run: Run | SeedRuns) -> ResultTable:
         notes.append(ABOUT_TRUTH if len(columns) > len(numbers.columns) else NO_TRUTH)
     if numbers.is_measured(correctness.ANSWERS):
         notes.append(ABOUT_PROXIES)
+    laws = run.runs[0].facts.get("laws")
+    if laws is not None and not laws["is_known"]:
+        notes.append(about_laws(run))
     return ResultTable([column.title for column in columns], [*rows, *busiest], notes=notes)
 
 
