@@ -270,6 +270,21 @@ def about_seeds(runs: SeedRuns) -> str:
     return f"{seeds[0].upper()}{seeds[1:]}: means, in brackets their 95 % t intervals over seeds."
 
 
+def about_laws(run: Run | SeedRuns) -> str:
+    """What the laws of the detector rest on, which maps and trackers go by; empty where that is not
+    known.
+    """
+    laws = run.runs[0].facts.get("laws")
+    if laws is None:
+        return ""
+    count = len(laws["measured_on"])
+    if count:
+        drives = "one other drive" if count == 1 else f"{count} other drives"
+        return f"Laws of {laws['detector']}: measured on {drives}, shrunk towards assumed ones."
+    where = "on this drive alone" if laws["is_known"] else "nowhere"
+    return f"Laws of {laws['detector']}: measured {where}, so the assumed ones are used."
+
+
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
     if isinstance(run, SeedRuns):
@@ -280,8 +295,8 @@ def markdown(run: Run | SeedRuns) -> str:
         about_intervals = ABOUT_INTERVALS
     if run.runs[0].warm_up:
         parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
-    abouts = (ABOUT_TIMES, f"{ABOUT_ANSWERS} {ABOUT_LOOKS}", about_intervals)
-    parts += [textwrap.fill(about, 120) for about in abouts]
+    abouts = (ABOUT_TIMES, f"{ABOUT_ANSWERS} {ABOUT_LOOKS}", about_intervals, about_laws(run))
+    parts += [textwrap.fill(about, 120) for about in abouts if about]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
@@ -299,7 +314,11 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
         of_busiest = name == "utilization"
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
-    return replace(table.without_empty_columns(), notes=list(_main_notes(names, numbers)))
+    notes = list(_main_notes(names, numbers))
+    laws = run.runs[0].facts.get("laws")
+    if laws is not None and not laws["is_known"]:
+        notes.append(about_laws(run))
+    return replace(table.without_empty_columns(), notes=notes)
 
 
 def short_table(run: Run | SeedRuns) -> ResultTable:

@@ -14,7 +14,7 @@ from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles, thinned
-from genie_sim.analysis.summary import energy_note
+from genie_sim.analysis.summary import about_laws, energy_note
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
 from genie_sim.base.units import NS_PER_S
@@ -70,7 +70,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "energy_note": energy_note(
             [run.tables], {method.name: method.title for method in run.methods}
         ),
-        "notes": list(dict.fromkeys(notes)),
+        "notes": list(filter(None, dict.fromkeys([*notes, about_laws(run)]))),
     }
 
 
