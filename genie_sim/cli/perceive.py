@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("root", type=PATH, required=False)
-@click.option("--drive", help="A drive, such as 2011_09_26/0005 or tracking/0005.")
+@click.option(
+    "--drive", help="A drive: 2011_09_26/0005, tracking/0005, odometry/05 or kitti360/0003."
+)
 @click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
 @click.option(
     "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
@@ -43,9 +45,7 @@ if TYPE_CHECKING:
 @click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
 @click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
-@click.option(
-    "--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey."
-)
+@click.option("--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey.")
 @click.option(
     "--detector",
     default="yolox_nano",

@@ -176,13 +176,19 @@ def open_drive(
             f"out of {', '.join(CAMERAS)}"
         )
     calibration = _calibration(day)
-    images = {camera: _images(folder, camera, report) for camera in cameras}
+    for camera in cameras:
+        if camera not in CAMERAS:
+            raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
+    images = {
+        camera: numbered_images(folder / f"image_{camera}" / "data", camera, report)
+        for camera in cameras
+    }
     numbers = sorted({index for sequence in images.values() for index in sequence})
-    scan_paths = _numbered(folder / "velodyne_points" / "data", "bin")
+    scan_paths = numbered(folder / "velodyne_points" / "data", "bin")
     if not allow_missing_scans:
-        _check_scans(folder, numbers, scan_paths)
+        check_scans(folder / "velodyne_points" / "data", numbers, scan_paths)
     oxts = folder / "oxts" / "data"
-    oxts_paths = _numbered(oxts, "txt")
+    oxts_paths = numbered(oxts, "txt")
     origin, poses = _positions(oxts_paths, numbers, oxts, origin, report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
@@ -240,6 +246,12 @@ def _drive_folder(root: Path, drive: str) -> Path:
     if not root.is_dir():
         raise UserError(f"{root}: no such KITTI folder")
     folders = drive_folders(root)
+    date, _, number = drive.partition("/")
+    if drive not in folders and (root / date / f"{date}_drive_{number}_extract").is_dir():
+        raise UserError(
+            f"{root}: drive {drive} is there as '_extract' only: its pictures are neither "
+            "rectified nor in step with the other sensors; download its '_sync' data"
+        )
     if not folders:
         raise UserError(
             f"{root}: no drives here; expected folders like 2011_09_26/2011_09_26_drive_0005_sync"
@@ -249,18 +261,17 @@ def _drive_folder(root: Path, drive: str) -> Path:
     return folders[drive]
 
 
-def _numbered(folder: Path, extension: str) -> dict[int, Path]:
+def numbered(folder: Path, extension: str) -> dict[int, Path]:
     """Files by frame number, in ascending order."""
     paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
     return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
 
 
-def _images(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:
-    """The pictures of a camera, by frame number: PNG or JPEG, whichever each frame has."""
-    if camera not in CAMERAS:
-        raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
-    data = folder / f"image_{camera}" / "data"
-    png, jpg = _numbered(data, "png"), _numbered(data, "jpg")
+def numbered_images(data: Path, camera: str, report: ImportReport) -> dict[int, Path]:
+    """The pictures of a camera, by frame number: PNG or JPEG, whichever each frame has. Raises
+    UserError for a folder without any.
+    """
+    png, jpg = numbered(data, "png"), numbered(data, "jpg")
     if not (png or jpg):
         raise UserError(f"{data}: no images (0000000000.png or .jpg) of camera {camera}")
     both = len(png.keys() & jpg.keys())
@@ -297,15 +308,15 @@ def _positions(
     return origin, {index: world_SE3_imu(packet, origin) for index, packet in packets.items()}
 
 
-def _check_scans(folder: Path, numbers: Sequence[int], scan_paths: Mapping[int, Path]) -> None:
-    """Each frame needs a scan."""
-    data = folder / "velodyne_points" / "data"
+def check_scans(data: Path, indices: Sequence[int], scan_paths: Mapping[int, Path]) -> None:
+    """Raises UserError unless each frame has a scan."""
     if not scan_paths:
         raise UserError(f"{data}: no .bin files")
-    missing = [index for index in numbers if index not in scan_paths]
+    missing = [index for index in indices if index not in scan_paths]
     if missing:
-        name = data / f"{missing[0]:010d}.bin"
-        raise UserError(f"{name}: missing ({len(missing)} of {len(numbers)} frames have none)")
+        digits = len(next(iter(scan_paths.values())).stem)
+        name = data / f"{missing[0]:0{digits}d}.bin"
+        raise UserError(f"{name}: missing ({len(missing)} of {len(indices)} frames have none)")
 
 
 def _calibration(folder: Path) -> SensorCalibration:
@@ -358,26 +369,27 @@ def _calibration_rows(path: Path) -> Mapping[str, Array]:
     return rows
 
 
-def _frames(
-    folder: Path,
+def drive_frames(
+    path: Path,
     camera: str,
     images: Mapping[int, Path],
+    stamps_ns: Sequence[int],
     *,
     calibration: SensorCalibration,
     poses: Mapping[int, Array],
 ) -> list[CameraFrame]:
-    """The frames of a camera that have a position, in order of time.
+    """The frames of a camera that have a position, in order of time. Raises UserError for stamps
+    that do not fit.
 
     Parameters
     ----------
-    folder : the drive's
+    path : of the time stamps, to begin errors with
     camera : such as ``02``
     images : the pictures, by frame number
+    stamps_ns : by frame number
     calibration : of the drive's day
     poses : ``world_SE3_imu`` by frame number
     """
-    path = folder / f"image_{camera}" / "timestamps.txt"
-    stamps_ns = _stamps_ns(path)
     if max(images) >= len(stamps_ns):
         raise UserError(
             f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}"
@@ -403,6 +415,23 @@ def _frames(
                 size=calibration.sizes.get(camera),
             )
         )
+    return frames
+
+
+def _frames(
+    folder: Path,
+    camera: str,
+    images: Mapping[int, Path],
+    *,
+    calibration: SensorCalibration,
+    poses: Mapping[int, Array],
+) -> list[CameraFrame]:
+    """The frames of a camera of a raw drive that have a position, in order of time. The arguments
+    are those of ``drive_frames``; ``folder`` is the drive's.
+    """
+    path = folder / f"image_{camera}" / "timestamps.txt"
+    stamps_ns = stamps_ns_of(path)
+    frames = drive_frames(path, camera, images, stamps_ns, calibration=calibration, poses=poses)
     if not frames:
         raise UserError(
             f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here"
@@ -410,7 +439,7 @@ def _frames(
     return frames
 
 
-def _stamps_ns(path: Path) -> list[int]:
+def stamps_ns_of(path: Path) -> list[int]:
     """Time stamps by frame number, in Unix nanoseconds. There may be more of them than images."""
     stamps_ns = []
     for number, line in enumerate(read_text(path).split("\n"), start=1):

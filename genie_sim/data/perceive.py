@@ -17,6 +17,7 @@ from genie_sim.core.geometry import Geodetic
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings, ImageDetector
 from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
+from genie_sim.data.kitti_sequences import ATTRIBUTIONS, open_sequence_of
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
@@ -45,7 +46,8 @@ class DriveFrames:
 
     Parameters
     ----------
-    drive : such as ``2011_09_26/0005``, or ``tracking/0005`` for a tracking sequence
+    drive : such as ``2011_09_26/0005``, ``odometry/05`` or ``kitti360/0003``, or ``tracking/0005``
+        for a tracking sequence
     cameras : colour cameras of a raw drive
     numbers : the frame numbers to look at; ``None``: all
     origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
@@ -92,14 +94,7 @@ def perceive(
             min_score=detector.min_score,
             origin=frames.origin,
         )
-    drive = open_drive(
-        root,
-        frames.drive,
-        frames.cameras,
-        origin=frames.origin,
-        allow_missing_scans=frames.allow_missing_scans,
-        report=report,
-    )
+    drive = _opened(root, frames, report)
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
     perceived = trace_frames(
@@ -116,7 +111,9 @@ def perceive(
         "features": feature_facts(by_camera),
         "import": report.facts(),
     }
-    return Trace(f"kitti_{frames.drive.split('/')[1]}", drive.origin, by_camera, about)
+    set_name, _, number = frames.drive.partition("/")
+    name = f"{set_name}_{number}" if f"{set_name}/" in ATTRIBUTIONS else f"kitti_{number}"
+    return Trace(name, drive.origin, by_camera, about)
 
 
 def _tell(
@@ -161,11 +158,25 @@ def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[C
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
 
 
+def _opened(root: Path, frames: DriveFrames, report: ImportReport) -> KittiDrive:
+    """A raw drive, or a sequence of the odometry benchmark or KITTI-360."""
+    is_raw = f"{frames.drive.partition('/')[0]}/" not in ATTRIBUTIONS
+    return (open_drive if is_raw else open_sequence_of)(
+        root,
+        frames.drive,
+        frames.cameras,
+        origin=frames.origin,
+        allow_missing_scans=frames.allow_missing_scans,
+        report=report,
+    )
+
+
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
     """The image file of each camera and frame number; none for a tracking sequence."""
     if drive.startswith(TRACKING):
         return {}
-    frames = open_drive(root, drive, cameras, allow_missing_scans=True).frames
+    selection = DriveFrames(drive, cameras, allow_missing_scans=True)
+    frames = _opened(root, selection, ImportReport(root)).frames
     return {
         (camera, frame.index): frame.image_path
         for camera, sequence in frames.items()
@@ -192,7 +203,7 @@ def _provenance(
     if settings.encoding != "raw":
         parameters["encoding"] = settings.encoding
     return {
-        "data": ATTRIBUTION,
+        "data": ATTRIBUTIONS.get(f"{drive.name.partition('/')[0]}/", ATTRIBUTION),
         "drive": drive.name,
         "drive_sha256": drive.digest(),
         "detector": detector.name,
