@@ -121,10 +121,6 @@ class Shown:
         """Whether it stands in a column."""
         return drawing.is_narrow(self.width_in)
 
-    def style(self) -> Any:
-        """The style in which it is drawn: with small text in a column."""
-        return drawing.in_small_style() if self.is_narrow else drawing.in_style()
-
     def panels(
         self, rows: int, columns: int, height_in: float, **options: Any
     ) -> tuple[Figure, Any]:
@@ -218,7 +214,7 @@ def _response_times(shown: Shown, of: str) -> Figure:
     low, high = latency_cdf.limits_ms(frames.values())
     low = min(low, *(0.8 * _improved_ms(of_scenario) for of_scenario in means.values()))
     best = min(ALL, key=lambda name: means[name]["genie"] / max(means[name].values()))
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(2, 3, 1.18, sharex=True, sharey=True)
         for row, (cluster, scenarios) in zip(grid, CLUSTERS.items(), strict=True):
             for axis, cars, scenario in zip(row, CARS, scenarios, strict=True):
@@ -283,7 +279,7 @@ def _reuse(shown: Shown, of_images: bool) -> Figure:
     what = "image reuse" if of_images else "object reuse"
     bars = {scenario: shown.bars(scenario, of_images) for scenario in ALL}
     means = {kind: _mean_bar(shown, kind) for kind in (True, False)}
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.5, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for side, (placement, place) in enumerate(reversed(PLACES.items())):
@@ -347,7 +343,7 @@ def _boosts(shown: Shown) -> Figure:
     """The confidence boost over the events of the object maps, remote and local, a panel a cluster
     (paper: Fig. "boost"): means over seeds, as far as all of them go.
     """
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.6, sharex=True, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for placement, place in PLACES.items():
@@ -392,7 +388,7 @@ def _case_study(shown: Shown) -> Figure:
     """
     without: dict[str, Any] = {"color": "0.1", "linewidth": 1.4}
     cameras: dict[str, Any] = {"color": "0.55", "linewidth": 1.4, "linestyle": style.DASHED}
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.6)
         times, reuse = grid[0]
         genie = shown.frames(CASE).where(method="genie")
@@ -448,7 +444,7 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
     }
     by_method = {(row["method"], row["name"]): row for row in rows}
     styles = style.method_styles([method.name for method in METHODS])
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 1, 1.6)
         axis = grid[0, 0]
         for place, (look_number, method) in enumerate(zip(styles, METHODS, strict=True)):
