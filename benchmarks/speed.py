@@ -21,11 +21,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -36,7 +34,6 @@ from benchmarks import plain_simpy
 from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
 from benchmarks.speed_page import DOCS, filled, table
-from genie_sim.base import seeds
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
 from genie_sim.record import provenance
@@ -46,6 +43,8 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.clock import Clock
+from genie_sim.sim.device import Host
 from genie_sim.sim.link_models.wire import Wire
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -283,26 +282,11 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}
-    of_edge: dict[str, int] = defaultdict(int)
-    for frames in cameras:
-        of_edge[edge_of[frames[0].car]] += len(frames)
-    detections_ns = {
-        edge.name: list(
-            islice(
-                setup.devices[edge.device].detector_time.draws(
-                    seeds.stream(setup.seed, edge.name, "accelerator")
-                ),
-                of_edge[edge.name],
-            )
-        )
-        for edge in setup.edges
-    }
     car_hop = setup.devices[setup.cars[0].device].hop
     edge_hop = setup.devices[setup.edges[0].device].hop
     return Fleet(
         edge_of,
         cameras,
-        detections_ns,
         car_hop_ns=(car_hop.fixed_ns, car_hop.per_megabyte_ns),
         edge_hop_ns=(edge_hop.fixed_ns, edge_hop.per_megabyte_ns),
         bits_a_s=wire.rate_up_bps,
@@ -312,6 +296,8 @@ def plain_fleet(prepared: Prepared) -> Fleet:
 
 def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
     """What a camera of a car takes, by the settings of its route."""
+    (edge,) = (edge for edge in setup.edges if edge.name == car.edge)
+    host = Host(Clock(), edge.name, setup.devices[edge.device], seed=setup.seed)
     begin_ns, end_ns = car.route.window_ns
     taken = [
         frame
@@ -325,7 +311,14 @@ def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
             header = Header(start_ns + frame.stamp_ns, camera.name, car.name)
             size = frame.size_bytes if camera.size_bytes is None else camera.size_bytes
             answer = Detections(header, frame.detections)
-            yield Frame(car.name, camera.name, header.stamp_ns, size, answer.size_bytes)
+            yield Frame(
+                car.name,
+                camera.name,
+                header.stamp_ns,
+                size,
+                answer.size_bytes,
+                host.detection_ns(header),
+            )
 
 
 def answers_of(prepared: Prepared) -> list[Answer]:

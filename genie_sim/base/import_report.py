@@ -129,7 +129,7 @@ class ImportReport:
         if 0 < top_mps < SLOWEST_MPS and duration_s > LONG_GAP_S:
             self.refuse(
                 f"{name}: nothing moves faster than {top_mps:.2g} m/s: are places in degrees? They "
-                "must be in metres"
+                "must be in metres, and times in seconds"
             )
 
     def lines(self) -> list[str]:

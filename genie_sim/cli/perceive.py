@@ -129,7 +129,7 @@ def perceive(
             raise UserError(
                 "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
             )
-        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
+        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
         return
     if bag is None and (imu, fix, lidar) != (None, None, None):
         raise UserError("perceive: --imu, --fix and --lidar go with --bag only")
@@ -209,6 +209,7 @@ def _of_pair(
     partner: int | None,
     min_score: float | None,
     out: Path | None,
+    accept: bool,
 ) -> None:
     """Writes the traces and the truth tables of both cars of a sequence of V2V4Real.
 
@@ -219,17 +220,22 @@ def _of_pair(
     partner : the label of the other car, of sequences whose is not known
     min_score : the lowest score kept; ``None``: all
     out : the folder
+    accept : what cannot be right, too
     """
+    from genie_sim.base.import_report import ImportReport
     from genie_sim.data import v2v4real
     from genie_sim.data.truth_table import path_beside, write_truth
 
     if sequence is None or out is None:
         raise UserError("perceive: --format v2v4real needs --sequence and --out")
+    place = v2v4real.folder(root)
+    report = ImportReport(place, accept)
     pair = v2v4real.recordings(
-        v2v4real.folder(root),
+        place,
         sequence,
         partner=partner,
         min_score=v2v4real.LOWEST_SCORE if min_score is None else min_score,
+        report=report,
     )
     for car, recording in pair.items():
         path = out / f"{car}.parquet"
@@ -241,6 +247,7 @@ def _of_pair(
         f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
         f"{about['partner']}"
     )
+    tell(report)
 
 
 def _write(out: Path | None, trace: "Trace") -> None:

@@ -8,6 +8,7 @@ microseconds), and files are looked up by frame number (pykitti: by position in 
 after the first missing file).
 """
 
+import functools
 import hashlib
 import logging
 import re
@@ -21,7 +22,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, within
+from genie_sim.data.files import matrices, numbers, within
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -52,12 +53,48 @@ class SensorCalibration:
     sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Rectification:
+    """How pictures of ``size`` (width, height) of a camera become rectified ones of the size
+    ``to``: by its matrix (3, 3), its five coefficients of distortion, its turn (3, 3), and the
+    matrix (3, 3) of the rectified camera.
+    """
+
+    matrix: Array
+    distortion: Array
+    turn: Array
+    rectified: Array
+    size: tuple[int, int]
+    to: tuple[int, int]
+
+    @functools.cached_property
+    def _maps(self) -> tuple[np.ndarray, np.ndarray]:
+        import cv2
+
+        arguments = (self.matrix, self.distortion, self.turn, self.rectified, self.to)
+        across, down = cv2.initUndistortRectifyMap(*arguments, cv2.CV_32FC1)
+        return across, down
+
+    def __call__(self, path: Path, image: np.ndarray) -> np.ndarray:
+        """A picture rectified. Raises UserError for one of another size."""
+        import cv2
+
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            known = f"{self.size[0]}x{self.size[1]}"
+            raise UserError(f"{path}: has {width}x{height} pixels, the calibration {known}")
+        rectified: np.ndarray = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        return rectified
+
+
 @dataclass(frozen=True, slots=True)
 class CameraFrame:
     """One picture on disk: its frame number, its camera's own time stamp, and where the camera was.
 
     ``stamp_ns`` is Unix time as KITTI's file gives it. ``intrinsics`` is the 3x3 matrix of the
     rectified camera, for pictures of ``size`` (width, height; ``None``: whatever they have).
+    ``scan`` is the number of the scan taken with it, if there is one. Where there is a
+    ``rectification``, the picture on disk needs it.
     """
 
     camera: str
@@ -67,6 +104,8 @@ class CameraFrame:
     world_SE3_camera: Array
     intrinsics: Array
     size: tuple[int, int] | None = None
+    scan: int | None = None
+    rectification: Rectification | None = None
 
     def intrinsics_of(self, size: tuple[int, int]) -> Array:
         """The matrix for a picture of this width and height, which somebody may have made smaller.
@@ -110,6 +149,8 @@ class KittiDrive:
         path = self.scan_paths.get(index)
         if path is None:
             return None
+        if path.suffix == ".txt":
+            return numbers(path, 4)[:, :3]
         data = read_bytes(path)
         if len(data) % 16:
             raise UserError(
@@ -175,7 +216,7 @@ def open_drive(
             f"cameras: {', '.join(cameras) or 'none'}: name each camera once, "
             f"out of {', '.join(CAMERAS)}"
         )
-    calibration = _calibration(day)
+    calibration = day_calibration(day)
     for camera in cameras:
         if camera not in CAMERAS:
             raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
@@ -183,13 +224,13 @@ def open_drive(
         camera: numbered_images(folder / f"image_{camera}" / "data", camera, report)
         for camera in cameras
     }
-    numbers = sorted({index for sequence in images.values() for index in sequence})
+    indices = sorted({index for sequence in images.values() for index in sequence})
     scan_paths = numbered(folder / "velodyne_points" / "data", "bin")
     if not allow_missing_scans:
-        check_scans(folder / "velodyne_points" / "data", numbers, scan_paths)
+        check_scans(folder / "velodyne_points" / "data", indices, scan_paths)
     oxts = folder / "oxts" / "data"
     oxts_paths = numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, numbers, oxts, origin, report)
+    origin, poses = _positions(oxts_paths, indices, oxts, origin, report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
         for camera in cameras
@@ -197,7 +238,7 @@ def open_drive(
     decisive = [day / name for name in CALIBRATION_FILES]
     decisive += [folder / f"image_{camera}" / "timestamps.txt" for camera in cameras]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
-    used = sorted(poses.keys() & set(numbers))
+    used = sorted(poses.keys() & set(indices))
     decisive += [
         paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths
     ]
@@ -246,12 +287,6 @@ def _drive_folder(root: Path, drive: str) -> Path:
     if not root.is_dir():
         raise UserError(f"{root}: no such KITTI folder")
     folders = drive_folders(root)
-    date, _, number = drive.partition("/")
-    if drive not in folders and (root / date / f"{date}_drive_{number}_extract").is_dir():
-        raise UserError(
-            f"{root}: drive {drive} is there as '_extract' only: its pictures are neither "
-            "rectified nor in step with the other sensors; download its '_sync' data"
-        )
     if not folders:
         raise UserError(
             f"{root}: no drives here; expected folders like 2011_09_26/2011_09_26_drive_0005_sync"
@@ -319,7 +354,7 @@ def check_scans(data: Path, indices: Sequence[int], scan_paths: Mapping[int, Pat
         raise UserError(f"{name}: missing ({len(missing)} of {len(indices)} frames have none)")
 
 
-def _calibration(folder: Path) -> SensorCalibration:
+def day_calibration(folder: Path) -> SensorCalibration:
     """The calibration of a day. Raises UserError, naming the file and the matrix that is wrong."""
     cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
     names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
@@ -413,6 +448,7 @@ def drive_frames(
                 world_SE3_camera=poses[index] @ imu_SE3_camera,
                 intrinsics=calibration.intrinsics[camera],
                 size=calibration.sizes.get(camera),
+                scan=index,
             )
         )
     return frames

@@ -4,7 +4,7 @@ import importlib.metadata
 import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings, ImageDetector
 from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
 from genie_sim.data.kitti_sequences import ATTRIBUTIONS, open_sequence_of
+from genie_sim.data.kitti_unsynced import open_unsynced, unsynced_folder
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
@@ -87,13 +88,15 @@ def perceive(
                 f"{frames.drive}: its detections are published ones: threads, batch and encoding "
                 "mean nothing"
             )
-        return tracking_trace(
+        trace = tracking_trace(
             root / "tracking",
             frames.drive.removeprefix(TRACKING),
             detector.name,
             min_score=detector.min_score,
             origin=frames.origin,
         )
+        tell_frames(report, trace.frames)
+        return replace(trace, provenance={**trace.provenance, "import": report.facts()})
     drive = _opened(root, frames, report)
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
@@ -159,9 +162,11 @@ def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[C
 
 
 def _opened(root: Path, frames: DriveFrames, report: ImportReport) -> KittiDrive:
-    """A raw drive, or a sequence of the odometry benchmark or KITTI-360."""
-    is_raw = f"{frames.drive.partition('/')[0]}/" not in ATTRIBUTIONS
-    return (open_drive if is_raw else open_sequence_of)(
+    """A raw drive, in step or not, or a sequence of the odometry benchmark or KITTI-360."""
+    opener = open_drive if unsynced_folder(root, frames.drive) is None else open_unsynced
+    if f"{frames.drive.partition('/')[0]}/" in ATTRIBUTIONS:
+        opener = open_sequence_of
+    return opener(
         root,
         frames.drive,
         frames.cameras,
@@ -172,7 +177,9 @@ def _opened(root: Path, frames: DriveFrames, report: ImportReport) -> KittiDrive
 
 
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
-    """The image file of each camera and frame number; none for a tracking sequence."""
+    """The image file of each camera and frame number; none for a tracking sequence, and none for
+    pictures that would have to be rectified.
+    """
     if drive.startswith(TRACKING):
         return {}
     selection = DriveFrames(drive, cameras, allow_missing_scans=True)
@@ -181,6 +188,7 @@ def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, in
         (camera, frame.index): frame.image_path
         for camera, sequence in frames.items()
         for frame in sequence
+        if frame.rectification is None
     }
 
 

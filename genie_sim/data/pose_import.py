@@ -296,12 +296,23 @@ def _tell_way(car: str, rows: Sequence[_Pose], places: Array, report: ImportRepo
     if drives.any():
         heading = np.array([row.pose[3] for row in rows])[:-1][drives]
         course = np.arctan2(*step_m[drives].T[::-1])
-        off = np.median(np.abs((heading - course + math.pi) % math.tau - math.pi))
+        off, as_radians = _apart_rad(heading, course), _apart_rad(np.degrees(heading), course)
+        is_small = np.abs(np.degrees(heading)).max() <= math.tau
+        if is_small and off > ASKEW_RAD / 3 and as_radians < off / 3:
+            report.refuse(
+                f"{car}: heading_deg fits the way driven as radians, not as degrees: call it "
+                "heading_rad"
+            )
         if off > ASKEW_RAD:
             report.warn(
                 f"{car}: heading_deg is {math.degrees(off):.0f} degrees beside the way driven: it "
                 "counts counter-clockwise from east; a compass bearing does not"
             )
+
+
+def _apart_rad(heading: Array, course: Array) -> float:
+    """How far two directions are apart, in the median."""
+    return float(np.median(np.abs((heading - course + math.pi) % math.tau - math.pi)))
 
 
 def _read_detections(

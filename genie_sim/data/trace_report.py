@@ -25,14 +25,15 @@ def tell_frames(report: ImportReport, by_camera: Mapping[str, Sequence[TraceFram
     distances_m: list[float] = []
     found = 0
     for camera, frames in by_camera.items():
-        report.read(f"images of {camera}", len(frames))
+        pictured = [frame for frame in frames if frame.kind == "camera"]
+        report.read(f"{'images' if pictured else 'scans'} of {camera}", len(frames))
         report.way(
             camera,
             [frame.stamp_ns / NS_PER_S for frame in frames],
             [frame.pose[:2] for frame in frames],
         )
-        report.span("width", {frame.width for frame in frames}, "px")
-        report.span("height", {frame.height for frame in frames}, "px")
+        report.span("width", {frame.width for frame in pictured}, "px")
+        report.span("height", {frame.height for frame in pictured}, "px")
         for frame in frames:
             found += len(frame.detections)
             distances_m += [

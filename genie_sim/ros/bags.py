@@ -139,7 +139,7 @@ def perceive_bag(
             classes=classes,
         )
         selected = _cameras(path, reader, cameras, topics, around=around, report=report)
-        origin, place_of = _places(path, around, origin)
+        origin, place_of = _places(path, around, origin, report)
         if detections is not None:
             match_images(detections, around, _image_stamps(path, reader, selected), report)
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
@@ -287,14 +287,20 @@ def _placed(found: BagDetection, placement: Placement | None, world_SE3_camera: 
     return detection(found.label, found.score, found.box, location=location, method=method)
 
 
-def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[Geodetic, PlaceOf]:
+def _places(
+    path: Path, around: Surroundings, origin: Geodetic | None, report: ImportReport | None = None
+) -> tuple[Geodetic, PlaceOf]:
     """The trace's origin, and a function of a frame of the car and an instant that returns
     ``world_SE3_frame``, or ``None`` where it is not known. Raises UserError.
     """
     frames, fixes, turns = around.frames, around.fixes, around.turns
     if origin is None and fixes:
         origin = fixes[0][1]
+    worlds = [name for name in ABSOLUTE_FRAMES if name in frames.names()]
     if origin is not None and fixes and turns:
+        if report is not None:
+            sources = ["fixes and turns", *[f"transforms from {name}" for name in worlds]]
+            report.choose("position", sources[0], sources)
         imu = turns[0][2]
         antenna = frames.find(imu, fixes[0][2], turns[0][0])
         lever = np.zeros(3) if antenna is None else antenna[:3, 3]
@@ -311,8 +317,7 @@ def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[
             return world_SE3_imu @ imu_SE3_frame
 
         return origin, on_the_track
-    names = frames.names()
-    world = next((name for name in ABSOLUTE_FRAMES if name in names), None)
+    world = next(iter(worlds), None)
     if world is None:
         no_imu = IMU
         if fixes and around.unknown_headings:

@@ -18,10 +18,11 @@ NO_PYTHON = "/no/such/python"
 
 def one_car(*stamps_ms: int, detection_ms: int) -> Fleet:
     """A car whose every hop takes 1 ms, every message 8 ms on a link, and every flight 2 ms."""
-    frames = [Frame("car1", "front", stamp_ms * MS, 910, 910) for stamp_ms in stamps_ms]
-    detections_ns = {"edge1": [detection_ms * MS] * len(frames)}
+    frames = [
+        Frame("car1", "front", stamp_ms * MS, 910, 910, detection_ms * MS) for stamp_ms in stamps_ms
+    ]
     hop = (MS, 0)
-    return Fleet({"car1": "edge1"}, [frames], detections_ns, hop, hop, MS, 2 * MS)
+    return Fleet({"car1": "edge1"}, [frames], hop, hop, MS, 2 * MS)
 
 
 def test_a_frame_takes_what_its_way_takes():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 
@@ -150,9 +151,79 @@ def test_frames_without_a_pose_are_counted(tmp_path, raw):
     assert report.left_out == {"frames without a pose": 1}
 
 
-def test_a_drive_that_is_not_in_step_is_named(tmp_path, raw):
+def make_unsynced(root, folder):
+    """The drive as it was recorded: positions at 100 Hz, scans 20 ms late with numbers of their
+    own, pictures twice as large, to be rectified.
+    """
+    target = root / DATE / f"{DATE}_drive_0005_extract"
+    shutil.copytree(folder.parent, root / DATE, ignore=shutil.ignore_patterns("*_sync"))
+    for part in ("image_02/data", "oxts/data", "velodyne_points/data"):
+        (target / part).mkdir(parents=True)
+    shutil.copy(folder / "image_02/timestamps.txt", target / "image_02/timestamps.txt")
+    for path in (folder / "image_02/data").iterdir():
+        large = cv2.resize(cv2.imread(str(path)), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+        cv2.imwrite(str(target / "image_02/data" / path.name), large)
+    first_s, stamp = 32.345808896, "2011-09-26 13:04:{:012.9f}"
+    scan = np.fromfile(folder / "velodyne_points/data/0000000000.bin", np.float32).reshape(-1, 4)
+    stamps = [stamp.format(first_s + 0.1 * k - 0.08) for k in range(FRAMES + 1)]
+    (target / "velodyne_points/timestamps.txt").write_text("\n".join(stamps) + "\n")
+    for k in range(FRAMES + 1):
+        np.savetxt(target / f"velodyne_points/data/{k:010d}.txt", scan, fmt="%.3f")
+    stamps = [stamp.format(first_s + 0.01 * k) for k in range(10 * FRAMES)]
+    (target / "oxts/timestamps.txt").write_text("\n".join(stamps) + "\n")
+    packets = [(folder / f"oxts/data/{k:010d}.txt").read_text().split() for k in range(FRAMES)]
+    for k in range(10 * FRAMES):
+        longitude = np.interp(k / 10, range(FRAMES), [float(row[1]) for row in packets])
+        if k >= 10 * (FRAMES - 1):
+            longitude = float(packets[-1][1])
+        values = [packets[0][0], f"{longitude:.12f}", *packets[0][2:]]
+        (target / f"oxts/data/{k:010d}.txt").write_text(" ".join(values) + "\n")
+    path = root / DATE / "calib_cam_to_cam.txt"
+    matrix = f"{2 * FOCAL} 0 {2 * CENTRE_X + 0.5} 0 {2 * FOCAL} {2 * CENTRE_Y + 0.5} 0 0 1"
+    path.write_text(
+        path.read_text() + f"S_02: {2 * WIDTH} {2 * HEIGHT}\nK_02: {matrix}\n"
+        f"D_02: 0 0 0 0 0\nS_rect_02: {WIDTH} {HEIGHT}\n"
+    )
+    return target
+
+
+def test_a_drive_that_is_not_in_step_gives_what_the_other_gives(tmp_path, raw):
+    root, folder, weights = raw
+    make_unsynced(tmp_path, folder)
+    selection, report = DriveFrames(f"{DATE}/0005", ["02"]), ImportReport(tmp_path)
+    detector = DetectorSettings(weights=weights)
+    same = perceive(root, selection, detector)
+    trace = perceive(tmp_path, selection, detector, report=report)
+    assert report.chosen == ["drive: _extract, not _sync"]
+    for frame, there in zip(trace.frames["02"], same.frames["02"], strict=True):
+        assert (frame.stamp_ns, frame.width, frame.height) == (there.stamp_ns, WIDTH, HEIGHT)
+        assert tuple(frame.pose) == pytest.approx(tuple(there.pose), abs=0.01)
+        (car,), (other,) = frame.detections, there.detections
+        assert car.box == pytest.approx(other.box, abs=1)
+        assert car.location == pytest.approx(other.location, abs=0.1) and car.method == "scan"
+
+
+@pytest.mark.parametrize(
+    ("broken", "message"),
+    [
+        ("velodyne_points/data", "no scan was taken within 60 ms of it"),
+        ("oxts/data", "oxts/data: no .txt files"),
+        ("oxts/timestamps.txt", "timestamps.txt: cannot be read"),
+        ("image_02/data", "no images"),
+        ("calib", "D_02 is missing or not five numbers"),
+    ],
+)
+def test_what_a_drive_out_of_step_lacks_is_one_line(tmp_path, raw, broken, message):
     _, folder, weights = raw
-    shutil.copytree(folder, tmp_path / DATE / f"{DATE}_drive_0005_extract")
+    target = make_unsynced(tmp_path, folder)
+    if broken == "calib":
+        path = tmp_path / DATE / "calib_cam_to_cam.txt"
+        path.write_text(path.read_text().replace("D_02", "D_05"))
+    elif (target / broken).is_dir():
+        shutil.rmtree(target / broken)
+    else:
+        (target / broken).unlink()
     selection = DriveFrames(f"{DATE}/0005", ["02"])
-    with pytest.raises(UserError, match="is there as '_extract' only"):
+    with pytest.raises(UserError, match=message) as error:
         perceive(tmp_path, selection, DetectorSettings(weights=weights))
+    assert "\n" not in str(error.value)

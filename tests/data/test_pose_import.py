@@ -280,6 +280,12 @@ AHEAD = "time_s,label,east_m,north_m,score\n0,{label},{east},0,0.9\n0.1,{label},
     [
         (drive(1500), AHEAD.format(label="car", east=20), "steps are faster than 100 m/s"),
         (drive(10, factor=1e-5), AHEAD.format(label="car", east=20), "are places in degrees"),
+        (
+            "time_s,east_m,north_m,heading_deg\n"
+            + "".join(f"{k / 10},0,{k},1.5708\n" for k in range(9)),
+            AHEAD.format(label="car", east=20),
+            "heading_deg fits the way driven as radians",
+        ),
         (drive(10), AHEAD.format(label="Car", east=20), "2 of 2 detections have labels that are"),
         (drive(10), AHEAD.format(label="car", east=900), "all 2 detections are 899 m or more"),
     ],

@@ -162,7 +162,7 @@ def test_a_world_under_local_matches_m_g_1():
     law = device().detector_time
     expected = 1 + pollaczek_khinchine(RHO, squared_variation(law))
     assert equivalent(
-        [one["response"] for one in worlds("local", 24)], expected=expected, margin=0.06
+        [one["response"] for one in worlds("local", 40)], expected=expected, margin=0.06
     )
 
 
@@ -170,12 +170,12 @@ def test_little_s_law_holds_in_a_world():
     """Images that wait on average, against the frames' rate times their own mean wait."""
     ratios = [
         one["queue"] / (one["rate_per_ns"] * (one["all_responses_ns"] - one["service_ns"]))
-        for one in worlds("local", 24)
+        for one in worlds("local", 40)
     ]
     assert equivalent(ratios, expected=1.0, margin=0.03)
 
 
-@pytest.mark.parametrize(("method", "replications"), [("local", 24), ("remote", 8)])
+@pytest.mark.parametrize(("method", "replications"), [("local", 40), ("remote", 8)])
 def test_the_utilization_law_holds_in_a_world(method: str, replications: int):
     """Of the accelerator that detects: its use, sampled, against the frames' rate times the mean of
     its law.

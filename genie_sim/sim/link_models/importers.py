@@ -140,6 +140,9 @@ def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Col
             times_ms.append(column.value(line.strip()))
         except ValueError as error:
             raise UserError(f"{place}: {error}") from None
+        if not times_ms[-1].is_integer():
+            problem = f"must be a whole number of milliseconds, not {short_repr(line.strip())}"
+            raise UserError(f"{place}: {problem}")
         if times_ms[-1] < max(times_ms[-2:]):
             raise UserError(f"{place}: {times_ms[-1]:g} ms is before {times_ms[-2]:g} ms")
     end_ms = times_ms[-1] if times_ms else 0.0

@@ -21,6 +21,8 @@ TOLD = {  # in the report of an import
     "down_bps": ("Mbit/s", 1e-6),
     "rtt_ns": ("ms", 1e-6),
 }
+# The largest rate and the longest round trip of a link are in between.
+USUAL = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
 
 
@@ -159,7 +161,14 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
     for name, (unit, factor) in TOLD.items():
         if name in columns:
             values = [value * factor for value in columns[name]]
-            report.span(name.partition("_")[0], (min(values), max(values)), unit)
+            what = name.partition("_")[0]
+            report.span(what, (min(values), max(values)), unit)
+            low, high = USUAL[unit]
+            if not low <= max(values) <= high:
+                report.refuse(
+                    f"{what}: at most {max(values):.4g} {unit}, which no link has (from {low:g} to "
+                    f"{high:g} {unit}): is it in another unit?"
+                )
     steps_s = [after - before for before, after in pairwise(times_s)]
     report.gaps("times", times_s, 5 * median(steps_s or [0.0]))
     if "east_m" in columns:
