@@ -442,7 +442,7 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
     by_method = {(row["method"], row["name"]): row for row in rows}
     styles = style.method_styles([method.name for method in METHODS])
     with drawing.in_style():
-        figure, grid = shown.panels(1, 1, 1.6)
+        figure, grid = shown.panels(1, 1, 2.0)
         axis = grid[0, 0]
         for place, (look_number, method) in enumerate(zip(styles, METHODS, strict=True)):
             look = style.method_bar(look_number) | {"label": method.title}
@@ -461,4 +461,4 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
         axis.set_ylabel("share of objects")
         axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
         title = "What the consumer holds at each instant, against KITTI's labels (drive 0005)"
-        return shown.finish(figure, title, "what the consumer holds, with 95 % intervals")
+        return shown.finish(figure, title, "means and 95 % intervals")
