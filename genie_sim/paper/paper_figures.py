@@ -2,6 +2,7 @@
 and with the metrics as the first reading means them. What the paper prints stands in them as marks.
 """
 
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -38,6 +39,7 @@ PLACE_LINES: dict[str, dict[str, Any]] = {
     "car": {"linestyle": (0, (3, 1.2)), "linewidth": 1.0},
 }
 FORMATS = ("svg", "png", "pdf")
+HELD = ("object_precision", "object_recall_static", "object_recall_moving", "ghost_share")
 CURVE_POINTS = 400
 EVENTS = "recorded events"
 WHISKER: dict[str, Any] = {"color": "black", "linewidth": 0.8, "capsize": 2}
@@ -436,16 +438,11 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
     """Precision, recall and false objects of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
     """
-    names = {
-        "object_precision": "precision",
-        "object_recall_static": "recall,\nstatic",
-        "object_recall_moving": "recall,\nmoving",
-        "ghost_share": METRICS["ghost_share"].title,
-    }
+    names = {name: textwrap.fill(METRICS[name].title, 12) for name in HELD}
     by_method = {(row["method"], row["name"]): row for row in rows}
     styles = style.method_styles([method.name for method in METHODS])
     with drawing.in_style():
-        figure, grid = shown.panels(1, 1, 1.6)
+        figure, grid = shown.panels(1, 1, 2.0)
         axis = grid[0, 0]
         for place, (look_number, method) in enumerate(zip(styles, METHODS, strict=True)):
             look = style.method_bar(look_number) | {"label": method.title}
@@ -464,4 +461,4 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
         axis.set_ylabel("share of objects")
         axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
         title = "What the consumer holds at each instant, against KITTI's labels (drive 0005)"
-        return shown.finish(figure, title, "what the consumer holds, with 95 % intervals")
+        return shown.finish(figure, title, "means and 95 % intervals")
