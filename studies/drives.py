@@ -65,7 +65,7 @@ SHARE, AHEAD = 0.6, 0.2  # of the drive: what a car drives, and how far it is ah
 SAME_CELL = "same_cell_share:genie"
 GAINS = {
     answer: [f"improvement_{answer}_answer:genie:{baseline}" for baseline in ("local", "remote")]
-    for answer in ("first", "fresh")
+    for answer in ("first", "result")
 }
 FACTS = [
     *(
@@ -202,9 +202,7 @@ DIRECTIONS = (
         "improvement over local and remote, first answer (the paper: 0.82)",
         lambda runs: runs.of(GAINS["first"]).mean(axis=(2, 3)),
     ),
-    Direction(
-        "C1", "the same, fresh answer", lambda runs: runs.of(GAINS["fresh"]).mean(axis=(2, 3))
-    ),
+    Direction("C1", "the same, result", lambda runs: runs.of(GAINS["result"]).mean(axis=(2, 3))),
     Direction(
         "C4",
         "smallest of these, first answer",

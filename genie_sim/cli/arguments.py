@@ -11,6 +11,7 @@ import click
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
+from genie_sim.cli import completion
 
 MAX_COUNT = 1024
 _DIGITS = re.compile("[0-9]{1,9}")
@@ -44,6 +45,12 @@ seeds_option = click.option(
     "--seeds",
     metavar="N|A,B,...",
     help="So many seeds, from 1 on, or these; results are means with intervals.",
+)
+metrics_option = click.option(
+    "--metrics",
+    metavar="A,B,...",
+    shell_complete=completion.metrics,
+    help="Print the rows of these metrics, such as first_answer_p99.",
 )
 label_option = click.option(
     "--label", default="", help="What tables and figures call the results; default: the scenario."

@@ -28,11 +28,11 @@ from genie_sim.cli.arguments import (
 )
 from genie_sim.cli.compare import compare, figures, table
 from genie_sim.cli.imports import import_tables
-from genie_sim.cli.links import links
+from genie_sim.cli.links import import_link
 from genie_sim.cli.perceive import perceive, truth
-from genie_sim.cli.ros import attach, detach
+from genie_sim.cli.ros import ros
 from genie_sim.cli.search import search
-from genie_sim.cli.shipped import copy, show
+from genie_sim.cli.shipped import show
 from genie_sim.cli.terminal import Commands, ProgressBar
 from genie_sim.version import VERSION
 
@@ -109,6 +109,8 @@ def app(context: click.Context) -> None:
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
+@click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")
+@arguments.metrics_option
 def run(
     *,
     scenario: str,
@@ -122,6 +124,8 @@ def run(
     out: Path,
     no_report: bool,
     figures: bool,
+    all_rows: bool,
+    metrics: str | None,
 ) -> None:
     """Simulate a scenario under each of its methods.
 
@@ -143,14 +147,19 @@ def run(
         raise UserError("--jobs: goes with --seeds; for one run give --workers")
     if workers is not None and several is not None:
         raise UserError("--workers: is for one run; with --seeds give --jobs")
+    rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
+    if rows and all_rows:
+        raise UserError("--all and --metrics: give one of them")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
-    from genie_sim.scenario.reading import load_scenario, with_methods
+    from genie_sim.scenario.reading import load_scenario
 
-    loaded = load_scenario(scenario, set_, seed)
-    if methods is not None:
-        names = arguments.listed("--methods", methods)
-        loaded = with_methods(loaded, names, f"--methods {methods}")
+    names = arguments.listed("--methods", methods)
+    loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
+    if rows:
+        from genie_sim.analysis import registry
+
+        registry.checked(rows, loaded.metrics)
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
@@ -163,10 +172,10 @@ def run(
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output)
+        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output, rows=rows)
     with ProgressBar() as progress:
         result = run_to_folder(loaded, out, progress, output, label=label, workers=workers or 1)
-    _show(result, output)
+    _show(result, output, rows)
 
 
 def _run_seeds(
@@ -177,6 +186,7 @@ def _run_seeds(
     jobs: int | None,
     label: str,
     output: "Output",
+    rows: list[str] | None,
 ) -> None:
     """Runs a scenario under several seeds, or what is missing of that, and shows the means."""
     from genie_sim.analysis.seed_runs import load
@@ -189,7 +199,7 @@ def _run_seeds(
     work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=output.page)
     _simulate(work, LocalWorkers(jobs or parallel.workers_here()))
     status = work.finish(output)
-    _show(load(status.folder), output)
+    _show(load(status.folder), output, rows)
 
 
 def _simulate(
@@ -208,13 +218,15 @@ def _simulate(
             raise SystemExit(130) from None
 
 
-def _show(result: "Run | SeedRuns", output: "Output") -> None:
-    """Prints the main table of a run, or of several seeds, and where the results are."""
+def _show(result: "Run | SeedRuns", output: "Output", rows: list[str] | None = None) -> None:
+    """Prints the table of a run, or of several seeds, as ``screen.text`` chooses its rows, and
+    where the results are.
+    """
     from genie_sim.analysis import screen
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
-    click.echo(screen.text(result, columns), nl=False)
+    click.echo(screen.text(result, columns, rows), nl=False)
     if len(result.runs) > 1:
         from genie_sim.analysis.compare import compared
         from genie_sim.analysis.verdict import verdicts
@@ -349,11 +361,20 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive):
     app.add_command(_command)
 
 
-@app.command()
+@app.group("import", cls=Commands)
+def imports() -> None:
+    """Read files of others: poses, detections, labels, links."""
+
+
+for _command in (import_tables, import_link, truth):
+    imports.add_command(_command)
+
+
+@imports.command()
 @click.argument(
     "what",
     metavar="{model|drive}",
@@ -561,7 +582,7 @@ def sweep(
         )
 
 
-for _command in (links, search, attach, detach):
+for _command in (search, ros):
     app.add_command(_command)
 
 
@@ -607,26 +628,7 @@ def list_(what: str | None) -> None:
             click.echo(line)
 
 
-for _command in (show, copy):
-    app.add_command(_command)
-
-
-@app.command()
-@click.argument(
-    "what",
-    metavar="{scenario|device}",
-    shell_complete=completion.fixed("scenario", "device"),
-    help="What kind of file.",
-)
-def schema(what: str) -> None:
-    """Print the JSON Schema of scenarios or devices, for editors."""
-    import json
-
-    from genie_sim.scenario.schema import SCHEMAS, json_schema
-
-    if what not in SCHEMAS:
-        raise UserError(unknown("kind of file", what, SCHEMAS))
-    click.echo(json.dumps(json_schema(what), indent=2))
+app.add_command(show)
 
 
 @plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
@@ -638,9 +640,14 @@ def main(argv: list[str] | None = None) -> int:
     # figures go to files; a window that is asked for here may not even exist
     os.environ["MPLBACKEND"] = "agg"
     try:
-        app(args=argv, prog_name="genie-sim")
+        status = app(args=argv, prog_name="genie-sim", standalone_mode=False)
     except SystemExit as stop:
         return _status_of(stop)
+    except click.UsageError as error:
+        command = "genie-sim" if error.ctx is None else error.ctx.command_path
+        text = one_line(error.format_message()).rstrip(".")
+        print(f"genie-sim: {text}; see {command} --help", file=sys.stderr)
+        return 2
     except UserError as error:
         print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
         return 1
@@ -659,7 +666,7 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
         return 1
-    return 0
+    return status or 0
 
 
 def _status_of(stop: SystemExit) -> int:

@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 @click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
 @click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
-@click.option("--cameras", default="02,03", help="Cameras, separated by commas.")
+@click.option(
+    "--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey."
+)
 @click.option(
     "--detector",
     default="yolox_nano",

@@ -60,9 +60,9 @@ def improvements(evidence: Evidence, answer: str = "first") -> dict[str, Values]
 
 
 def _c1(evidence: Evidence, claim: Claim) -> Finding:
-    fresh = np.mean(list(improvements(evidence, "fresh").values()))
+    results = np.mean(list(improvements(evidence, "result").values()))
     average = np.mean(list(improvements(evidence).values()), axis=0)
-    return matches(claim, average, note=f"fresh answer: {100 * fresh:.0f} %")
+    return matches(claim, average, note=f"results: {100 * results:.0f} %")
 
 
 def _c2(evidence: Evidence, claim: Claim) -> Finding:
@@ -73,8 +73,8 @@ def _c2(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c3(evidence: Evidence, claim: Claim) -> Finding:
     worst = np.min([evidence.of(s, Fact("under_deadline_share")) for s in ALL], axis=0)
-    fresh = np.min([evidence.of(s, Fact("fresh_under_deadline_share")) for s in ALL])
-    return above(claim, worst, note=f"worst scenario; fresh answer: {100 * fresh:.0f} %")
+    results = np.min([evidence.of(s, Fact("result_under_deadline_share")) for s in ALL])
+    return above(claim, worst, note=f"worst scenario; results: {100 * results:.0f} %")
 
 
 def _c4(evidence: Evidence, claim: Claim) -> Finding:
@@ -186,8 +186,8 @@ def _c34(evidence: Evidence, claim: Claim) -> Finding:
     ratio = _over(
         evidence,
         HO[0],
-        Fact("late_fresh_share"),
-        Fact("late_fresh_share", "local"),
+        Fact("late_result_share"),
+        Fact("late_result_share", "local"),
         variant="cut_link",
     )
     answered = evidence.of(HO[0], Fact("late_answered_share"), "cut_link")

@@ -54,8 +54,13 @@ def facts_of(
     if definitions.time == "stamp":
         frames = frames.assign(received_ns=frames["stamp_ns"])
     maps = lookups.rows(lookups["kind"] != "image")
+    # The paper knows no fresh results. An answer out of a cache is one like any other to it, so its
+    # facts are those of all results: the metrics of fresh ones, with every result in their place.
+    results = frames.assign(
+        fresh_answer_ns=frames["result_answer_ns"], objects_fresh=frames["objects_result"]
+    )
     facts = _of_metrics(
-        metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
+        metrics.compute(METHODS, {"frames": results, "lookups": lookups}, intervals=False)
     )
     facts |= _of_answers(frames) | _of_bytes(frames)
     for genie, reused in genie_metrics.reuse(maps).items():
@@ -101,10 +106,11 @@ def _of_metrics(rows: Iterable[Metric]) -> Facts:
     """Each metric's value; of reuse the highest window, too."""
     facts: Facts = {}
     for row in rows:
-        fact = Fact(row.metric, row.method, row.placement, row.component)
+        name = row.metric.replace("fresh", "result")
+        fact = Fact(name, row.method, row.placement, row.component)
         facts[fact] = math.nan if row.value is None else row.value
         if "reuse" in row.metric:
-            highest = fact._replace(metric=f"{row.metric}_high")
+            highest = fact._replace(metric=f"{name}_high")
             facts[highest] = math.nan if row.high is None else row.high
     return facts
 
@@ -123,7 +129,7 @@ def _of_answers(frames: Columns) -> Facts:
         for percent, value in zip(EARLY_PERCENTILES, early_ms, strict=True):
             facts[Fact(f"first_answer_p{percent}", method)] = value
         late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
-        for answer, metric in (("fresh", "late_fresh_share"), ("first", "late_answered_share")):
+        for answer, metric in (("result", "late_result_share"), ("first", "late_answered_share")):
             answered = ~np.isnan(of_method.floats(f"{answer}_answer_ns"))
             facts[Fact(metric, method)] = float(answered[late].mean())
         for car in frames["car"].unique():

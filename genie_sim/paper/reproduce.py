@@ -304,7 +304,7 @@ def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
             values = evidence.of(scenario, fact)
             if not np.isnan(values).all():
                 rows.append(_metric(scenario, fact, values[~np.isnan(values)]))
-    for answer in ("first", "fresh"):
+    for answer in ("first", "result"):
         average = np.mean(list(improvements(evidence, answer).values()), axis=0)
         rows.append(_metric("all", Fact(f"improvement_{answer}_answer"), average))
     return rows

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import genie_sim as gs
-from genie_sim.analysis.metrics import with_fresh
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parallel import in_processes
 from genie_sim.base.progress import Progress
@@ -93,10 +92,11 @@ class EvaluationRun:
         observer = WorldObserver(scenario.genie)
         run = gs.run(scenario, observer=observer)
         tables = run.tables
-        frames = with_fresh(tables["frames"], "answer")  # as the paper counts
         beside = quality.facts_of(tables["held"]) | observer.facts()
         facts = {
-            definitions: facts_of(frames, tables["lookups"], tables["resources"], definitions)
+            definitions: facts_of(
+                tables["frames"], tables["lookups"], tables["resources"], definitions
+            )
             | beside
             for definitions in self.definitions
         }

@@ -145,7 +145,7 @@ function showReplay() {
   for (const canvas of ["camera", "camera-b"]) byId(canvas).parentElement.hidden = !(run.judges || run.pictures);
   byId("camera-of").parentElement.hidden = !(run.judges || run.pictures);
   byId("camera-of").append(...run.cars.flatMap((entry, place) => (entry.cameras ? [option(place, entry.name)] : [])));
-  byId("difference-about").textContent = run.judges ? "False or missed objects, over all cars" : "Mean age of what the cars hold";
+  byId("difference-about").textContent = run.judges ? "False or missed objects, over all cars" : "Mean age of the cars' newest answers";
   byId("attribution").textContent = run.pictures?.attribution ?? "";
   byId("which-stream").append(...run.streams.map((one, i) => option(i, `${one.car} ${one.name}`)));
   pair.forEach((_, side) => {
@@ -165,6 +165,7 @@ function showReplay() {
   for (const id of ["map", "map-b", "difference", "lanes", "strip"]) byId(id).addEventListener("keydown", keys);
   window.addEventListener("hashchange", followAddress);
   new ResizeObserver(render).observe(byId("replay"));
+  byId("ages").addEventListener("toggle", render);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("speed").value = "0.1";
   if (followAddress()) { window.addEventListener("load", showStreet); return; } // what stands above has its place then

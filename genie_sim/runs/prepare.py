@@ -8,6 +8,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
+from genie_sim.data import detector_laws
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import build, own_classes
@@ -41,13 +42,13 @@ def prepare(
     frames = source.open(scenario.seed, scenario.origin, progress)
     if owner is not None:
         frames = own_classes.checked_frames(frames, owner)
-    return on_frames(scenario, frames, devices)
+    return prepare_with_frames(scenario, frames, devices)
 
 
-def on_frames(
+def prepare_with_frames(
     scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None
 ) -> Prepared:
-    """The same with a frame source that is open already. Raises ``UserError``."""
+    """``prepare`` with a frame source that is open. Raises ``UserError``."""
     full = scenario
     if scenario.fleet is not None:
         full, drives = expanded(scenario, scenario.fleet, frames)
@@ -67,18 +68,7 @@ def on_frames(
         entry.name: getattr(build.method(entry), "feature", None) for entry in scenario.methods
     }
     checks.check_driven(full, drives, features)
-    encoded: dict[tuple[str, str], Any] = {}
-    encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
-    for encoding in dict.fromkeys(encodings):
-        for car in full.cars:
-            if encoding != "raw" and car.edge is not None:
-                sent = frames.encoded(car.name, encoding)
-                if sent is None:
-                    raise UserError(
-                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
-                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
-                    )
-                encoded[encoding, car.name] = sent
+    encoded = _encoded_drives(full, frames)
     profiles = scenario.profiles if devices is None else devices
     names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     used = {name: profiles[name] for name in dict.fromkeys(names)}
@@ -89,6 +79,7 @@ def on_frames(
         drives=drives,
         encoded=encoded,
         facts=facts(scenario, used, frames, encoded),
+        laws=detector_laws.detector_laws(*build.looked_at(frames)),
     )
 
 
@@ -106,6 +97,25 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
         for car in scenario.cars
     )
     return replace(scenario, cars=cars)
+
+
+def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str], Any]:
+    """What the drives of cars with an edge are after their pictures were sent, by encoding and car.
+    Raises ``UserError``.
+    """
+    encoded: dict[tuple[str, str], Any] = {}
+    encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
+    for encoding in dict.fromkeys(encodings):
+        for car in scenario.cars:
+            if encoding != "raw" and car.edge is not None:
+                sent = frames.encoded(car.name, encoding)
+                if sent is None:
+                    raise UserError(
+                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
+                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
+                    )
+                encoded[encoding, car.name] = sent
+    return encoded
 
 
 def facts(
@@ -137,6 +147,9 @@ def facts(
         }
         if features:
             found["features"] = features
+    laws = detector_laws.facts(*build.looked_at(frames))
+    if laws is not None:
+        found["laws"] = laws
     if scenario.fleet is not None:
         from genie_sim.worlds.town.source import TownDrives
 

@@ -20,7 +20,7 @@ BEGIN_S = 1  # when the first frame is taken; times below are counted from there
 
 
 def frames(lap_of=lambda frame: 0):
-    """A frame a second of each car; first and fresh answer in ms after it was received."""
+    """A frame a second of each car; first answer and result in ms after it was received."""
     took = {
         ("local", "car1"): [(300, 300), None, (200, 200), None],
         ("remote", "car1"): [(50, 50), (60, 60), (70, 70), (120, 120)],
@@ -37,7 +37,7 @@ def frames(lap_of=lambda frame: 0):
             row = OpenFrame(method, header, frame, lap_of(frame))
             row.received_ns = received_ns
             if answer is not None:
-                row.first_answer_ns, row.fresh_answer_ns = (
+                row.first_answer_ns, row.result_answer_ns = (
                     None if ms is None else received_ns + ms * MS for ms in answer
                 )
             if method in sent:
@@ -132,21 +132,21 @@ WORKED = {
     "first_answer_mean:local": 250,
     "first_answer_mean:remote": 75,
     "first_answer_p95:genie": 151,  # 60 + 0.65 x 140
-    "fresh_answer_mean:genie": (10 + 90 + 40 + 20 + 40 + 60) / 6,
+    "result_answer_mean:genie": (10 + 90 + 40 + 20 + 40 + 60) / 6,
     "improvement_first_answer:genie:local": 1 - 52.5 / 250,
     "improvement_first_answer:genie:remote": 1 - 52.5 / 75,
     "under_deadline_share:genie": 4 / 8,
     "under_deadline_share:local": 0,
-    "fresh_under_deadline_share:genie": 2 / 8,
+    "result_under_deadline_share:genie": 2 / 8,
     # each car for itself
     "first_answer_mean:genie:car1": 25,
     "first_answer_mean:genie:car2": 80,
     "first_answer_p99:genie:car2": 60 + 0.97 * 140,
     "first_answer_p99:genie:car1": 39.7,
     # the last third of the frames is the fourth alone: the third stands at two thirds
-    "late_fresh_share:genie": 0.5,
-    "late_fresh_share:local": 0,
-    "late_fresh_share:remote": 1,
+    "late_result_share:genie": 0.5,
+    "late_result_share:local": 0,
+    "late_result_share:remote": 1,
     "late_answered_share:genie": 1,
     "late_answered_share:local": 0,
     # of remote's frames, those that went up and whose answers came down
@@ -192,8 +192,8 @@ STAMP = {  # the wait counts, too
     "first_answer_p99:genie:car1": 41.7,
     "improvement_first_answer:genie:remote": 1 - 54.5 / 77,
     "under_deadline_share:genie": 4 / 8,
-    "fresh_answer_mean:local": 252,
-    "late_fresh_share:genie": 0.5,
+    "result_answer_mean:local": 252,
+    "late_result_share:genie": 0.5,
     "image_reuse:edge": 0.4,
 }
 ALL_REQUESTS = {

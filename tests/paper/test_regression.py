@@ -28,10 +28,10 @@ SCENARIOS = (*ALL, CASE)
 SMALL = (
     *(
         f"{answer}_answer_mean:{method}"
-        for answer in ("first", "fresh")
+        for answer in ("first", "result")
         for method in ("local", "remote", "genie")
     ),
-    *(f"fresh_answered_share:{method}" for method in ("local", "remote", "genie")),
+    *(f"result_answered_share:{method}" for method in ("local", "remote", "genie")),
     *(
         f"{name}:{where}"
         for name in ("image_reuse", "object_reuse", "confidence_boost")

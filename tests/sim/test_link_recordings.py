@@ -11,7 +11,7 @@ import pytest
 from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.seeds import stream
+from genie_sim.base.seeds import Draws, stream
 from genie_sim.runs import build
 from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_models import LinkEnds, recording
@@ -33,7 +33,7 @@ def write(path: Path, **columns) -> str:
 
 def sender(trace: RecordedLink, ends: LinkEnds = UP, seed: int = 1, place=(0.0, 0.0)):
     air = SimpleNamespace(
-        clock=None, stream=lambda *names: stream(seed, *names), place=lambda car: place
+        clock=None, draws=lambda *names: Draws(seed, *names), place=lambda car: place
     )
     return TraceRadio(trace, air).sender(ends)  # type: ignore[arg-type]
 
@@ -289,14 +289,14 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
 )
 def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):
     (tmp_path / "drive.txt").write_text(text)
-    ran = run_cli("links", "import", "drive.txt", "--format", format, "--out", "drive.parquet")
+    ran = run_cli("import", "link", "drive.txt", "--format", format, "--out", "drive.parquet")
     assert ran.returncode == 1 and message in ran.stderr and "drive.txt" in ran.stderr
     assert len(ran.stderr.splitlines()) == 1 and not (tmp_path / "drive.parquet").exists()
 
 
 def test_an_imported_drive_is_replayed(run_cli, tmp_path):
     (tmp_path / "drive.csv").write_text(CSV)
-    ran = run_cli("links", "import", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
+    ran = run_cli("import", "link", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.splitlines() == [
         "drive.parquet: 3 rows, 2.5 s: up_bps, down_bps, rtt_ns",
