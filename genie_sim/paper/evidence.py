@@ -18,6 +18,9 @@ from genie_sim.paper.facts import Fact, Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
 BASE = "base"  # the variant that is meant where none is named
+# An effect below this share of the value that it changes does not count, in any ordering of any
+# reading. Declared before it was applied; docs/paper.md says how.
+NEGLIGIBLE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
