@@ -84,7 +84,7 @@ def simulated(
 ) -> pd.DataFrame:
     """Streaming F1 of every run: rows are conditions and seeds, columns are methods."""
     runs = gs.sweep(
-        "3car_hetero",
+        "street_3car_hetero",
         {"condition": {"list": conditions}},
         {"methods": list(methods), "record": ["held", "resources"]},
         seeds=seeds,
