@@ -219,7 +219,7 @@ def test_the_documents_show_the_committed_verdicts(document):
     for name, part in generated_parts(PAPER).items():
         shown = between(name, text)
         assert shown is None or shown == part, (
-            f"{document.name} shows other {name}: python tests/paper/test_reproduce.py"
+            f"{document.name} shows other {name}: python -m tests.paper.test_reproduce"
         )
     if document.name == "README.md":
         assert between("counts", text) is not None
@@ -237,7 +237,7 @@ def refresh(repository):
 
 
 def test_refreshing_what_is_committed_changes_nothing(tmp_path):
-    """What ``python tests/paper/test_reproduce.py`` does after an evaluation."""
+    """What ``python -m tests.paper.test_reproduce`` does after an evaluation."""
     for path in GENERATED:
         (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, tmp_path / path.relative_to(REPOSITORY))
