@@ -59,13 +59,9 @@ def _same_number(one: Finding | None, other: Finding | None) -> bool:
     """
     if one is None or other is None or one.low is None or other.low is None:
         return False
-    numbers = [(of.value, of.low, of.high) for of in (one, other)]
-    exact = {0.0, 1.0}
-    return (
-        one.unit == other.unit
-        and one.value not in exact
-        and bool(np.allclose(*np.array(numbers, dtype=float), rtol=1e-6, atol=0))
-    )
+    mine, its = (np.array([of.value, of.low, of.high], dtype=float) for of in (one, other))
+    exact = one.value in (0.0, 1.0)
+    return one.unit == other.unit and not exact and bool(np.allclose(mine, its, rtol=1e-6, atol=0))
 
 
 def judge_one(claim: Claim, evidence: Evidence) -> Verdict:

@@ -118,10 +118,10 @@ def _of_answers(frames: Columns) -> Facts:
     for baseline in (method.name for method in METHODS if method.baseline):
         for metric in ("result_answer", f"first_answer{FROM_STAMP}", f"fresh_answer{FROM_STAMP}"):
             name, of_stamp, _ = metric.partition(FROM_STAMP)
-            means = [facts.get(Fact(f"{name}_mean{of_stamp}", m)) for m in ("genie", baseline)]
-            if None not in means:
+            ours, theirs = (Fact(f"{name}_mean{of_stamp}", m) for m in ("genie", baseline))
+            if ours in facts and theirs in facts:
                 improvement = Fact(f"improvement_{metric}", component=baseline)
-                facts[improvement] = 1 - ratio(*means)
+                facts[improvement] = 1 - ratio(facts[ours], facts[theirs])
     return facts
 
 

@@ -91,9 +91,10 @@ class Reading:
     @cached_property
     def definitions(self) -> Definitions:
         """What it means by the metrics."""
-        return Definitions(
-            **{metric: defined.definition for metric, defined in self.all_metrics.items()}
-        )
+        chosen: dict[str, Any] = {
+            metric: defined.definition for metric, defined in self.all_metrics.items()
+        }
+        return Definitions(**chosen)
 
     @property
     def all_metrics(self) -> Mapping[str, Definition]:

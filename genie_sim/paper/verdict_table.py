@@ -73,8 +73,8 @@ def table(rows: Sequence[Row], says: str = "claim") -> ResultTable:
 def printed(rows: Sequence[Row], format: str) -> str:
     """The claims for a paper, in ``markdown`` or ``latex``; in ``csv`` with all digits."""
     if format == "csv":
-        names = ("reading", "id", "kind", "paper", "verdict", "marginal", "value", "low", "high")
-        names = (*names, "unit")
+        names = ["reading", "id", "kind", "paper", "verdict", "marginal"]
+        names += ["value", "low", "high", "unit"]
         return renderers.exact(names, ([row[name] for name in names] for row in rows))
     if format == "markdown":
         return in_markdown(rows)
