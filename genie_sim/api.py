@@ -14,8 +14,9 @@ choices.
 
 import json
 import re
+import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -29,6 +30,7 @@ from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
+from genie_sim.base.python_values import plain
 from genie_sim.base.settings import plain_data
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
@@ -36,7 +38,6 @@ from genie_sim.report.output import Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
 from genie_sim.scenario import reading
-from genie_sim.scenario.reading import with_methods
 from genie_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -44,6 +45,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from genie_sim.study.sweep_table import SweepTable
+    from genie_sim.study.tasks import LocalWorkers
+
 __all__ = [
     "Plots",
     "Run",
@@ -64,7 +67,7 @@ Settings = Mapping[str, Any] | Sequence[str]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(results.Run):
-    """A finished run in hand: its tables (see ``recording.results.Run``), metrics, figures and
+    """A finished run in hand: its tables (see ``record.results.Run``), metrics, figures and
     page.
     """
 
@@ -193,7 +196,7 @@ def run(
     *,
     seed: int | None = None,
     seeds: None = None,
-    methods: Sequence[str] = (),
+    methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -210,7 +213,7 @@ def run(
     *,
     seed: None = None,
     seeds: int | Sequence[int],
-    methods: Sequence[str] = (),
+    methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -224,7 +227,7 @@ def run(
     *,
     seed: int | None = None,
     seeds: int | Sequence[int] | None = None,
-    methods: Sequence[str] = (),
+    methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -264,9 +267,8 @@ def run(
         Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
         many runs are done, how many there are, and how many failed.
     """
-    loaded = load_scenario(scenario, settings, seed=seed)
-    if methods:
-        loaded = with_methods(loaded, methods)
+    names = _names("methods", methods)
+    loaded = load_scenario(scenario, settings, seed=plain(seed, "seed"), methods=names)
     label = results.checked_label(label)
     if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
         raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
@@ -277,7 +279,8 @@ def run(
             raise UserError("seed and seeds: give one of them")
         if workers != 1:
             raise UserError("workers: is for one run; with seeds give jobs")
-        return _run_seeds(loaded, seeds, label, out=out, jobs=jobs, progress=progress)
+        asked = plain(seeds, "seeds")
+        return _run_seeds(loaded, asked, label, out=out, jobs=jobs, progress=progress)
     if out is None:
         run = run_folder.run_in_memory(
             loaded, progress, label=label, workers=workers, observer=observer
@@ -299,10 +302,8 @@ def _run_seeds(
     progress: Progress | None,
 ) -> Runs:
     """Runs what is missing of several seeds, in a scratch folder where there is no ``out``."""
-    from genie_sim.base import parallel
     from genie_sim.study.seeds import design_of
     from genie_sim.study.study import Study
-    from genie_sim.study.tasks import LocalWorkers
 
     kept = out is not None
     with tempfile.TemporaryDirectory() as scratch:
@@ -314,7 +315,7 @@ def _run_seeds(
             label=label,
             reports=kept,
         )
-        work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
+        work.run(_workers(jobs, plain_data(scenario)), progress=progress)
         status = work.finish(Output(page=kept))
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
@@ -335,7 +336,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run | Runs:
 
 def compare(
     *results_: results.Run | SeedRuns | str | Path,
-    methods: Sequence[str] = (),
+    methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
     allow_changed: bool = False,
 ) -> "Comparison":
@@ -410,7 +411,7 @@ def sweep(
     settings: Mapping[str, Any] | None = None,
     *,
     seeds: int | Sequence[int] = 5,
-    methods: Sequence[str] = (),
+    methods: Sequence[str] | str = (),
     label: str = "",
     samples: int | None = None,
     every_run: bool = False,
@@ -454,34 +455,32 @@ def sweep(
     """
     import pandas as pd
 
-    from genie_sim.base import parallel
     from genie_sim.study.design import read_design
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepPlots, SweepTable
-    from genie_sim.study.tasks import LocalWorkers
 
     named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {
         "name": "sweep",
         "scenario": str(scenario),
-        "axes": named,
-        "set": dict(settings or {}),
-        "samples": samples,
+        "axes": plain(named, "axes"),
+        "set": plain(dict(settings or {}), "settings"),
+        "samples": plain(samples, "samples"),
+        "seeds": plain(seeds, "seeds"),
     }
-    design = read_design(
-        {**given, "seeds": seeds if isinstance(seeds, int) else list(seeds)}, "sweep"
-    )
+    names = _names("methods", methods)
+    design = read_design(given, "sweep")
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
             design,
             "sweep",
             expanded(out or scratch),
             progress,
-            methods=methods,
+            methods=names,
             label=results.checked_label(label),
             reports=out is not None,
         )
-        work.run(LocalWorkers(jobs or parallel.workers_here()), progress=progress)
+        work.run(_workers(jobs, given, names), progress=progress)
         status = work.finish(Output(page=out is not None))
         table = pd.read_parquet(
             status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
@@ -533,11 +532,9 @@ def search(
     progress : callable, optional
         Called with how many points are done, how many there are, and what is going on.
     """
-    from genie_sim.base import parallel
     from genie_sim.study.search_design import load
-    from genie_sim.study.tasks import LocalWorkers
 
-    changes: dict[str, Any] = {"set": dict(settings)} if settings else {}
+    changes: dict[str, Any] = {"set": plain(dict(settings), "settings")} if settings else {}
     if maximize or minimize:
         changes["objectives"] = {"maximize": maximize, "minimize": minimize}
     changes |= {
@@ -545,11 +542,12 @@ def search(
         for key, value in (("subject_to", subject_to), ("points", points), ("seed", seed))
         if value not in ((), None)
     }
-    design = load(search, methods, changes)
+    names = _names("methods", methods)
+    design = load(search, names, changes)
     from genie_sim.study.search import Search
 
     with tempfile.TemporaryDirectory() as scratch:
-        workers = LocalWorkers(jobs or parallel.workers_here())
+        workers = _workers(jobs, changes, names, search)
         work = Search(design, expanded(out or scratch), workers)
         work.run(progress)
         return work.finish(progress, pictures=out is not None)[0]
@@ -559,7 +557,7 @@ def _axis(path: str, axis: Any) -> tuple[str, Any]:
     """A list stands for an axis along the setting that its name says, called by the last word of
     the path.
     """
-    if isinstance(axis, str) or not isinstance(axis, Sequence):
+    if isinstance(axis, str | Mapping) or not isinstance(axis, Iterable):
         return path, axis
     return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
 
@@ -582,18 +580,19 @@ def load_scenario(
     settings: Settings = (),
     *,
     seed: int | None = None,
+    methods: Sequence[str] = (),
 ) -> Scenario:
     """A scenario, checked: a file or a shipped name, a mapping as in YAML, or another scenario,
-    with ``settings``.
+    with ``settings``, and with these ``methods`` alone where some are named.
 
     Raises ``UserError``.
     """
     overrides = _overrides(settings)
     try:
         if isinstance(source, str | Path):
-            return reading.load_scenario(source, overrides, seed)
-        data = plain_data(source) if isinstance(source, Scenario) else source
-        return reading.read_scenario({"name": "scenario", **data}, overrides, seed)
+            return reading.load_scenario(source, overrides, seed, methods=methods)
+        data = plain_data(source) if isinstance(source, Scenario) else plain(source, "scenario")
+        return reading.read_scenario({"name": "scenario", **data}, overrides, seed, methods=methods)
     except UserError as error:
         # that is how the command line says it
         raise UserError(str(error).removeprefix("--set ")) from error
@@ -617,4 +616,30 @@ def _overrides(settings: Settings) -> Sequence[str]:
         )
     if not isinstance(settings, Mapping):
         return settings
-    return [f"{path}={json.dumps(value)}" for path, value in settings.items()]
+    return [f"{path}={json.dumps(plain(value, path))}" for path, value in settings.items()]
+
+
+def _names(where: str, given: Any) -> list[str]:
+    """Names, of which one may stand alone; a class stands for its own."""
+    names = plain(given, where)
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _workers(jobs: int | None, *given: Any) -> "LocalWorkers":
+    """So many processes, by default one a core. A class of a notebook, or of what was typed, is
+    known in this process alone: what names one runs here. Raises ``UserError`` where several are
+    asked for.
+    """
+    from genie_sim.base import parallel
+    from genie_sim.study.tasks import LocalWorkers
+
+    is_main = '"__main__:' in json.dumps(given, default=str)
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if is_main and (script is None or not Path(script).is_file()):
+        if jobs not in (None, 1):
+            raise UserError(
+                f"jobs: {jobs} processes do not know a class of this notebook: leave jobs out, or"
+                " put the class into a file of its own"
+            )
+        return LocalWorkers(1)
+    return LocalWorkers(jobs or parallel.workers_here())

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import matplotlib.pyplot as plt
 import pandas as pd
@@ -14,6 +15,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import genie_sim as gs
+from genie_sim import api
 from genie_sim.analysis import figures
 from genie_sim.cli.main import main
 from tests.checkout import REPOSITORY
@@ -305,3 +307,12 @@ def test_the_next_entry_of_a_list_can_be_set():
         "street_1car_homo", {"cars[1].name": "second", "cars[1].device": "orin_nano"}
     )
     assert [car.name for car in made.cars] == ["car1", "second"]
+
+
+def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
+    monkeypatch.setitem(sys.modules, "__main__", ModuleType("__main__"))
+    given = {"set": {"cars[0].link": {"model": "__main__:Link"}}}
+    assert api._workers(None, given).workers == api._workers(1, given).workers == 1
+    with pytest.raises(gs.UserError, match="jobs: 2 processes do not know a class"):
+        api._workers(2, given)
+    assert api._workers(2, {"set": {}}).workers == 2

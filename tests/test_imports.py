@@ -6,12 +6,15 @@ from __future__ import annotations
 
 import ast
 import functools
+import importlib
+import re
 import subprocess
 import sys
 import tomllib
 from collections.abc import Iterable
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import pytest
@@ -262,3 +265,35 @@ def test_scripts_of_pages_import_nothing():
     for path in PACKAGE.rglob("*.js"):
         for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             assert not line.startswith(("import ", "export ")), f"{path}:{number}: {line}"
+
+
+@pytest.mark.slow
+def test_a_name_in_a_docstring_leads_somewhere():
+    """What stands as ``room.module.Name`` in a docstring can be imported."""
+    found = 0
+    for path in MODULES.values():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                continue
+            for name in re.findall(r"``(\w+(?:\.\w+)+)", ast.get_docstring(node) or ""):
+                room, *inside = name.split(".")
+                if room in MODULES and inside[-1] not in ("parquet", "html", "latency_cdf"):
+                    within = importlib.import_module(f"genie_sim.{room}")
+                    assert _exists(inside, within), f"{path}: {name}"
+                    found += 1
+    assert found > 15
+
+
+def _exists(names: list[str], within: object) -> bool:
+    """Whether a module or class has what these names lead to."""
+    if not names:
+        return True
+    first, *rest = names
+    inside = getattr(within, first, None)
+    if inside is None and isinstance(within, ModuleType):
+        try:
+            inside = importlib.import_module(f"{within.__name__}.{first}")
+        except ModuleNotFoundError:
+            return False
+    return inside is not None and _exists(rest, inside)

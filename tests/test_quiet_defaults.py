@@ -13,7 +13,7 @@ from genie_sim import api
 from genie_sim.analysis import seed_runs
 from genie_sim.cli import outputs
 from genie_sim.record import results
-from genie_sim.report.output import USUAL, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.study import printed
 
 
@@ -34,4 +34,4 @@ def test_changed_results_are_refused_unless_they_are_allowed(module: ModuleType)
 
 
 def test_several_seeds_have_a_page_and_no_figures():
-    assert Output(page=True, figures=()) == USUAL
+    assert Output(page=True, figures=()) == DEFAULT_OUTPUT

@@ -51,7 +51,7 @@ def compute(
     methods : sequence of MethodInfo
         Those that ran.
     tables : mapping of str to Columns or pandas.DataFrame
-        ``frames``, and what else was recorded; the columns are those of ``recording.records``.
+        ``frames``, and what else was recorded; the columns are those of ``record.records``.
     intervals : bool
         Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
     fresh : str

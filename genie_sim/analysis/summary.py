@@ -62,8 +62,8 @@ ABOUT_PROXIES = (
     "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, too."
 )
 NO_TRUTH = (
-    "The objects that are really there are not known here; 'genie-sim truth' makes a truth table "
-    "of any labelled drive."
+    "The objects that are really there are not known here; 'genie-sim import truth' makes a truth "
+    "table of any labelled drive."
 )
 ABOUT_ENERGY = (
     "Energy: of cars and edges until the last answer, from the watts of the device profiles; in "

@@ -5,9 +5,7 @@ A registry is an explicit dict from a name to a class, or to the text ``package.
 one that is imported when it is asked for.
 """
 
-import hashlib
 import importlib
-import inspect
 import re
 import sys
 import traceback
@@ -18,6 +16,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from genie_sim.base import custom_sources
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.removed import instead_of_module
 
@@ -101,9 +100,13 @@ def resolve(
     # whatever an own module raises when it is imported
     with as_user_error(f"{what} {name!r}", Exception):
         try:
+            if entry is None:
+                custom_sources.forget_edited(module_name)
             made = getattr(importlib.import_module(module_name), class_name)
         except ModuleNotFoundError as error:
             raise UserError(instead_of_module(error.name) or str(error)) from error
+    if entry is None:
+        custom_sources.note(module_name)
     lacking = [
         method
         for method in methods
@@ -156,9 +159,5 @@ def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any)
 
 
 def code_digest(what: str, name: str) -> str:
-    """sha256 of the file of a class of the user's own: its code decides the outcome, too."""
-    made = resolve(what, name, {})
-    try:
-        return hashlib.sha256(Path(inspect.getfile(inspect.unwrap(made))).read_bytes()).hexdigest()
-    except (TypeError, OSError):  # made in a notebook, or without a file of its own
-        return "unknown"
+    """sha256 of the files of a class of the user's own: its code decides the outcome, too."""
+    return custom_sources.digest(resolve(what, name, {}))

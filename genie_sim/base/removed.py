@@ -14,6 +14,13 @@ NAMES: dict[str, str] = {
         "for an article of your own."
     ),
     "command keys": "Make keys with the openssl commands of docs/how-to/keys.md.",
+    "command attach": "Write 'genie-sim ros attach NODE'.",
+    "command detach": "Write 'genie-sim ros detach NODE'.",
+    "command copy": "Write 'genie-sim show NAME --copy-to FILE'.",
+    "command fetch": "Write 'genie-sim import fetch {model|drive} NAME'.",
+    "command links": "Write 'genie-sim import link FILE --out FILE'.",
+    "command schema": "Write 'genie-sim show --schema {scenario|device}'.",
+    "command truth": "Write 'genie-sim import truth --drive DRIVE --trace TRACE'.",
     "scenario fleet_10000": (
         "Run fleet_1000 with --set fleet.cars=10000 --set perception.duration='60 s' "
         "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
@@ -46,8 +53,10 @@ OPTIONS: dict[str, str] = {
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
     "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",
     "search --storage": "Leave it out; nothing is stored but runs, and points.csv has every point.",
-    "attach --revoked": "Attach the others again without that name in --car, --edge and --connect.",
-    "attach --key": "Write --keys FOLDER, with the files of docs/how-to/keys.md.",
+    "ros attach --revoked": (
+        "Attach the others again without that name in --car, --edge and --connect."
+    ),
+    "ros attach --key": "Write --keys FOLDER, with the files of docs/how-to/keys.md.",
     "--install-completion": _COMPLETION,
     "--show-completion": _COMPLETION,
 }

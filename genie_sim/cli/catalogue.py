@@ -50,6 +50,13 @@ def _detectors() -> Listing:
     return _first_lines(DETECTORS)
 
 
+def _metrics() -> Listing:
+    from genie_sim.analysis.registry import METRICS
+
+    for name, metric in METRICS.items():
+        yield name, f"{metric.title} [{metric.unit}]" if metric.unit else metric.title
+
+
 def _first_lines(registry: Mapping[str, object]) -> Listing:
     """Each name of a registry with the first paragraph of its class's docstring, on one line."""
     for name in registry:
@@ -77,4 +84,5 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "evictions": lambda: _first_lines(EVICTIONS),
     "rules": lambda: _first_lines(CONFIDENCE_RULES),
     "defences": lambda: _first_lines(DEFENCES),
+    "metrics": _metrics,
 }

@@ -1,4 +1,4 @@
-"""The command ``import``. Everything heavy is imported after the arguments are parsed."""
+"""The command ``import tables``. Everything heavy is imported after the arguments are parsed."""
 
 import math
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH
 
 
-@click.command("import")
+@click.command("tables")
 @click.argument(
     "poses", type=PATH, help="CSV or Parquet: car, time_s, east_m, north_m, heading_deg."
 )
@@ -39,8 +39,8 @@ def import_tables(
     """Turn tables of poses and detections into traces.
 
     \b
-    genie-sim import poses.csv detections.csv --out traces
-    genie-sim import poses.csv detections.csv --truth objects.csv --out traces --fov "90 deg"
+    genie-sim import tables poses.csv detections.csv --out traces
+    genie-sim import tables poses.csv detections.csv --truth objects.csv --out traces --fov "90 deg"
     """
     from genie_sim.base import units
 

@@ -1,4 +1,4 @@
-"""Commands for recorded links."""
+"""The command ``import link``. Everything heavy is imported after the arguments are parsed."""
 
 import hashlib
 from pathlib import Path
@@ -6,17 +6,11 @@ from pathlib import Path
 import click
 
 from genie_sim.cli.arguments import PATH
-from genie_sim.cli.terminal import Commands
 
 FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
 
 
-@click.group(cls=Commands)
-def links() -> None:
-    """Recorded links, which 'link: {model: trace}' replays."""
-
-
-@links.command("import")
+@click.command("link")
 @click.argument("file", type=PATH, help="A file with measurements.")
 @click.option(
     "--format", type=click.Choice(FORMATS), default="csv", help="What wrote it; see the how-to."
@@ -29,14 +23,14 @@ def links() -> None:
 )
 @click.option("--source", default="", help="Where the measurements come from; is kept in the file.")
 @click.option("--licence", default="", help="Their licence; is kept in the file.")
-def import_(
+def import_link(
     *, file: Path, format: str, out: Path, direction: str | None, source: str, licence: str
 ) -> None:
     """Turn measurements of a link into a recording.
 
     \b
-    genie-sim links import drive.csv --out drive.parquet
-    genie-sim links import Data5G.csv --format mtu --out cork.parquet
+    genie-sim import link drive.csv --out drive.parquet
+    genie-sim import link Data5G.csv --format mtu --out cork.parquet
     """
     from genie_sim.base import paths
     from genie_sim.sim.link_models import recording

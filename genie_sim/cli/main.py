@@ -27,11 +27,11 @@ from genie_sim.cli.arguments import (
 )
 from genie_sim.cli.compare import compare, figures, table
 from genie_sim.cli.imports import import_tables
-from genie_sim.cli.links import links
+from genie_sim.cli.links import import_link
 from genie_sim.cli.perceive import perceive, truth
-from genie_sim.cli.ros import attach, detach
+from genie_sim.cli.ros import ros
 from genie_sim.cli.search import search
-from genie_sim.cli.shipped import copy, show
+from genie_sim.cli.shipped import show
 from genie_sim.cli.terminal import Commands, ProgressBar
 from genie_sim.version import VERSION
 
@@ -144,12 +144,10 @@ def run(
         raise UserError("--workers: is for one run; with --seeds give --jobs")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
-    from genie_sim.scenario.reading import load_scenario, with_methods
+    from genie_sim.scenario.reading import load_scenario
 
-    loaded = load_scenario(scenario, set_, seed)
-    if methods is not None:
-        names = arguments.listed("--methods", methods)
-        loaded = with_methods(loaded, names, f"--methods {methods}")
+    names = arguments.listed("--methods", methods)
+    loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
@@ -348,11 +346,20 @@ def rerun(folder: Path, allow_changed: bool) -> None:
         raise UserError(f"{folder}: the run does not reproduce its own result")
 
 
-for _command in (compare, figures, table, perceive, truth, import_tables):
+for _command in (compare, figures, table, perceive):
     app.add_command(_command)
 
 
-@app.command()
+@app.group("import", cls=Commands)
+def imports() -> None:
+    """Read files of others: poses, detections, labels, links."""
+
+
+for _command in (import_tables, import_link, truth):
+    imports.add_command(_command)
+
+
+@imports.command()
 @click.argument(
     "what",
     metavar="{model|drive}",
@@ -506,7 +513,7 @@ def sweep(
         )
 
 
-for _command in (links, search, attach, detach):
+for _command in (search, ros):
     app.add_command(_command)
 
 
@@ -552,26 +559,7 @@ def list_(what: str | None) -> None:
             click.echo(line)
 
 
-for _command in (show, copy):
-    app.add_command(_command)
-
-
-@app.command()
-@click.argument(
-    "what",
-    metavar="{scenario|device}",
-    shell_complete=completion.fixed("scenario", "device"),
-    help="What kind of file.",
-)
-def schema(what: str) -> None:
-    """Print the JSON Schema of scenarios or devices, for editors."""
-    import json
-
-    from genie_sim.scenario.schema import SCHEMAS, json_schema
-
-    if what not in SCHEMAS:
-        raise UserError(unknown("kind of file", what, SCHEMAS))
-    click.echo(json.dumps(json_schema(what), indent=2))
+app.add_command(show)
 
 
 @plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
@@ -583,9 +571,14 @@ def main(argv: list[str] | None = None) -> int:
     # figures go to files; a window that is asked for here may not even exist
     os.environ["MPLBACKEND"] = "agg"
     try:
-        app(args=argv, prog_name="genie-sim")
+        status = app(args=argv, prog_name="genie-sim", standalone_mode=False)
     except SystemExit as stop:
         return _status_of(stop)
+    except click.UsageError as error:
+        command = "genie-sim" if error.ctx is None else error.ctx.command_path
+        text = one_line(error.format_message()).rstrip(".")
+        print(f"genie-sim: {text}; see {command} --help", file=sys.stderr)
+        return 2
     except UserError as error:
         print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
         return 1
@@ -604,7 +597,7 @@ def main(argv: list[str] | None = None) -> int:
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
         return 1
-    return 0
+    return status or 0
 
 
 def _status_of(stop: SystemExit) -> int:

@@ -1,4 +1,4 @@
-"""The commands for real ROS: ``attach``, ``detach``. What is heavy is imported late."""
+"""The commands for real ROS: ``ros attach``, ``ros detach``. What is heavy is imported late."""
 
 from pathlib import Path
 from typing import Any
@@ -7,9 +7,15 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli.arguments import PATH
+from genie_sim.cli.terminal import Commands
 
 
-@click.command()
+@click.group(cls=Commands)
+def ros() -> None:
+    """Put a Genie in front of a running ROS node, or take it away."""
+
+
+@ros.command()
 @click.argument("node", help="A running ROS node, such as /vision_darknet_detect.")
 @click.option("--role", default="car", help="car or edge.")
 @click.option("--name", help="What other Genies call this one; default: the node's name.")
@@ -88,7 +94,7 @@ def attach(
     )
 
 
-@click.command()
+@ros.command()
 @click.argument("node", help="The node in front of which a Genie stands.")
 @click.option("--network", help="localhost:11311, or domain-0 in ROS 2.")
 def detach(node: str, network: str | None) -> None:

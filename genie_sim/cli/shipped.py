@@ -1,4 +1,4 @@
-"""Commands that show and copy what comes with genie-sim: scenarios, sweeps, device profiles."""
+"""The command ``show``: what comes with genie-sim, and the schemas of files."""
 
 from pathlib import Path
 
@@ -9,42 +9,57 @@ from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import PATH
 
-name_argument = click.argument(
+
+@click.command()
+@click.argument(
     "name",
     help="Of a scenario, sweep, search, space or device profile; see 'genie-sim list'.",
     shell_complete=completion.files_by_name,
 )
-kind_option = click.option(
+@click.option(
     "--kind",
     type=click.Choice(("scenario", "sweep", "device", "search", "space")),
     help="Which, where a name stands for several.",
 )
+@click.option(
+    "--copy-to", type=PATH, metavar="PATH", help="Write it to this file or folder, to change it."
+)
+@click.option(
+    "--schema",
+    is_flag=True,
+    help="The JSON Schema of 'scenario' or 'device' files instead, for editors.",
+)
+def show(name: str, kind: str | None, copy_to: Path | None, schema: bool) -> None:
+    """Print or copy a shipped scenario, sweep or device profile.
 
-
-@click.command()
-@name_argument
-@kind_option
-def show(name: str, kind: str | None) -> None:
-    """Print a shipped scenario, sweep, search or device profile."""
-    click.echo(read_text(_path(name, kind)).rstrip("\n"))
-
-
-@click.command()
-@name_argument
-@click.argument("target", type=PATH, required=False, help="Default: NAME.yaml in this folder.")
-@kind_option
-def copy(name: str, target: Path | None, kind: str | None) -> None:
-    """Copy what 'show' shows, to change it. An existing file stays as it is."""
-    source = _path(name, kind)
-    target = target or Path(source.name)
-    if target.is_dir():
-        target = target / source.name
-    if target.exists() or target.is_symlink():
-        raise UserError(f"{target}: is there already; say where else")
-    text = read_text(source)
-    with atomic_write(target) as beside:
+    \b
+    genie-sim show 3car_hetero
+    genie-sim show 3car_hetero --copy-to mine.yaml
+    genie-sim show --schema scenario --copy-to scenario.schema.json
+    """
+    path = None if schema else _path(name, kind)
+    text = _schema(name) if path is None else read_text(path)
+    if copy_to is None:
+        click.echo(text.rstrip("\n"))
+        return
+    if copy_to.is_dir():
+        copy_to = copy_to / (f"{name}.schema.json" if path is None else path.name)
+    if copy_to.exists() or copy_to.is_symlink():
+        raise UserError(f"{copy_to}: is there already; say where else")
+    with atomic_write(copy_to) as beside:
         beside.write_text(text, encoding="utf-8")
-    click.echo(f"{target} (from {source})")
+    click.echo(f"{copy_to}" if path is None else f"{copy_to} (from {path})")
+
+
+def _schema(what: str) -> str:
+    """The JSON Schema of a kind of file. Raises ``UserError``."""
+    import json
+
+    from genie_sim.scenario.schema import SCHEMAS, json_schema
+
+    if what not in SCHEMAS:
+        raise UserError(unknown("kind of file", what, SCHEMAS))
+    return json.dumps(json_schema(what), indent=2) + "\n"
 
 
 def _path(name: str, kind: str | None) -> Path:

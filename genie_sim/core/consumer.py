@@ -116,7 +116,7 @@ class Tracker(Consumer):
                 detections = tuple(seen for seen in answer.objects if seen.method != "map")
                 look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
-            self._map.look(look, now_ns)
+            self._map.count(look, now_ns)
 
     def shown(self, now_ns: int) -> Sequence[Shown]:
         self._map.forget(now_ns)

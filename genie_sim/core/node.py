@@ -26,7 +26,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, object_lookups
-from genie_sim.core.message_cache import MessageCache, PendingIndex, PendingRequest, Requester
+from genie_sim.core.message_cache import (
+    Answers,
+    MessageCache,
+    PendingIndex,
+    PendingRequest,
+    Requester,
+)
 from genie_sim.core.messages import (
     Answer,
     CameraPose,
@@ -176,82 +182,93 @@ class GenieNode:
         """
         effects = self._time_passes(now_ns)
         arrival = self._arrivals[topic]
-        header = message.header
-
-        # Lines 7 to 11: the message is an answer, to a pending request if that is here.
         if not arrival.is_request:
-            pending = self._pending.by_header(header)  # line 7
-            answer = self._learn(arrival, message, pending, now_ns)  # line 9
-            if answer.lookups is not None:
-                effects.append(self._object_lookups(header, "sighting", answer.lookups))
-            if pending is not None:  # line 8
-                if arrival.is_learned:
-                    self._store(arrival.topic, answer.answer, pending, now_ns)  # line 10
-                effects += self._release(arrival, answer, pending)
-            if arrival.is_broadcast:
-                to_neighbours = self._readings.part_for_neighbours(answer)
-                effects.append(Publish(arrival.topic + self._remote, to_neighbours))
-            return effects  # line 11
-
-        # Lines 5 and 6: a hashmap for a topic on which no request came before.
+            return effects + self._on_answer(arrival, message, now_ns)  # lines 7 to 11
         cache = self._caches.get(arrival.topic)
-        if cache is None:
-            cache = self._caches[arrival.topic] = self._new_cache()
-
-        requester = Requester(header, neighbour=arrival.is_remote, name=sender)
-        viewer = _viewer(message)
+        if cache is None:  # no request came on this topic before
+            cache = self._caches[arrival.topic] = self._new_cache()  # lines 5 and 6
         key = self._key(message)
+        requester = Requester(message.header, neighbour=arrival.is_remote, name=sender)
         answers = cache.get(key, now_ns)
-
-        # Lines 12 to 15: cache miss. Neighbours get hits only, so theirs are not run; of equal
-        # requests only the first is. A client gets what the map shows until the answer comes.
         if answers is None:
-            is_run = not requester.neighbour or self._readings.runs_neighbours_misses
-            equal = self._pending.joinable(arrival.topic, key) if is_run else None
-            if self._pending.by_header(header) is not None:
-                return effects  # this very request came before, over another way
-            if equal is not None and equal.serves(header):
-                return effects  # likewise, and waits with an equal one
-            if equal is not None:
-                equal.requesters.append(requester)
-                effects.append(self._image_lookup(requester, "coalesced"))
-            else:
-                effects.append(self._image_lookup(requester, "miss"))
-                if is_run:
-                    effects.append(Publish(arrival.topic + self._local, message))  # line 13
-                    if self.rules.share_requests:
-                        effects.append(Publish(arrival.topic + self._remote, message))  # line 14
-                opened = PendingRequest(
-                    arrival.topic,
-                    key,
-                    deadline_ns=self._deadline_ns(now_ns),
-                    forwarded=is_run,
-                    requesters=[requester] if is_run else [],
-                    answered=set(),
-                    viewer=viewer,
-                )
-                self._pending.open(header, opened)  # line 15
-            if viewer is not None and not requester.neighbour:
-                effects += self._map_answers(viewer, now_ns)
-            return effects
-
-        # Lines 16 to 19: cache hit. The node may still be about to answer on other topics.
-        if len(answers) < len(self._published):
+            return effects + self._on_miss(arrival.topic, message, key, requester, now_ns)
+        if len(answers) < len(self._published):  # the node may still answer on other topics
             pending = self._pending.by_key(arrival.topic, key)
             if pending is not None:
                 pending.requesters.append(replace(requester, served=frozenset(answers)))
-        effects.append(self._image_lookup(requester, "hit"))
+        return effects + self._on_hit(message, requester, answers, now_ns)
+
+    def _on_answer(self, arrival: Arrival, message: Answer, now_ns: int) -> list[Effect]:
+        """Lines 7 to 11: the message is an answer, to a pending request if that is here."""
+        effects: list[Effect] = []
+        pending = self._pending.by_header(message.header)  # line 7
+        answer = self._learn(arrival, message, pending, now_ns)  # line 9
+        if answer.lookups is not None:
+            effects.append(self._object_lookups(message.header, "sighting", answer.lookups))
+        if pending is not None:  # line 8
+            if arrival.is_learned:
+                self._store(arrival.topic, answer.answer, pending, now_ns)  # line 10
+            effects += self._release(arrival, answer, pending)
+        if arrival.is_broadcast:
+            to_neighbours = self._readings.part_for_neighbours(answer)
+            effects.append(Publish(arrival.topic + self._remote, to_neighbours))
+        return effects  # line 11
+
+    def _on_miss(
+        self, topic: str, message: Request, key: Hashable, requester: Requester, now_ns: int
+    ) -> list[Effect]:
+        """Lines 12 to 15: no stored answer. Neighbours get hits only, so theirs are not run; of
+        equal requests only the first is. A client gets what the map shows until the answer comes.
+        """
+        header = message.header
+        is_run = not requester.neighbour or self._readings.runs_neighbours_misses
+        equal = self._pending.joinable(topic, key) if is_run else None
+        if self._pending.by_header(header) is not None:
+            return []  # this very request came before, over another way
+        if equal is not None and equal.serves(header):
+            return []  # likewise, and waits with an equal one
+        effects: list[Effect] = []
+        viewer = _viewer(message)
+        if equal is not None:
+            equal.requesters.append(requester)
+            effects.append(self._image_lookup(requester, "coalesced"))
+        else:
+            effects.append(self._image_lookup(requester, "miss"))
+            if is_run:
+                effects.append(Publish(topic + self._local, message))  # line 13
+                if self.rules.share_requests:
+                    effects.append(Publish(topic + self._remote, message))  # line 14
+            pending = PendingRequest(
+                topic,
+                key,
+                deadline_ns=self._deadline_ns(now_ns),
+                forwarded=is_run,
+                requesters=[requester] if is_run else [],
+                answered=set(),
+                viewer=viewer,
+            )
+            self._pending.open(header, pending)  # line 15
+        if viewer is not None and not requester.neighbour:
+            effects += self._map_answers(viewer, now_ns)
+        return effects
+
+    def _on_hit(
+        self, message: Request, requester: Requester, answers: Answers, now_ns: int
+    ) -> list[Effect]:
+        """Lines 16 to 19: the stored answers go to whoever asked."""
+        viewer = _viewer(message)
+        effects: list[Effect] = [self._image_lookup(requester, "hit")]
         for answer_topic, stored in answers.items():  # line 17
             boosted = self.object_map.enhanced_cache_boost_data(  # line 18
-                stored, header, viewer, now_ns
+                stored, message.header, viewer, now_ns
             )
-            replay_header = self._readings.replay_header(header, stored.header)
+            replay_header = self._readings.replay_header(message.header, stored.header)
             if boosted.lookups is not None:
                 effects.append(self._object_lookups(replay_header, "boost", boosted.lookups))
-            part = boosted.to_clients
+            reply = boosted.to_clients
             if requester.neighbour:
-                part = self._readings.part_for_neighbours(boosted)
-            replay = part.served("cache", self.name, replay_header)
+                reply = self._readings.part_for_neighbours(boosted)
+            replay = reply.served("cache", self.name, replay_header)
             effects.append(self._publication(answer_topic, replay, requester))  # line 19
         return effects
 
@@ -342,16 +359,16 @@ class GenieNode:
             if requester.neighbour:
                 if arrival.is_broadcast and requester.header == header:
                     continue  # the broadcast reaches it
-                part = self._readings.part_for_neighbours(answer)
+                reply = self._readings.part_for_neighbours(answer)
             elif not self._readings.answers_misses:
                 continue
             elif not arrival.is_remote and requester.header.origin in self._own_origins:
-                part = self._readings.part_for_own_host(answer)
+                reply = self._readings.part_for_own_host(answer)
             else:
-                part = answer.to_clients
+                reply = answer.to_clients
             if requester.header != header:
-                part = part.restamped(requester.header)
-            released.append(self._publication(topic, part, requester))
+                reply = reply.restamped(requester.header)
+            released.append(self._publication(topic, reply, requester))
         return released
 
     def _map_answers(self, viewer: Viewer, now_ns: int) -> list[Publish]:

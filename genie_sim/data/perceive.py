@@ -31,7 +31,7 @@ def kitti_folder(root: str | Path | None) -> Path:
     if not place:
         raise UserError(
             "kitti: where are the drives? Name KITTI's folder with --kitti or the variable "
-            "GENIE_SIM_KITTI; 'genie-sim fetch drive 2011_09_26_drive_0005' gets a drive"
+            "GENIE_SIM_KITTI; 'genie-sim import fetch drive 2011_09_26_drive_0005' gets a drive"
         )
     return expanded(place)
 

@@ -223,7 +223,7 @@ def truth_beside(path: Path, trace: Trace) -> TruthTable | None:
     if table.trace != trace.digest:
         raise UserError(
             f"{beside}: belongs to the trace {table.trace[:12]!r}, {path.name} is "
-            f"{trace.digest[:12]}: make it again with 'genie-sim truth', or take it away"
+            f"{trace.digest[:12]}: make it again with 'genie-sim import truth', or take it away"
         )
     return table
 

@@ -16,5 +16,5 @@ METHODS: dict[str, str] = {
     "deadline": "genie_sim.methods.deadline:Deadline",
     "oracle": "genie_sim.methods.oracle:Oracle",
 }
-USUAL = ("local", "remote", "genie")  # what a scenario compares if it does not say
+DEFAULT_METHODS = ("local", "remote", "genie")  # what a scenario compares if it does not say
 MUST_HAVE = ("title", "baseline", "on_car", "on_edge")

@@ -51,7 +51,7 @@ class ComparedAnswer(NamedTuple):
     detected: Sequence[Detection]
 
 
-class Answers(Protocol):
+class Agreement(Protocol):
     """Compares answers with the detector's (``judge.agreement``)."""
 
     def add(self, answer: ComparedAnswer) -> None: ...
@@ -92,12 +92,12 @@ class Log:
         ``steps``, and what a replay needs, ``poses`` and ``objects``.
     samples : str
         The resources that are sampled: ``all``, those of ``edges``, ``processors``, or ``none``.
-    answers : Answers, optional
+    agreement : Agreement, optional
         Compares the answers with the detector's.
-    accuracy : Judge, optional
+    judge : Judge, optional
         Judges what the consumers hold, where the truth is known.
-    posed : collection of str
-        Cars whose poses are written already.
+    earlier_hosts : collection of str
+        Hosts of earlier methods: the poses of those cars are written already.
     """
 
     def __init__(
@@ -107,14 +107,14 @@ class Log:
         record: Collection[str] = ("lookups",),
         *,
         samples: Samples = "all",
-        answers: Answers | None = None,
-        accuracy: Judge | None = None,
-        posed: Collection[str] = (),
+        agreement: Agreement | None = None,
+        judge: Judge | None = None,
+        earlier_hosts: Collection[str] = (),
     ) -> None:
         self.method = method
         self.samples: Samples = samples
-        self._accuracy = accuracy
-        self._posed = frozenset(posed)
+        self._judge = judge
+        self._earlier_hosts = frozenset(earlier_hosts)
         self._frames = tables["frames"]
         self._resources = tables["resources"]
         self._hosts = tables["hosts"]
@@ -124,7 +124,7 @@ class Log:
         self._looks = tables["looks"] if "looks" in record else None
         self._poses = tables["poses"] if "poses" in record else None
         self._objects = tables["objects"] if "objects" in record else None
-        self._answers = answers
+        self._agreement = agreement
         self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
@@ -139,11 +139,11 @@ class Log:
         frame = OpenFrame(self.method, header, number, lap)
         self._open[header] = frame
         self.published_frames += 1
-        if self._accuracy is not None:
-            self._accuracy.published(image)
-        if self._answers is not None:
+        if self._judge is not None:
+            self._judge.published(image)
+        if self._agreement is not None:
             frame.image = image
-        if self._poses is not None and header.origin not in self._posed:
+        if self._poses is not None and header.origin not in self._earlier_hosts:
             pose = image.pose
             row = (
                 self.method,
@@ -181,10 +181,10 @@ class Log:
             values += frame.values()
         self._frames.extend(values)
         if before_ns is None:
-            if self._accuracy is not None:
-                self._accuracy.close()
-            if self._answers is not None:
-                self._answers.close()
+            if self._judge is not None:
+                self._judge.close()
+            if self._agreement is not None:
+                self._agreement.close()
 
     def _frame(self, header: Header) -> OpenFrame | None:
         """The row of a frame, taken out of the table if it is there already."""
@@ -221,8 +221,8 @@ class Log:
         """An answer is in the consumer's hands. One under a stale stamp is no answer to this
         frame.
         """
-        if self._accuracy is not None:
-            self._accuracy.answered(answer, now_ns)
+        if self._judge is not None:
+            self._judge.answered(answer, now_ns)
         frame = self._frame(answer.header)
         if frame is None:
             return
@@ -232,7 +232,7 @@ class Log:
         looked_ns = answer.looked_ns
         if looked_ns is not None and (frame.looked_ns is None or frame.looked_ns < looked_ns):
             frame.looked_ns = looked_ns
-        if (is_first or is_result) and self._answers is not None and frame.image is not None:
+        if (is_first or is_result) and self._agreement is not None and frame.image is not None:
             noted = ComparedAnswer(
                 header=frame.image.header,
                 which=_COMPARED[is_first, is_result],
@@ -240,7 +240,7 @@ class Log:
                 served=answer.objects,
                 detected=frame.image.content.detections,
             )
-            self._answers.add(noted)
+            self._agreement.add(noted)
         if is_first or is_result or is_fresh:
             self._note_steps(path, frame, is_first, is_fresh)
         if is_first:

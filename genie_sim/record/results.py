@@ -81,7 +81,7 @@ class Run:
     written out; ``folder`` is ``None`` for a run that was not written down, and ``changed`` names
     files in it that were changed since. ``label`` is what the user calls it, or empty.
     ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
-    table that is made when it is first asked for: ``run.frames``. ``recording.records`` describes
+    table that is made when it is first asked for: ``run.frames``. ``record.records`` describes
     the columns.
     """
 

@@ -341,7 +341,7 @@ class Table:
         """Returns the columns as ``read`` finds them in the file."""
         if self._spilled:
             assert self._written is not None, "a table that spilled is written before it is read"
-            return read(self._written, self.schema)
+            return read(self._written, self.schema, trusted=True)
         self._store()
         order = self._order()
         columns = {}
@@ -414,13 +414,14 @@ def write(path: Path, schema: Schema, columns: Columns) -> None:
     table.write(path)
 
 
-def read(path: Path, schema: Schema) -> Columns:
-    """Returns the rows of a file that a table of this schema wrote.
+def read(path: Path, schema: Schema, *, trusted: bool = False) -> Columns:
+    """Returns the rows of a file that a table of this schema wrote. What this program has just
+    written is ``trusted``: it may take any memory.
 
     Raises UserError for a missing, truncated or foreign file, another table or another format
     version.
     """
-    table, about = parquet.read(path, "file")
+    table, about = parquet.read(path, "file", trusted=trusted)
     if about.get("table") != schema.name:
         raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}")
     if about.get("format_version") != FORMAT_VERSION:

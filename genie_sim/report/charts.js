@@ -73,13 +73,13 @@ const MARKERS = ["M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0 -6.4 0Z", "M-3 -3H3V
   "M-1.9 -3.8L0 -1.9L1.9 -3.8L3.8 -1.9L1.9 0L3.8 1.9L1.9 3.8L0 1.9L-1.9 3.8L-3.8 1.9L-1.9 0L-3.8 -1.9Z",
   "M0 -4.4L1.1 -1.4H4.2L1.7 .5L2.6 3.6L0 1.8L-2.6 3.6L-1.7 .5L-4.2 -1.4H-1.1Z"];
 const methodMarker = (method) => lookOf(method) + Math.floor(lookOf(method) / DATA.palette);
-const MARKER_PX = 90; // between two on a line
+const MARKER_PX = 60; // between two on a line
 const markerAt = ({ color, marker, hollow }, x, y) => draw("path", { class: `${color} ${hollow ? "hollow" : "solid"}`, d: MARKERS[marker % 8], transform: `translate(${x} ${y})` });
 
 // series: {name, color (a CSS class), dash, marker (its number), x, y, steps}; the value at x is the last one up to x.
 function lineChart(host, { title, series, x, y, marks = [], spans = [], height = 240 }) {
   const low = x.log ? Math.log(x.min) : x.min, high = x.log ? Math.log(x.max) : x.max;
-  const left = 52, right = 12, top = 10, foot = height - 38;
+  const left = 52, right = 12, top = title === y.label ? 10 : 22, foot = height - 38;
   let width = 0;
   const across = (value) => left + ((x.log ? Math.log(Math.max(value, x.min)) : value) - low) / (high - low || 1) * (width - left - right);
   const back = (pixel) => {
@@ -108,6 +108,7 @@ function lineChart(host, { title, series, x, y, marks = [], spans = [], height =
       const few = x.log ? logTicks(x.min, x.max, width < 420) : [];
       const xs = x.log ? (few.length > 1 ? few : logTicks(x.min, x.max, false)) : linearTicks(x.min, x.max, Math.max(3, Math.min(8, width / 90)));
       return [...spans.map(({ from, to, text }) => draw("rect", { class: "span", x: across(from), y: top, width: Math.max(across(Math.min(to ?? x.max, x.max)) - across(from), 1), height: foot - top }, draw("title", {}, text))),
+        ...(title === y.label ? [] : [draw("text", { x: 0, y: 10 }, y.label)]),
         ...axes({ low: y.min, high: y.max, up, format: y.format }, left, width - right, x.label, height - 4),
         ...xs.map((tick) => draw("text", { x: across(tick), y: foot + 17, "text-anchor": "middle" }, digits(tick, 6))),
         ...marks.flatMap((mark) => markLine(across(mark.x), foot, mark.label, top + 24)),

@@ -110,8 +110,10 @@ def zero_delay() -> dict[str, str]:
 
 
 def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, str]]:
-    """What pages say of these metrics: title, unit, which is better, and meaning."""
-    shown = ("title", "unit", "better", "meaning")
+    """What pages say of these metrics: title, unit, which is better, meaning, and
+    what its two ends are where they are no interval (``mark``).
+    """
+    shown = ("title", "unit", "better", "meaning", "mark")
     found = {name: definition(name) for name in sorted(set(metrics))}
     return {name: {key: getattr(found[name], key) for key in shown} for name in found}
 

@@ -39,7 +39,7 @@ function sortable(node, head, rows) {
 // series: {name, color, marker or hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into
 // x.names; y.levels are lines with a label. With `log` an axis is logarithmic, if its values allow that.
 function intervalChart(host, { title, note, series, x, y, height = 260 }) {
-  const left = 56, right = 14, top = 12;
+  const left = 56, right = 14, top = title === y.label ? 12 : 24;
   const shown = series.filter((one) => one.points.some((point) => point.found && isNumber(point.found[0])));
   const places = [...new Set(shown.flatMap((one) => one.points.map((point) => point.x)))].sort((a, b) => a - b);
   if (!places.length) { host.replaceChildren(make("h3", {}, title), make("p", { class: "small" }, "Not defined at any of these points.")); return; }
@@ -100,7 +100,7 @@ function intervalChart(host, { title, note, series, x, y, height = 260 }) {
       one.marker === undefined ? draw("circle", { cx: 11, cy: 5, r: 3.2, class: one.hollow ? "hollow" : null }) : markerAt(one, 11, 5)],
     parts: (now, visible) => {
       width = now;
-      return [...axes({ low, high, up, format: y.format, log: tall }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
+      return [...(title === y.label ? [] : [draw("text", { x: 0, y: 10 }, y.label)]), ...axes({ low, high, up, format: y.format, log: tall }, left, width - right, x.label, height - 4), ...xTexts().filter(Boolean),
         ...levels.flatMap((level) => [draw("line", { class: "level", x1: left, x2: width - right, y1: up(level.y), y2: up(level.y) }),
           draw("text", { x: width - right, y: up(level.y) - 4, "text-anchor": "end" }, level.label)]),
         ...visible.map(drawn)];

@@ -47,4 +47,4 @@ class Output:
             html_page.write_text(folder / html_page.NAME, page)
 
 
-USUAL = Output()
+DEFAULT_OUTPUT = Output()

@@ -165,6 +165,7 @@ function showReplay() {
   for (const id of ["map", "map-b", "difference", "lanes", "strip"]) byId(id).addEventListener("keydown", keys);
   window.addEventListener("hashchange", followAddress);
   new ResizeObserver(render).observe(byId("replay"));
+  byId("ages").addEventListener("toggle", render);
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
   if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) byId("speed").value = "0.1";
   if (followAddress()) { window.addEventListener("load", showStreet); return; } // what stands above has its place then

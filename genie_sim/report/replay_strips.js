@@ -5,7 +5,7 @@ const CELL_PX = 6;      // a frame in the strip is at least about that broad
 const ROW_PX = 15;      // a camera
 const LANE_PX = 22;     // a car in a lane
 const MOST_CARS = 8;    // in each lane
-const MOST_STREAMS = 24;
+const MOST_STREAMS = 6; // of more, those of one car
 const AGES_US = [10e3, 1e6]; // from the foot of a lane to its top, logarithmic
 
 // The stretch of time that both views show. It stays where it is as long as `t` is in it, so that what is clicked does not

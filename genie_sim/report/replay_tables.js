@@ -5,7 +5,7 @@ const TABLE_CARS = 12, TABLE_GHOSTS = 20;
 // What each car holds at this instant under each method: also the canvases' text alternative.
 function showNow(run, t) {
   const cars = run.cars.slice(0, TABLE_CARS);
-  table(byId("now"), "What each car holds", ["", ...run.methods.map((one) => methodKey(one.name))], cars.map((car, place) => [car.name, ...run.methods.map((method) => {
+  table(byId("now"), null, ["", ...run.methods.map((one) => methodKey(one.name))], cars.map((car, place) => [car.name, ...run.methods.map((method) => {
     const held = holding(run, method, place, t);
     if (held === null) return make("td", {}, "nothing yet");
     return make("td", {}, countOf(held.objects), ghosts(method.judged[place], t), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),

@@ -2,7 +2,7 @@
 
 const keyOf = (name, method, placement = "all", component = "") => [name, method, placement, component].join("|");
 const FOUND = new Map(DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
-  [keyOf(name, method, placement, component), { value, unit, low, high, n }]));
+  [keyOf(name, method, placement, component), { value, unit, low, high, n, ranges: infoOf(name).mark !== "" }]));
 const metric = (...key) => FOUND.get(keyOf(...key));
 const valueOf = (...key) => metric(...key)?.value ?? null;
 
@@ -51,9 +51,10 @@ function rangeText({ low, high, unit }) {
   return `${word && from.endsWith(word[0]) ? from.slice(0, -word[0].length) : from} to ${to}`;
 }
 
+// In brackets an interval; what has a range says so.
 function cell(found, best) {
   if (!found || found.value === null) return make("td", {}, "none");
-  const range = found.low === null ? null : make("small", {}, rangeText(found));
+  const range = found.low === null ? null : make("small", {}, found.ranges ? `range ${rangeText(found)}` : `(${rangeText(found)})`);
   return make("td", { class: best ? "number best" : "number" }, asText(found.value, found.unit), range);
 }
 
@@ -81,13 +82,13 @@ function showPrices() {
   byId("prices").hidden = !rows.length;
   if (!rows.length) return;
   table(byId("by-price"), null, ["", ...METHODS.map((method) => methodKey(method.name))], rows);
-  byId("price-note").textContent = DATA.energy_note.replace("in brackets", "in small print");
+  byId("price-note").textContent = DATA.energy_note.replace("in brackets", "as ranges");
 }
 
 function showResults() {
   byId("headline").replaceChildren(...headline());
-  const names = ["first_answer_mean", "first_answer_p95", "under_deadline_share", "fresh_answer_mean", "fresh_answer_p95", "fresh_under_deadline_share",
-    "answered_share", "fresh_answered_share", "recent_share", "look_age_mean", "dropped_share", "streaming_f1", "object_recall", "ghost_share", "wrong_hit_share"]
+  const names = ["first_answer_mean", "first_answer_p95", "under_deadline_share", "fresh_answer_mean", "fresh_answered_share", "dropped_share",
+    "streaming_f1", "ghost_share", "wrong_hit_share"]
     .filter((name) => METHODS.some((method) => metric(name, method.name)));   // the truth is not always known
   table(byId("by-method"), null, ["", ...METHODS.map((method) => methodKey(method.name))], names.map((name) => {
     const metrics = METHODS.map((method) => metric(name, method.name));
@@ -96,13 +97,13 @@ function showResults() {
   const placed = METHODS.flatMap(({ name }) => ["car", "edge"].map((placement) => [name, placement])).filter((key) => metric("image_reuse", ...key));
   if (!placed.length) return;   // no Genie, or no look-ups recorded
   const several = new Set(placed.map(([name]) => name)).size > 1;
-  const ofGenies = ["image_reuse", "object_reuse", "confidence_boost", "coalesced_share", "stored_images", "stored_objects"];
+  const ofGenies = ["image_reuse", "object_reuse", "confidence_boost", "coalesced_share"];
   table(byId("by-placement"), null, ["", ...placed.map(([name, placement]) => `${several ? `${methodTitle(name)}, ` : ""}Genies ${placementText(placement)}`)],
     ofGenies.map((name) => [titleCell(name), ...placed.map((key) => {
       const entry = metric(name, ...key);
       return cell(entry && !isShare(name) ? { ...entry, unit: infoOf(name).unit } : entry, false);
     })]));
-  byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; in small print the lowest and the highest ratio in any ` +
+  byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; the range is from the lowest to the highest ratio in any ` +
     `${DATA.window_requests} requests of one Genie. A coalesced request is not a hit.`;
 }
 
@@ -116,9 +117,9 @@ function showAccuracy() {
     const { value, low, high } = metric(name, one.name);
     return { name: one.title, color: methodClass(one.name), marker: methodMarker(one.name), points: [{ x: valueOf("first_answer_mean", one.name), found: [value, low, high] }] };
   });
-  intervalChart(byId("accuracy"), { title: "Accuracy versus latency", series, x: { log: true, label: `${metricTitle("first_answer_mean")} [ms], logarithmic`, read: (value) => asText(value, "ms") },
+  intervalChart(byId("accuracy"), { height: 210, title: "Accuracy versus latency", series, x: { log: true, label: `${metricTitle("first_answer_mean")} [ms], logarithmic`, read: (value) => asText(value, "ms") },
     y: { label: metricTitle(name), most: 1, format: percent, read: percent, levels: bound ? [{ y: bound, label: DATA.zero_delay.title }] : [] },
-    note: `${infoOf(name).meaning}${streaming ? "" : " 'genie-sim truth' adds the truth of a labelled drive."} Up and to the left is better.` });
+    note: `${infoOf(name).meaning}${streaming ? "" : " 'genie-sim import truth' adds the truth of a labelled drive."} Up and to the left is better.` });
 }
 
 function showLatency() {
@@ -133,7 +134,7 @@ function showLatency() {
       name: `${methodTitle(curve.method)}${curve.answer === "fresh" ? ", fresh" : ""}`, color: `${methodClass(curve.method)} ${curve.answer}`,
       marker: methodMarker(curve.method), hollow: curve.answer === "fresh",
       x: curve.ms, y: curve.rank.map((rank) => rank / curve[of]), steps: true }));
-    lineChart(byId("cdf"), { series, height: 320, x: { log: true, min: Math.max(0.8 * Math.min(...all), 0.1), max: 1.25 * Math.max(...all, DATA.deadline_ms),
+    lineChart(byId("cdf"), { series, height: 250, x: { log: true, min: Math.max(0.8 * Math.min(...all), 0.1), max: 1.25 * Math.max(...all, DATA.deadline_ms),
       label: "response time since received [ms], logarithmic", read: (value) => `within ${read(value)}` },
       y: { min: 0, max: 1, label: `share of ${of} frames`, format: percent, read: percent }, marks: [{ x: DATA.deadline_ms, label: `${DATA.deadline_ms} ms` }] });
   };
@@ -170,7 +171,7 @@ function showOverTime() {
         color: `p-${one.placement}`, ...lineOf(places[one.placement]++) }));
       if (!series.length) continue;
       const boost = name === "confidence_boost", low = Math.min(0, ...series.flatMap((one) => one.y));
-      lineChart(byId("over-time").appendChild(make("div")), { title, series, x: timeAxisOf(series), spans: faultSpans(byId("reuse-of").value),
+      lineChart(byId("over-time").appendChild(make("div")), { title, series, height: 190, x: timeAxisOf(series), spans: faultSpans(byId("reuse-of").value),
         y: { min: boost ? low : 0, max: boost ? highest(series, 1e-4) : Math.min(1, highest(series, 0.05)), label: title, format: boost ? (value) => digits(value) : percent, read: boost ? (value) => value.toFixed(4) : percent } });
     }
   });
@@ -188,7 +189,7 @@ function showUse() {
           dash: dashes[Math.min(all.slice(0, i).filter((other) => hostOf(other.name) === hostOf(one.name)).length, 2)] }));
       if (!series.length) continue;
       const queue = kind === "queue";
-      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 210, x: timeAxisOf(series), spans: faultSpans(byId("use-of").value),
+      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 180, x: timeAxisOf(series), spans: faultSpans(byId("use-of").value),
         y: { min: 0, max: queue ? highest(series, 1) : Math.min(1, highest(series, 0.1)), label: title, format: queue ? (value) => digits(value) : percent, read: queue ? (value) => value.toFixed(2) : percent } });
     }
   });

@@ -19,9 +19,18 @@ function storyOf(run, method, id) {
   const steps = [{ t: 0, text: begin, small: place }, ...stepsOf(run, method, id)];
   steps.sort((one, other) => one.t - other.t);
   const never = method.rows.received_us[id] < 0 ? " No queue received this frame: here they count from the picture." : "";
-  return [comparison(run, id), title, make("p", { class: "small" }, `Times count from when the first node's queue received the frame, as in the metrics.${never}`),
-    ...partsOfFrame(run, method, id), make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t - zero)),
-      make("span", { class: step.tone ? `o-${step.tone}` : null }, step.text, step.small ? make("span", { class: "small" }, step.small) : null))))];
+  return [comparison(run, id), make("div", {}, title, make("p", { class: "small" }, `Times count from when the first node's queue received the frame, as in the metrics.${never}`),
+    ...folded("Where its time went", partsOfFrame(run, method, id)),
+    ...folded("What happened to it", [make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t - zero)),
+      make("span", { class: step.tone ? `o-${step.tone}` : null }, step.text, step.small ? make("span", { class: "small" }, step.small) : null))))]))];
+}
+
+// What opens on a click, and then stays open for the next frames.
+const OPENED = new Set();
+function folded(title, children) {
+  if (!children.length) return [];
+  const noted = (event) => { if (event.currentTarget.open) OPENED.add(title); else OPENED.delete(title); };
+  return [make("details", { open: OPENED.has(title), ontoggle: noted }, make("summary", {}, title), ...children)];
 }
 
 // The title of the story in one line, for the strip of frames.
@@ -71,7 +80,8 @@ function lookupSteps(run, { lookups, of_frame }, id) {
 
 // The same frame under every method, on one axis of milliseconds since each one's first node received it.
 function comparison(run, id) {
-  const { methods } = run, width = Math.max(300, Math.min(byId("story").clientWidth || 640, 830));
+  const room = byId("story").clientWidth || 640, { methods } = run;
+  const width = Math.max(300, Math.min(room > 1100 ? room / 2 - 16 : room, 830)); // two columns, or one
   const narrow = width < 560, row = narrow ? 44 : 30;
   const left = Math.min(12 + LETTER_PX * Math.max(...methods.map(({ title }) => title.length)), (narrow ? 0.45 : 0.3) * width);
   const fitting = (title) => (LETTER_PX * title.length + 12 > left ? `${title.slice(0, Math.floor((left - 12) / LETTER_PX) - 1)}\u2026` : title);

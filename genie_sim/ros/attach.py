@@ -149,7 +149,9 @@ def attach(
     path = _states() / (re.sub(r"[^\w.]+", "-", f"{graph.network}{node}") + ".json")
     with _locked(path) as is_ours:
         if not is_ours or path in State.all():
-            raise UserError(f"{node}: already has a Genie; 'genie-sim detach {node}' puts it back")
+            raise UserError(
+                f"{node}: already has a Genie; 'genie-sim ros detach {node}' puts it back"
+            )
         state = State(
             network=graph.network,
             node=node,

@@ -44,8 +44,8 @@ class Peer(NamedTuple):
 
 
 class Genie(Protocol):
-    """What decides about messages: ``core.node.GenieNode``, ``core.paced_genie.PacedGenie`` or an
-    ``EdgeRelay``.
+    """What decides about messages: ``core.node.GenieNode``, an ``EdgeRelay``, or
+    ``core.recommended.paced_genie.PacedGenie``.
     """
 
     name: str

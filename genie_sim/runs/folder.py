@@ -21,10 +21,10 @@ from genie_sim.record.results import (
     checked_label,
 )
 from genie_sim.record.tables import write as write_columns
-from genie_sim.report.output import USUAL, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs.build import Prepared
 from genie_sim.runs.prepare import prepare
-from genie_sim.runs.simulate import Observer, simulate, simulate_with
+from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
@@ -34,7 +34,7 @@ def run_to_folder(
     scenario: Scenario,
     out: Path,
     progress: Progress | None = None,
-    output: Output = USUAL,
+    output: Output = DEFAULT_OUTPUT,
     *,
     label: str = "",
     workers: int = 1,
@@ -49,15 +49,17 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    return write(
-        prepared,
-        folder,
-        run_id,
-        progress=progress,
-        output=output,
-        label=label,
-        workers=workers,
-    )
+    with provenance.result_folder(folder) as partial:
+        run = write(
+            partial,
+            prepared,
+            run_id,
+            progress=progress,
+            output=output,
+            label=label,
+            workers=workers,
+        )
+    return replace(run, folder=folder)
 
 
 def run_in_memory(
@@ -73,50 +75,21 @@ def run_in_memory(
     """
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
-    if observer is None:
-        tables = simulate_with(prepared, workers, progress)
-    else:
-        tables = simulate(prepared, progress, observer=observer)
+    tables = simulate(prepared, progress, workers=workers, observer=observer)
     return replace(finished(prepared, run_id, tables), label=label)
 
 
 def write(
-    prepared: Prepared,
     folder: Path,
+    prepared: Prepared,
     run_id: str,
     *,
     progress: Progress | None = None,
-    output: Output = USUAL,
+    output: Output = DEFAULT_OUTPUT,
     label: str = "",
     workers: int = 1,
 ) -> Run:
-    """Simulates a run and writes its results into ``folder``, which takes the place of earlier
-    results of that name. Raises ``UserError``.
-    """
-    with provenance.result_folder(folder) as partial:
-        run = _fill(
-            partial,
-            prepared,
-            run_id,
-            progress=progress,
-            output=output,
-            label=label,
-            workers=workers,
-        )
-    return replace(run, folder=folder)
-
-
-def _fill(
-    folder: Path,
-    prepared: Prepared,
-    run_id: str,
-    *,
-    progress: Progress | None,
-    output: Output,
-    label: str = "",
-    workers: int = 1,
-) -> Run:
-    """Simulates and writes the files of a result folder.
+    """Simulates a run and writes the files of its result folder. Raises ``UserError``.
 
     Parameters
     ----------
@@ -136,7 +109,7 @@ def _fill(
         How many processes simulate its methods.
     """
     began_s = time.perf_counter()
-    tables = simulate_with(prepared, workers, progress, spill=folder)
+    tables = simulate(prepared, progress, spill=folder, workers=workers)
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
     made = replace(finished(prepared, run_id, tables), label=label)
@@ -172,9 +145,9 @@ def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
     provenance.write_json(folder / "run.json", about)
 
 
-def save(run: Run, out: Path, output: Output = USUAL) -> Path:
-    """Writes a run that is in memory as ``run_to_folder`` writes it; returns its folder. Raises
-    ``UserError``.
+def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
+    """Writes a run that is in memory as ``run_to_folder`` does, but for how long it took and what
+    is told of its traces; returns its folder. Raises ``UserError``.
     """
     provenance.check_writable(out)
     folder = out / f"{run.name}-{run.run_id}"
@@ -232,7 +205,7 @@ def rerun(
     provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
-        _fill(
+        write(
             Path(temporary),
             prepared,
             made["run_id"],

@@ -60,7 +60,7 @@ def side_by_side(
             for job in in_processes(partial(_write_tables, simulate), jobs, workers):
                 for name, table in tables.items():
                     path = job.folder / f"{name}.parquet"
-                    table.extend_columns(read(path, SCHEMAS[name]))
+                    table.extend_columns(read(path, SCHEMAS[name], trusted=True))
                     path.unlink()
     return tables
 

@@ -41,13 +41,13 @@ def prepare(
     frames = source.open(scenario.seed, scenario.origin, progress)
     if owner is not None:
         frames = own_classes.checked_frames(frames, owner)
-    return on_frames(scenario, frames, devices)
+    return prepare_with_frames(scenario, frames, devices)
 
 
-def on_frames(
+def prepare_with_frames(
     scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None
 ) -> Prepared:
-    """The same with a frame source that is open already. Raises ``UserError``."""
+    """``prepare`` with a frame source that is open. Raises ``UserError``."""
     full = scenario
     if scenario.fleet is not None:
         full, drives = expanded(scenario, scenario.fleet, frames)
@@ -67,18 +67,7 @@ def on_frames(
         entry.name: getattr(build.method(entry), "feature", None) for entry in scenario.methods
     }
     checks.check_driven(full, drives, features)
-    encoded: dict[tuple[str, str], Any] = {}
-    encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
-    for encoding in dict.fromkeys(encodings):
-        for car in full.cars:
-            if encoding != "raw" and car.edge is not None:
-                sent = frames.encoded(car.name, encoding)
-                if sent is None:
-                    raise UserError(
-                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
-                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
-                    )
-                encoded[encoding, car.name] = sent
+    encoded = _encoded_drives(full, frames)
     profiles = scenario.profiles if devices is None else devices
     names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
     used = {name: profiles[name] for name in dict.fromkeys(names)}
@@ -106,6 +95,25 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
         for car in scenario.cars
     )
     return replace(scenario, cars=cars)
+
+
+def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str], Any]:
+    """What the drives of cars with an edge are after their pictures were sent, by encoding and car.
+    Raises ``UserError``.
+    """
+    encoded: dict[tuple[str, str], Any] = {}
+    encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
+    for encoding in dict.fromkeys(encodings):
+        for car in scenario.cars:
+            if encoding != "raw" and car.edge is not None:
+                sent = frames.encoded(car.name, encoding)
+                if sent is None:
+                    raise UserError(
+                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
+                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
+                    )
+                encoded[encoding, car.name] = sent
+    return encoded
 
 
 def facts(

@@ -1,4 +1,4 @@
-"""Simulates every method of a prepared run on the same random streams."""
+"""Simulates every method of a prepared run."""
 
 import gc
 import pickle
@@ -26,7 +26,6 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
-from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 
@@ -45,26 +44,56 @@ class Observer(Protocol):
         """The world has run to its end."""
 
 
-def simulate_with(
-    prepared: Prepared, workers: int, progress: Progress | None = None, spill: Path | None = None
+def simulate(
+    prepared: Prepared,
+    progress: Progress | None = None,
+    *,
+    spill: Path | None = None,
+    workers: int = 1,
+    observer: Observer | None = None,
 ) -> Tables:
-    """``simulate`` in so many processes, each of which prepares the scenario anew: several methods
-    side by side.
+    """The tables of every method of the scenario, in their order.
+
+    Parameters
+    ----------
+    prepared : Prepared
+        The scenario with everything it names.
+    progress : callable, optional
+        Called with the time now and at the end [s], and what is done.
+    spill : Path, optional
+        A folder: the rows of long tables wait there and not in memory; ``write`` completes their
+        files.
+    workers : int
+        How many processes simulate methods side by side, each of which prepares the scenario anew.
+    observer : Observer, optional
+        Sees the world of each method; then they run one after the other, in this process.
     """
-    methods = len(prepared.scenario.methods)
-    if min(workers, methods) > 1:
+    methods = prepared.scenario.methods
+    if observer is None and min(workers, len(methods)) > 1:
         packed = pickle.dumps((prepared.facts["scenario"], prepared.devices))
         apart = partial(_simulate_apart, packed)
-        return side_by_side(apart, methods, workers, progress=progress, spill=spill)
-    return simulate(prepared, progress, spill)
+        return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
+    tables = new_tables(spill)
+    earlier_hosts: set[str] = set()
+    for number, entry in enumerate(methods):
+        report = _of_all(progress, number, len(methods))
+        earlier_hosts |= simulate_method(
+            prepared,
+            entry,
+            tables,
+            earlier_hosts=earlier_hosts,
+            progress=report,
+            observer=observer,
+        )
+    return tables
 
 
 def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
     """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
     prepared = _prepared(packed)
     *earlier, entry = prepared.scenario.methods[: number + 1]
-    driven = set().union(*(_hosts(prepared, other) for other in earlier))
-    simulate_method(prepared, entry, tables, driven=driven, progress=progress)
+    hosts = set().union(*(_hosts(prepared, other) for other in earlier))
+    simulate_method(prepared, entry, tables, earlier_hosts=hosts, progress=progress)
 
 
 @lru_cache(maxsize=1)
@@ -84,27 +113,6 @@ def _hosts(prepared: Prepared, entry: MethodEntry) -> set[str]:
     return hosts
 
 
-def simulate(
-    prepared: Prepared,
-    progress: Progress | None = None,
-    spill: Path | None = None,
-    observer: Observer | None = None,
-) -> Tables:
-    """Every method of the scenario, one after the other, on the same random streams.
-
-    With ``spill``, a folder, the rows of long tables wait there and not in memory; ``write``
-    completes their files.
-    """
-    methods, tables = prepared.scenario.methods, new_tables(spill)
-    driven: set[str] = set()
-    for number, entry in enumerate(methods):
-        report = _of_all(progress, number, len(methods))
-        driven |= simulate_method(
-            prepared, entry, tables, driven=driven, progress=report, observer=observer
-        )
-    return tables
-
-
 def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:
     """Returns what takes the seconds of one method, the ``number``-th, and tells those of all."""
 
@@ -120,13 +128,13 @@ def simulate_method(
     entry: MethodEntry,
     tables: Tables,
     *,
-    driven: Collection[str],
+    earlier_hosts: Collection[str],
     progress: Progress,
     observer: Observer | None = None,
 ) -> set[str]:
     """Adds the rows of one method to the tables; returns the hosts on which it runs something.
 
-    ``driven`` are the hosts on which methods before it do: rows that are the same under every
+    ``earlier_hosts`` are those on which methods before it do: rows that are the same under every
     method are written once. ``progress`` is called with the time now and at the end [s]. An
     ``observer`` sees the world before and after.
     """
@@ -135,15 +143,19 @@ def simulate_method(
     if "resources" not in scenario.record:
         samples = "none"
     setup = build.setup(prepared, entry)
-    accuracy = accuracy_of(prepared, entry.name, setup, tables, driven=driven)
+    judge = make_judge(prepared, entry.name, setup, tables, earlier_hosts=earlier_hosts)
+    agreement = None
+    if "answers" in scenario.record:
+        objects = Objects() if judge is None else judge.objects
+        agreement = Agreement(entry.name, tables["answers"], objects)
     log = Log(
         entry.name,
         tables,
         record=scenario.record,
         samples=samples,
-        answers=answers_of(scenario, entry.name, tables, accuracy),
-        accuracy=accuracy,
-        posed=driven,
+        agreement=agreement,
+        judge=judge,
+        earlier_hosts=earlier_hosts,
     )
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
@@ -195,8 +207,13 @@ def note_power(table: Table, method: str, prepared: Prepared, setup: Setup) -> N
             table.append(row)
 
 
-def accuracy_of(
-    prepared: Prepared, method: str, setup: Setup, tables: Tables, *, driven: Collection[str]
+def make_judge(
+    prepared: Prepared,
+    method: str,
+    setup: Setup,
+    tables: Tables,
+    *,
+    earlier_hosts: Collection[str],
 ) -> MapAccuracy | None:
     """Returns what judges the consumers of one method, if the scenario wants it; ``None`` where
     nobody knows what is there on any car's drive.
@@ -211,8 +228,8 @@ def accuracy_of(
         The method's settings: the consumer, and the laws of the detector that it goes by.
     tables : dict of str to Table
         Where the rows go.
-    driven : collection of str
-        Cars that have driven with an earlier method, so that their zero-delay detector is judged.
+    earlier_hosts : collection of str
+        Cars that an earlier method had, so that their zero-delay detector is judged already.
     """
     record = prepared.scenario.record
     if "held" not in record:
@@ -225,23 +242,11 @@ def accuracy_of(
         method,
         truths,
         tables["held"],
-        judged_without_delay=driven,
+        earlier_hosts=earlier_hosts,
         make_consumer=partial(setup.settings.consumer.new, setup.laws),
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.scenario.judged == "all",
     )
-
-
-def answers_of(
-    scenario: Scenario, method: str, tables: Tables, accuracy: MapAccuracy | None
-) -> Agreement | None:
-    """Returns what compares the answers of one method with the detector's, if the scenario wants
-    it.
-    """
-    if "answers" not in scenario.record:
-        return None
-    objects = Objects() if accuracy is None else accuracy.objects
-    return Agreement(method, tables["answers"], objects)
 
 
 @contextmanager

@@ -24,9 +24,7 @@ from genie_sim.scenario.methods import MethodEntry, method_class
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.link_models.presets import LINK
-from genie_sim.sim.settings import Car, Route, check_unique
-
-EDGES = "edges"  # the network between edges, in the names of links
+from genie_sim.sim.settings import EDGES, Car, Route, check_unique
 
 # The longest time that a scenario may simulate. The frames of one car over that time fill a
 # computer's memory; more is almost certainly a unit error and would be noticed only after hours.

@@ -20,31 +20,22 @@ from genie_sim.scenario.yaml_input import read_mapping
 
 
 def load_scenario(
-    path_or_name: str | Path, overrides: Sequence[str] = (), seed: int | None = None
+    path_or_name: str | Path,
+    overrides: Sequence[str] = (),
+    seed: int | None = None,
+    *,
+    methods: Sequence[str] = (),
+    methods_from: str = "methods",
 ) -> Scenario:
-    """A scenario file, by path or by name, with ``path=value`` overrides. Raises ``UserError``."""
+    """A scenario file, by path or by name; for the rest see ``read_scenario``. Raises
+    ``UserError``.
+    """
     path = files.find(files.SCENARIO, path_or_name)
     data = read_mapping(path)
     data.setdefault("name", path.stem)
-    return read_scenario(data, overrides, seed, where=str(path))
-
-
-def with_methods(scenario: Scenario, names: Sequence[str], where: str = "methods") -> Scenario:
-    """The scenario with these methods: its own entries by name, else ones by themselves. Raises
-    ``UserError``.
-    """
-    entries: dict[str, MethodEntry] = {entry.name: entry for entry in scenario.methods}
-    for name in names:
-        try:
-            plugins.checked_name("method", name, {**METHODS, **entries})
-        except ValueError as error:
-            raise UserError(f"{where}: {error}") from error
-        if name not in entries:
-            entries[name] = from_plain(MethodEntry, name)
-    try:
-        return _checked(replace(scenario, methods=tuple(entries[name] for name in names)))
-    except SettingError as error:
-        raise UserError(f"{where}: {error.field}: {error.message}") from error
+    return read_scenario(
+        data, overrides, seed, where=str(path), methods=methods, methods_from=methods_from
+    )
 
 
 def read_scenario(
@@ -52,6 +43,9 @@ def read_scenario(
     overrides: Sequence[str] = (),
     seed: int | None = None,
     where: str = "scenario",
+    *,
+    methods: Sequence[str] = (),
+    methods_from: str = "methods",
 ) -> Scenario:
     """The scenario in ``data``.
 
@@ -65,6 +59,11 @@ def read_scenario(
         A seed in place of the one in ``data``.
     where : str
         The file, to begin errors with.
+    methods : sequence of str
+        Only these, in this order: entries of the scenario by name, else methods by themselves.
+        None: those of the scenario.
+    methods_from : str
+        What gave ``methods``, to begin errors with.
 
     Raises
     ------
@@ -76,13 +75,30 @@ def read_scenario(
     if seed is not None:
         settings["seed"] = seed
     try:
-        return _checked(replace(from_plain(Scenario, settings), read_from=origin))
+        scenario = replace(from_plain(Scenario, settings), read_from=origin)
+        if methods:
+            scenario = _with_methods(scenario, methods, methods_from)
+        return _checked(scenario)
     except SettingError as error:
         message = error.message
         if message.startswith("unknown field"):
             message = setting_paths.hint(Scenario, error.field, message)
         parts = (origin.of(error.field), error.field, message)
         raise UserError(": ".join(part for part in parts if part)) from error
+
+
+def _with_methods(scenario: Scenario, names: Sequence[str], where: str) -> Scenario:
+    entries: dict[str, MethodEntry] = {entry.name: entry for entry in scenario.methods}
+    for name in names:
+        try:
+            plugins.checked_name("method", name, {**METHODS, **entries})
+        except ValueError as error:
+            raise UserError(f"{where}: {error}") from error
+        if names.count(name) > 1:
+            raise UserError(f"{where}: duplicate name {name!r}")
+        if name not in entries:
+            entries[name] = from_plain(MethodEntry, name)
+    return replace(scenario, methods=tuple(entries[name] for name in names))
 
 
 def _checked(scenario: Scenario) -> Scenario:

@@ -63,7 +63,7 @@ DETECTOR = PlugIn("detector", {})
 METRIC = PlugIn("metric", {}, ("of", "title", "view"))
 FRAME_SOURCE = PlugIn("frame source", SOURCES, ("open",), key="source", default="recorded")
 USUAL_TRACE = Choice("recorded", {"trace": "kitti_0005"})
-USUAL_METHODS = tuple(from_plain(MethodEntry, name) for name in methods.USUAL)
+USUAL_METHODS = tuple(from_plain(MethodEntry, name) for name in methods.DEFAULT_METHODS)
 
 
 class Origin(NamedTuple):

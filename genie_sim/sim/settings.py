@@ -14,6 +14,8 @@ from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim.link_models.presets import LINK, LINKS, USUAL_LINK
 
+EDGES = "edges"  # the network between edges, in the names of links
+
 
 def check_unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
     """Raises ``SettingError`` for the first name that comes twice.

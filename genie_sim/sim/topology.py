@@ -11,9 +11,8 @@ from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import OBJECTS, HostConfig
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.settings import Edge
+from genie_sim.sim.settings import EDGES, Edge
 
-EDGES = "edges"  # the network between edges, in the names of links
 ALL_SHARE = 6  # so many edges all share with each other
 NEAREST = 4  # of more each shares with so many
 

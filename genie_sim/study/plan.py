@@ -11,8 +11,8 @@ from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
 from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import facts, on_frames, prepare
-from genie_sim.scenario.reading import load_scenario, read_scenario, with_methods
+from genie_sim.runs.prepare import facts, prepare, prepare_with_frames
+from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, Point
 from genie_sim.study.tasks import PointRun, Shared
@@ -93,9 +93,8 @@ def plan(
             f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True)
         )
         try:
-            scenario = _scenario(point, base if point.scenario == design.scenario else None)
-            if methods:
-                scenario = with_methods(scenario, methods, f"--methods {','.join(methods)}")
+            named = base if point.scenario == design.scenario else None
+            scenario = _scenario(point, named, methods)
             name = f"point {number} ({levels})" if levels else ""
             for run in runs_of(scenario, world, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
@@ -110,11 +109,14 @@ def plan(
     return planned
 
 
-def _scenario(point: Point, base: Scenario | None) -> Scenario:
+def _scenario(point: Point, base: Scenario | None, methods: Sequence[str]) -> Scenario:
     """The scenario at a point. Raises ``UserError``."""
+    given = f"--methods {','.join(methods)}"
     if base is None:
-        return load_scenario(point.scenario, point.overrides)
-    return read_scenario(plain_data(base), point.overrides) if point.overrides else base
+        return load_scenario(point.scenario, point.overrides, methods=methods, methods_from=given)
+    if not point.overrides and not methods:
+        return base
+    return read_scenario(plain_data(base), point.overrides, methods=methods, methods_from=given)
 
 
 def runs_of(
@@ -156,7 +158,7 @@ class SharedFrames:
             {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
         )
         known = self._known.get(needs)
-        prepared = prepare(scenario) if known is None else on_frames(scenario, known)
+        prepared = prepare(scenario) if known is None else prepare_with_frames(scenario, known)
         if not prepared.frames.seeded:
             self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
         return prepared

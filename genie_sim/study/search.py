@@ -23,7 +23,7 @@ from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
-from genie_sim.scenario.reading import load_scenario, with_methods
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import search_report as report
 from genie_sim.study.design import Level
@@ -177,7 +177,7 @@ class Search:
             overrides = space.overrides(point.method, point.values, fixed)
             return load_scenario(self.design.scenario, overrides)
         of_all = {path: value for path, value in fixed.items() if not path.startswith("method.")}
-        return with_methods(load_scenario(self.design.scenario, as_overrides(of_all)), [point.name])
+        return load_scenario(self.design.scenario, as_overrides(of_all), methods=[point.name])
 
     def measured(self, planned: Mapping[Point, PlannedRuns]) -> "pd.DataFrame":
         """Simulates what is missing. One row per design, run and target: design, seed (or drive),

@@ -18,7 +18,7 @@ from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page
-from genie_sim.report.output import USUAL, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs import build
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
@@ -143,7 +143,7 @@ class Study:
         lost = [run.run_id for run in runs if not run.is_kept(self.folder)]
         self._parts.run(runs, workers, self.plan.shared, progress, lost=lost)
 
-    def finish(self, output: Output = USUAL) -> StudyStatus:
+    def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
         """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
         kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
         done = len(self._parts.done() & kept)

@@ -25,10 +25,10 @@ from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Column, Schema, Table
-from genie_sim.report.output import USUAL, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import on_frames, prepare
+from genie_sim.runs.prepare import prepare, prepare_with_frames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.version import VERSION
@@ -103,19 +103,20 @@ class PointRun:
     frames: float
     place: str
     keep: bool = False
-    output: Output = USUAL
+    output: Output = DEFAULT_OUTPUT
 
     def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[Metric]]:
         """The metrics of its methods."""
         prepared = (
             prepare(self.scenario)
             if self.source is None
-            else on_frames(self.scenario, shared[self.source])
+            else prepare_with_frames(self.scenario, shared[self.source])
         )
         if not self.keep:
             return {self.run_id: measured(prepared)}
         path = self._results(folder.parent)
-        run = run_folder.write(prepared, path, self.run_id, output=self.output)
+        with provenance.result_folder(path) as partial:
+            run = run_folder.write(partial, prepared, self.run_id, output=self.output)
         return {self.run_id: _metrics_of(prepared, run.tables)}
 
     def is_kept(self, study_folder: Path) -> bool:
@@ -246,7 +247,7 @@ class DaskWorkers:
             from distributed import Client
         except ImportError:
             raise UserError(
-                "--backend dask: DaskWorkers is not installed: pip install 'genie-sim[dask]'"
+                "--backend dask: dask is not installed: pip install 'genie-sim[dask]'"
             ) from None
         self._where = f"--scheduler {scheduler}"
         try:

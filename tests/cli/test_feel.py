@@ -205,21 +205,18 @@ def test_show_and_copy_give_what_is_shipped(capsys):
         text = files.find(kind, name).read_text(encoding="utf-8")
         assert main(["show", name]) == 0
         assert capsys.readouterr().out == text
-        assert main(["copy", name]) == 0
+        assert main(["show", name, "--copy-to", "."]) == 0
         assert capsys.readouterr().out.startswith(f"{name}.yaml (from ")
         assert Path(f"{name}.yaml").read_text(encoding="utf-8") == text
     capsys.readouterr()
-    assert main(["copy", "street_3car_hetero"]) == 1
+    assert main(["show", "street_3car_hetero", "--copy-to", "street_3car_hetero.yaml"]) == 1
     assert "street_3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
     Path("mine").mkdir()
-    assert (
-        main(["copy", "street_3car_hetero", "mine"]) == 0
-        and Path("mine/street_3car_hetero.yaml").is_file()
-    )
+    assert main(["show", "street_3car_hetero", "--copy-to", "mine"]) == 0
+    assert Path("mine/street_3car_hetero.yaml").is_file()
     Path("link.yaml").symlink_to("nowhere.yaml")
-    assert (
-        main(["copy", "street_3car_hetero", "link.yaml"]) == 1 and not Path("nowhere.yaml").exists()
-    )
+    assert main(["show", "street_3car_hetero", "--copy-to", "link.yaml"]) == 1
+    assert not Path("nowhere.yaml").exists()
     capsys.readouterr()
     assert main(["show", "baselines"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
@@ -313,7 +310,7 @@ def test_the_shell_completes_commands_names_and_settings():
     assert "where_it_pays" in completed("sweep", "where")
     assert completed("figures", "x", "--format", "svg,p") == ["svg,png", "svg,pdf"]
     assert completed("table", "x", "--format", "l") == ["latex"]
-    assert {"baselines", "jetson_tx2"} <= {*completed("show", "ba"), *completed("copy", "jet")}
+    assert {"baselines", "jetson_tx2"} <= {*completed("show", "ba"), *completed("show", "jet")}
 
 
 @pytest.mark.process

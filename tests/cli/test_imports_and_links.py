@@ -1,4 +1,4 @@
-"""Options of ``genie-sim import`` and ``genie-sim links import``."""
+"""Options of ``genie-sim import tables`` and ``genie-sim import link``."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from genie_sim.cli.main import main
 from genie_sim.data import pose_import
 from genie_sim.sim.link_models import recording
 
-TABLES = ["import", "poses.csv", "detections.csv", "--out", "traces"]
+TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_what_no_sensor_has_is_one_line(asked: list[Any], capsys, option, value,
 
 def test_a_recorded_link_says_how_long_it_is_and_what_it_has(capsys):
     Path("drive.csv").write_text("time_s,up_mbps,rtt_ms\n10,1.5,20\n12.5,2,30\n")
-    line = ["links", "import", "drive.csv", "--out", "d.parquet", "--source", "me"]
+    line = ["import", "link", "drive.csv", "--out", "d.parquet", "--source", "me"]
     assert main([*line, "--licence", "CC0"]) == 0
     assert capsys.readouterr().out == "d.parquet: 2 rows, 2.5 s: up_bps, rtt_ns\n"
     about = recording.read("d.parquet").about
@@ -79,14 +79,14 @@ def test_a_recorded_link_says_how_long_it_is_and_what_it_has(capsys):
 )
 def test_rates_of_one_direction_are_those_of_the_option(options: list[str], column: str):
     Path("trace.txt").write_text("5\n100\n101\n350\n")
-    line = ["links", "import", "trace.txt", "--format", "mahimahi", "--out", "t.parquet"]
+    line = ["import", "link", "trace.txt", "--format", "mahimahi", "--out", "t.parquet"]
     assert main([*line, *options]) == 0
     assert {*recording.read("t.parquet").columns} == {"t_ns", column}
 
 
 def test_a_link_that_never_carries_anything_is_one_line(capsys):
     Path("drive.csv").write_text("time_s,up_mbps\n0,0\n1,0\n")
-    assert main(["links", "import", "drive.csv", "--out", "d.parquet"]) == 1
+    assert main(["import", "link", "drive.csv", "--out", "d.parquet"]) == 1
     told = capsys.readouterr().err
     assert (
         "no rate is above 0: nothing would get through" in told and not Path("d.parquet").exists()

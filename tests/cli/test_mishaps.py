@@ -198,7 +198,9 @@ def test_only_a_file_is_replaced_by_a_file(what):
 @pytest.mark.process
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize(
-    "arguments", [["list"], ["--help"], ["schema", "scenario"], ["run", "--help"]], ids=" ".join
+    "arguments",
+    [["list"], ["--help"], ["show", "--schema", "scenario"], ["run", "--help"]],
+    ids=" ".join,
 )
 def test_a_full_device_for_the_output_gets_one_line(arguments):
     with Path("/dev/full").open("w") as full:

@@ -193,7 +193,7 @@ def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path)
     monkeypatch.setattr(truth_table, "make_truth", lambda *given: asked.append(given) or table)
     monkeypatch.setattr(truth_table, "write_truth", lambda path, _: written.append(path))
-    line = ["truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
+    line = ["import", "truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
     assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0
     assert asked[0] == (Path("/k"), "tracking/0005", Path("/traces/mine.parquet"))
     assert written == [Path("/traces/mine.truth.parquet"), Path("o.parquet")]

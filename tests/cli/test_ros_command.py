@@ -1,4 +1,4 @@
-"""Options of ``genie-sim attach`` and ``detach``: what they become before any ROS is there."""
+"""Options of ``genie-sim ros attach`` and ``detach``: what they become before any ROS is there."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def attached(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_options_reach_the_genie(attached: dict[str, Any]):
-    line = "attach /node --role car --fov 90deg --set eviction=lru --set object_map.gate=2m"
+    line = "ros attach /node --role car --fov 90deg --set eviction=lru --set object_map.gate=2m"
     line += " --request /left --request /right --connect edge1@h:1 --pose-topic /pose"
     assert main(line.split()) == 0
     assert attached["node"] == "/node" and attached["role"] == "car"
@@ -33,10 +33,10 @@ def test_options_reach_the_genie(attached: dict[str, Any]):
 
 
 def test_without_options_nothing_is_set(attached: dict[str, Any]):
-    assert main(["attach", "/node", "--role", "edge"]) == 0
+    assert main(["ros", "attach", "/node", "--role", "edge"]) == 0
     assert attached["settings"] == {} and attached["horizontal_fov_rad"] == 0.0
 
 
 def test_a_field_of_view_without_a_unit_is_refused(capsys: pytest.CaptureFixture[str]):
-    assert main(["attach", "/node", "--role", "car", "--fov", "wide"]) == 1
+    assert main(["ros", "attach", "/node", "--role", "car", "--fov", "wide"]) == 1
     assert capsys.readouterr().err.startswith("genie-sim: --fov: ")

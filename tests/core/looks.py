@@ -28,7 +28,7 @@ def tracks(policy=None, **rules) -> TrackMap:
 
 def after(map_: TrackMap, *looks: Look) -> TrackMap:
     for taken in looks:
-        map_.look(taken, taken.header.stamp_ns)
+        map_.count(taken, taken.header.stamp_ns)
     return map_
 
 

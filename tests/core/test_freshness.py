@@ -100,13 +100,13 @@ def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
     map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
     (held,) = map_
     place, sightings = held.place(S), held.sightings
-    map_.look(look(0.55, car(15.5)), S)
+    map_.count(look(0.55, car(15.5)), S)
     assert list(map_) == [held] and held.sightings == sightings + 1, (
         "it is the same car, half a second ago"
     )
     assert held.place(S) == place and held.seen.stamp_ns == S
     existence = held.existence
-    map_.look(look(0.65), S)
+    map_.count(look(0.65), S)
     assert held.existence == existence, "a late look that does not show it says nothing about now"
 
 
@@ -115,10 +115,10 @@ def test_the_same_look_by_two_ways_counts_once():
     map_ = after(tracks(), one)
     (held,) = map_
     before = held.existence
-    again, boosted, _ = map_.look(one, 40 * MS)
+    again, boosted, _ = map_.count(one, 40 * MS)
     assert again == [held] and boosted == {}
     assert (held.existence, held.sightings) == (before, 1)
-    map_.look(one._replace(header=one.header._replace(frame_id="03")), 40 * MS)
+    map_.count(one._replace(header=one.header._replace(frame_id="03")), 40 * MS)
     assert held.existence > before and held.sightings == 2, "another camera's look is another look"
 
 
@@ -405,7 +405,7 @@ def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, nam
         for i, many in enumerate(rounds):
             t_s = many[0][0] if many else 0.0
             found = [seen(label, score, at=(east, north)) for _, east, north, score, label in many]
-            map_.look(look(t_s, *found, camera=str(i)), round(t_s * S))
+            map_.count(look(t_s, *found, camera=str(i)), round(t_s * S))
             assert all(0.0 <= one.existence <= 1.0 and one.variance[0] >= 0.0 for one in map_)
             assert len(list(map_)) == len(map_)
         return [(one.number, one.east_m, one.existence) for one in map_]

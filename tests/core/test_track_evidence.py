@@ -77,7 +77,7 @@ def test_answers_out_of_the_map_look_wider_by_the_margin(bearing_deg, margin_deg
     angle = math.radians(bearing_deg)
     at = (0.5 + 20 * math.cos(angle), 0.5 + 20 * math.sin(angle))
     wide = Look(image.header, image.pose, math.radians(170), (seen("car", 0.9, at=at),))
-    object_map.look(wide, 0)
+    object_map.count(wide, 0)
     viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
     objects, _ = object_map.visible(viewer, 50.0, 0)
     assert len(objects) == shown

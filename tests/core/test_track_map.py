@@ -35,7 +35,7 @@ def test_a_track_is_a_kalman_filter_for_each_axis():
     covariance = np.diag([first_sigma_m**2, (VEHICLE.v_max_mps / 2) ** 2])
     axes = [(np.array([metre, 0.0]), covariance) for metre in places[0]]
     for i, place in enumerate(places):
-        map_.look(look(0.2 * i, car(*place)), i * 200 * MS)
+        map_.count(look(0.2 * i, car(*place)), i * 200 * MS)
         if i:
             sigma_m = sigma_of(math.hypot(*place))
             axes = [

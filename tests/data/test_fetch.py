@@ -324,7 +324,7 @@ def test_a_broken_entry_is_told_in_one_line(tmp_path, method):
 
 
 def test_the_command_says_how_to_use_what_it_fetched(run_cli):
-    wrong = run_cli("fetch", "modell", "x")
+    wrong = run_cli("import", "fetch", "modell", "x")
     assert wrong.returncode == 1
     assert (
         wrong.stderr

@@ -225,7 +225,7 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
     """And what it writes is what was imported; two cars meet on one clock."""
     for name, text in (("poses", POSES), ("detections", DETECTIONS), ("truth", TRUTH)):
         (tmp_path / f"{name}.csv").write_text(text)
-    tables = ("import", "poses.csv", "detections.csv")
+    tables = ("import", "tables", "poses.csv", "detections.csv")
     done = run_cli(*tables, "--truth", "truth.csv", "--out", "t", "--fov", "200 deg")
     assert done.returncode == 0, done.stderr
     assert "t/a.parquet: 3 frames, 2 detections, objects visible 6 times\n" in done.stdout

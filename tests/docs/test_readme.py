@@ -195,7 +195,7 @@ $ genie-sim list towns
 <!-- not run: downloads 40 MB -->
 
 ```bash
-genie-sim fetch model yolox_nano
+genie-sim import fetch model yolox_nano
 ```
 ```python
 print("not a command")

@@ -44,7 +44,7 @@ def compared(
 ) -> list[tuple]:
     """Which, source, served, detected, matched of each row."""
     tables = new_tables()
-    log = Log("genie", tables, answers=Agreement("genie", tables["answers"], Objects()))
+    log = Log("genie", tables, agreement=Agreement("genie", tables["answers"], Objects()))
     log.published(Image(HEADER, 1000, "", 0, POSE, 1.4, Frame(tuple(detected))), 0, 0)
     for source, objects in answers:
         log.answered(Detections(HEADER, tuple(objects), source), source, HEADER.stamp_ns)

@@ -224,7 +224,7 @@ def test_a_truck_is_a_car():
 
 def test_the_zero_delay_detector_is_written_once():
     frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
-    rows = judged((frame, None), judged_without_delay=(), what="zero_delay")
+    rows = judged((frame, None), earlier_hosts=(), what="zero_delay")
     assert [(row["held"], row["right"], row["age_s"]) for row in rows] == [(1, 1, 0.0)]
     assert judged((frame, None), what="zero_delay") == []
 
@@ -369,7 +369,7 @@ def test_a_trace_without_truth_says_what_would_show_more(tmp_path: Path):
     write_trace(tmp_path / "own.parquet", read_trace(files.find(files.TRACE, "kitti_0005")))
     run = run_in_memory(short(f"perception.trace={tmp_path}/own.parquet"))
     assert run.held.empty and not any(m.metric == "streaming_f1" for m in run.measured)
-    assert "genie-sim truth" in " ".join(screen.text(run).split())
+    assert "genie-sim import truth" in " ".join(screen.text(run).split())
 
 
 @pytest.fixture(scope="module")

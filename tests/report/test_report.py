@@ -368,7 +368,7 @@ def test_the_page_of_a_town_says_how_much_of_the_answers_was_not_there(browser, 
         "byId('headline').textContent"
     )
     shown = browser.evaluate("byId('by-method').innerText")
-    assert "Recall of visible objects" in shown and "False objects" in shown
+    assert "Streaming F1" in shown and "False objects" in shown
 
 
 def test_the_page_of_a_run_that_recorded_frames_alone_has_no_empty_table(browser, tmp_path):
@@ -427,6 +427,22 @@ def test_bold_is_what_is_better_than_all_others_with_intervals_apart(browser, fi
             if ends and all(high < end[0] if lower else low > end[1] for end in ends):
                 best = place + 1
         assert column == best, title
+
+
+def test_the_page_of_three_cars_is_short_and_its_folds_open(browser, file):
+    browser.size(1400, 900)
+    browser.open(file)
+    assert browser.evaluate("document.documentElement.scrollHeight") <= 4000
+    drawn = "byId('lanes').getContext('2d').getImageData(0, 0, 9, 9).width * byId('lanes').width"
+    browser.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    browser.evaluate("new Promise((done) => setTimeout(done, 100))")
+    assert browser.evaluate(drawn) > 0, "what is folded is drawn when it opens"
+    assert browser.evaluate("byId('metric-table').clientHeight") > 100
+    browser.size(420, 800)
+    browser.open(file)
+    spare = "byId('by-method').parentElement.clientWidth - byId('by-method').offsetWidth"
+    assert browser.evaluate(spare) >= 0, "every method's column is in the window of a telephone"
+    assert browser.errors == []
 
 
 def test_hosts_differ_in_their_marks_too(browser, file, run):

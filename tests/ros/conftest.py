@@ -161,7 +161,7 @@ class Master:
         return process
 
     def attach(self, node: str = DETECTOR, **arguments: object) -> subprocess.Popen[str]:
-        """``genie-sim attach`` in a process of its own; returns when the Genie is attached."""
+        """``genie-sim ros attach`` in a process of its own; returns when the Genie is attached."""
         given = json.dumps({"node": node, "record": str(self.folder / "record.jsonl"), **arguments})
         process = self.run([self._python, "-c", ATTACH, given], "attach")
         assert process.stdout is not None

@@ -172,7 +172,7 @@ def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
 
 
 def drive(master: Master, plan: dict[str, Any]) -> Drive:
-    """One drive through a Genie that ``genie-sim attach`` has put in front of the sleeping
+    """One drive through a Genie that ``genie-sim ros attach`` has put in front of the sleeping
     detector.
     """
     path, record = (

@@ -13,7 +13,7 @@ import genie_sim as gs
 from genie_sim.cli.main import main
 from genie_sim.runs.method_processes import MethodJob, Reporter, watched
 from genie_sim.runs.prepare import prepare
-from genie_sim.runs.simulate import simulate, simulate_with
+from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import RECORDS
 from tests.checkout import REPOSITORY
@@ -51,7 +51,9 @@ def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monk
     spill = tmp_path / "spill"
     spill.mkdir()
     for folder in (None, spill):
-        apart = written(simulate_with(prepared, 3, spill=folder), tmp_path / f"to {bool(folder)}")
+        apart = written(
+            simulate(prepared, workers=3, spill=folder), tmp_path / f"to {bool(folder)}"
+        )
         assert apart == one_by_one
     assert not list(spill.iterdir())
 

@@ -25,7 +25,7 @@ from genie_sim.cli.main import main
 from genie_sim.methods import METHODS
 from genie_sim.runs import own_classes
 from genie_sim.runs.folder import run_to_folder
-from genie_sim.scenario.reading import load_scenario, with_methods
+from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
@@ -87,7 +87,7 @@ def mine(tmp_path: Path) -> Path:
 
 def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
     setting = load_scenario(mine)
-    chosen = with_methods(setting, ["remote", "mine", "tiny", "my.module:Other"])
+    chosen = load_scenario(mine, methods=["remote", "mine", "tiny", "my.module:Other"])
     assert [entry.name for entry in chosen.methods] == ["remote", "mine", "tiny", "Other"]
     assert chosen.methods[1:3] == (
         setting.methods[2],
@@ -110,12 +110,12 @@ def test_methods_are_chosen_among_the_scenarios_own_and_all_others(mine: Path):
         ),
         (["local", ""], r"^--methods x: unknown method ''; known: "),
         ([" local"], r"^--methods x: unknown method ' local' \(did you mean 'local'\?\)"),
-        (["local", "local"], r"^--methods x: methods\[1\]\.name: duplicate name 'local'$"),
+        (["local", "local"], r"^--methods x: duplicate name 'local'$"),
     ],
 )
 def test_a_method_that_nobody_knows_is_one_line(mine: Path, names: list[str], message: str):
     with pytest.raises(UserError, match=message):
-        with_methods(load_scenario(mine), names, "--methods x")
+        load_scenario(mine, methods=names, methods_from="--methods x")
 
 
 def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
@@ -382,3 +382,11 @@ def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where
 def test_a_module_is_named_without_its_suffix(capsys):
     assert main(["run", "street_1car_hetero", "--methods", "skip.py:Skip"]) == 1
     assert "a module is named without .py: skip:Skip" in capsys.readouterr().err
+
+
+def test_a_check_counts_only_for_the_methods_that_are_chosen():
+    """No request waits for an answer where no Genie runs."""
+    overrides = ["genie.request_expiry=1us"]
+    with pytest.raises(UserError, match="request_expiry"):
+        load_scenario("street_1car_homo", overrides)
+    assert load_scenario("street_1car_homo", overrides, methods=["local", "remote"])

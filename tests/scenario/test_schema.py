@@ -74,7 +74,7 @@ def test_an_editor_knows_the_settings_of_each_plug_in():
 
 @pytest.mark.parametrize("kind", SCHEMAS)
 def test_the_shipped_schemas_are_those_of_the_code(kind: str):
-    """If not: ``genie-sim schema scenario > schemas/scenario.schema.json``, and the same for
+    """If not: ``genie-sim show --schema scenario > schemas/scenario.schema.json``, and the same for
     ``device``.
     """
     shipped = (REPOSITORY / "schemas" / f"{kind}.schema.json").read_text(encoding="utf-8")
@@ -82,9 +82,9 @@ def test_the_shipped_schemas_are_those_of_the_code(kind: str):
 
 
 def test_the_command_prints_a_schema(run_cli):
-    printed = run_cli("schema", "device")
+    printed = run_cli("show", "--schema", "device")
     assert printed.returncode == 0
     assert json.loads(printed.stdout) == json_schema("device")
-    wrong = run_cli("schema", "devise")
+    wrong = run_cli("show", "--schema", "devise")
     assert wrong.returncode == 1
     assert "did you mean 'device'?" in wrong.stderr

@@ -237,14 +237,14 @@ def test_formats(format: str, text: str, columns: dict):
 )
 def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):
     (tmp_path / "drive.txt").write_text(text)
-    ran = run_cli("links", "import", "drive.txt", "--format", format, "--out", "drive.parquet")
+    ran = run_cli("import", "link", "drive.txt", "--format", format, "--out", "drive.parquet")
     assert ran.returncode == 1 and message in ran.stderr and "drive.txt" in ran.stderr
     assert len(ran.stderr.splitlines()) == 1 and not (tmp_path / "drive.parquet").exists()
 
 
 def test_an_imported_drive_is_replayed(run_cli, tmp_path):
     (tmp_path / "drive.csv").write_text(CSV)
-    ran = run_cli("links", "import", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
+    ran = run_cli("import", "link", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout == "drive.parquet: 3 rows, 2.5 s: up_bps, down_bps, rtt_ns\n"
     drive = recording.read(str(tmp_path / "drive.parquet"))

@@ -68,7 +68,7 @@ def measured(recordings: Iterable[Iterable[Look]]) -> DetectorLaws:
         census = _Census()
         tracks = TrackMap(ObjectMapRules(), census)
         for look in looks:
-            tracks.look(look, look.header.stamp_ns)
+            tracks.count(look, look.header.stamp_ns)
         records += census.records.values()
     often = [record for record in records if len(record.looks) >= MIN_LOOKS]
     real = [record for record in often if record.found_share() >= REAL_SHARE]

@@ -154,10 +154,9 @@ class PacedGenie:
         if self._pacer is not None:
             effects += _lost(self._pacer.expire(now_ns))
             goes_up = self._pacer.sends(frame.header, frame.pose.heading_rad, now_ns)
-        if goes_up:
-            assert self._pacer is not None
-            effects.append(LookEvent(frame.header, "edge", "sent", self._pacer.gap_ns))
-            effects.append(Publish(self._to_edge, self._with_signed_looks(frame)))
+            if goes_up:
+                effects.append(LookEvent(frame.header, "edge", "sent", self._pacer.gap_ns))
+                effects.append(Publish(self._to_edge, self._with_signed_looks(frame)))
         if self._goes_to_own_detector(goes_up):
             self._own_pending = frame.header
             effects.append(Publish(self._to_node, frame))

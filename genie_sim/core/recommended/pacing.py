@@ -77,18 +77,25 @@ class RoundTrip:
         return min(self._backoff * usual_ns, MAX_TIMEOUT_NS)
 
 
+class SentFrame(NamedTuple):
+    """The stamp [ns] of a frame that went up, and when that look of its view had been due;
+    ``None`` if it was the view's first.
+    """
+
+    stamp_ns: int
+    due_ns: int | None
+
+
 @dataclass(slots=True)
 class Stream:
-    """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, and the
-    time to it from the one before; the stamp of the frame that last went up, and when the next look
-    of its view was due then. ``None`` before the first.
+    """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, the
+    time [ns] to it from the one before, and the frame that last went up. ``None`` before the first.
     """
 
     stamp_ns: int
     heading_rad: float
     interval_ns: int | None = None
-    sent_stamp_ns: int | None = None
-    due_ns: int | None = None
+    sent: SentFrame | None = None
 
     def next_ns(self, newest: "Stream") -> float:
         """When its next frame is expected, at the time of the ``newest`` frame of its view, whose
@@ -181,12 +188,13 @@ class Pacer:
         view = self._views.of_frame(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._gap_ns()
-        due_ns = _due_ns(view.values(), every_ns)
+        sent = [other.sent for other in view.values() if other.sent is not None]
+        last = max(sent, key=lambda frame: frame.stamp_ns, default=None)
+        due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
             return False
-        sent = [other.sent_stamp_ns for other in view.values() if other.sent_stamp_ns is not None]
-        self.gap_ns = header.stamp_ns - max(sent) if sent else None
-        stream.sent_stamp_ns, stream.due_ns = header.stamp_ns, due_ns
+        self.gap_ns = None if last is None else header.stamp_ns - last.stamp_ns
+        stream.sent = SentFrame(header.stamp_ns, due_ns)
         self._outstanding[header] = now_ns
         return True
 
@@ -246,20 +254,12 @@ class Pacer:
         return max(self._every_ns, min(probe_ns, MAX_PROBE_NS))
 
 
-def _due_ns(view: Collection[Stream], every_ns: int) -> int | None:
-    """When the next look of a view falls due, that of its newest frame: by the timetable, or anew
-    from the last look where a whole gap was missed. ``None`` before the first.
+def _due_ns(last: SentFrame, every_ns: int) -> int:
+    """When the look after a view's ``last`` one falls due: by the timetable, or anew from that look
+    where a whole gap was missed.
     """
-    last = max(
-        (stream for stream in view if stream.sent_stamp_ns is not None),
-        key=lambda stream: stream.sent_stamp_ns or 0,
-        default=None,
-    )
-    if last is None:
-        return None
-    assert last.sent_stamp_ns is not None
-    if last.due_ns is None or last.sent_stamp_ns - last.due_ns >= every_ns:
-        return last.sent_stamp_ns + every_ns
+    if last.due_ns is None or last.stamp_ns - last.due_ns >= every_ns:
+        return last.stamp_ns + every_ns
     return last.due_ns + every_ns
 
 
@@ -283,7 +283,7 @@ def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns
 
 def _waits_ns(stream: Stream) -> float:
     """Since when a stream has been waiting for its turn; a new one has been for ever."""
-    return -math.inf if stream.sent_stamp_ns is None else stream.sent_stamp_ns
+    return -math.inf if stream.sent is None else stream.sent.stamp_ns
 
 
 def _turn_rad(heading_rad: float, other_rad: float) -> float:

@@ -6,7 +6,7 @@ import heapq
 import itertools
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from genie_sim.base.errors import UserError
@@ -44,6 +44,16 @@ class Pair(NamedTuple):
     number: int  # of the track
     detection: int  # its index in the look
     track: Track
+
+
+class CountedLook(NamedTuple):
+    """What a look did: the tracks that it shows, the confidence before it of those that were there,
+    by number, and the tracks that the map forgot.
+    """
+
+    shown: Sequence[Track]
+    before: Mapping[int, float]
+    forgotten: Sequence[Track]
 
 
 class TrackMap(Map):
@@ -151,10 +161,11 @@ class TrackMap(Map):
         if own and look is None and answer.source == "detector" and viewer is not None:
             placed = tuple(seen for seen in answer.objects if seen.location is not None)
             look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, placed)
-        before: dict[int, float] = {}
-        forgotten: list[Track] = []
+        tracks: Sequence[Track]
+        before: Mapping[int, float] = {}
+        forgotten: Sequence[Track] = ()
         if look is not None:
-            tracks, before, forgotten = self.look(look, now_ns)
+            tracks, before, forgotten = self.count(look, now_ns)
         else:
             at_ns = now_ns if answer.valid_ns is None else answer.valid_ns
             taken_over = [self._take_over(detection, at_ns) for detection in answer.objects]
@@ -178,8 +189,8 @@ class TrackMap(Map):
         of_look = answer.with_objects(self._served(remaining, to, now_ns))
         if look is None or self._shares == "look":
             return EnhancedAnswer(answer, of_look, of_look, counts)
-        looking = Viewer(look.header, look.pose, look.horizontal_fov_rad)
-        objects, valid_ns = self.visible(looking, self._view_range_m, now_ns)
+        looker = Viewer(look.header, look.pose, look.horizontal_fov_rad)
+        objects, valid_ns = self.visible(looker, self._view_range_m, now_ns)
         of_map = answer.with_objects(objects).with_look(look, valid_ns)
         return EnhancedAnswer(answer, to_clients=of_map, to_neighbours=of_look, lookups=counts)
 
@@ -266,38 +277,28 @@ class TrackMap(Map):
         """Whether a sighting at a place could be one of a track's, however unlikely that is."""
         return self.match(label, east_m, north_m, at_ns) is not None
 
-    def look(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float], list[Track]]:
-        """Counts a look, unless it was counted before. Returns the tracks that it shows, the
-        confidence of those that were there before, by number, and the tracks that it made the map
-        forget.
-        """
+    def count(self, look: Look, now_ns: int) -> CountedLook:
+        """Counts a look, unless it was counted before."""
         stamp_ns = look.header.stamp_ns
         detections = [detection for detection in look.detections if detection.location is not None]
         if look.header in self._counted or (
             self._defence is not None and not self._defence.counts(look)
         ):
-            return self._tracks_shown(detections, stamp_ns), {}, []
+            return CountedLook(self._tracks_shown(detections, stamp_ns), {}, [])
         view = View(look)
         self._remember(look, view)
-
-        # Pairs of detections and tracks, greedily, the nearest first.
         around = self._around(look, detections)
         pairs = _pairs(detections, around, stamp_ns)
-        shown: dict[int, Track] = {}  # by index of the detection
-        matched: set[int] = set()
-        for pair in pairs:
-            if pair.detection not in shown and pair.number not in matched:
-                shown[pair.detection] = pair.track
-                matched.add(pair.number)
-
-        # Of the other tracks in view the look is evidence that they are gone.
-        unseen: list[tuple[Track, float]] = []
-        for east_m, north_m, track in around:
-            if track.number not in matched and track.checked_ns <= stamp_ns:
-                range_m = view.range_m(east_m, north_m)
-                if range_m is not None:
-                    unseen.append((track, range_m))
-
+        shown = _matched(pairs)
+        matched = {track.number for track in shown.values()}
+        # of the other tracks in view the look is evidence that they are gone
+        unseen = [
+            (track, range_m)
+            for east_m, north_m, track in around
+            if track.number not in matched
+            and track.checked_ns <= stamp_ns
+            and (range_m := view.range_m(east_m, north_m)) is not None
+        ]
         if self._defence is not None:
             for track in shown.values():
                 self._defence.seen(track, look.header)
@@ -312,19 +313,21 @@ class TrackMap(Map):
             self._policy.unseen(track, range_m, look.header)
             if track.existence < 0.5:  # before that it has time
                 self._plan(track)
+        others = [pair for pair in pairs if pair.number not in matched]
+        forgotten = self._merged(others, shown, stamp_ns) + self.forget(now_ns)
+        return CountedLook(_without_repeats(shown.values()), before, forgotten)
 
-        # What comes as near as one object to a track that was seen is the same object.
-        forgotten: list[Track] = []
+    def _merged(self, pairs: Iterable[Pair], shown: Mapping[int, Track], at_ns: int) -> list[Track]:
+        """Takes out, and returns, tracks that came as near to one that was seen as one object."""
+        merged = []
         for pair in pairs:
             if (
-                pair.number not in matched
-                and pair.track.cell is not None
-                and _distance_m(pair.track, shown[pair.detection], stamp_ns) < NEAR_M
+                pair.track.cell is not None
+                and _distance_m(pair.track, shown[pair.detection], at_ns) < NEAR_M
             ):
                 self._take_out(pair.track, was_moving=pair.track.moving)
-                forgotten.append(pair.track)
-        forgotten += self.forget(now_ns)
-        return _without_repeats(shown.values()), before, forgotten
+                merged.append(pair.track)
+        return merged
 
     def _tracks_shown(self, detections: Iterable[Detection], at_ns: int) -> list[Track]:
         """The tracks that detections of a look that was counted before show."""
@@ -553,6 +556,17 @@ def _pairs(
                     pairs.append(Pair(distance_m, track.number, index, track))
     pairs.sort()
     return pairs
+
+
+def _matched(pairs: Iterable[Pair]) -> dict[int, Track]:
+    """Each detection's track, by the detection's index: greedily, in the order of the pairs."""
+    found: dict[int, Track] = {}
+    taken: set[int] = set()
+    for pair in pairs:
+        if pair.detection not in found and pair.number not in taken:
+            found[pair.detection] = pair.track
+            taken.add(pair.number)
+    return found
 
 
 def _fits(track: Track, distance_m: float, at_ns: int) -> bool:
