@@ -163,7 +163,7 @@ def test_one_number_under_two_claims_is_told():
 
 
 def test_nothing_is_predicted_where_outcomes_were_in_sight():
-    kinds = {one.claim.id: one.claim.kind for one in judge(evidence(), False, retrodicted=True)}
+    kinds = {one.claim.id: one.claim.kind for one in judge(evidence(1), False, retrodicted=True)}
     assert kinds["C15"] == kinds["C11"] == "retrodicted"
     assert "prediction" not in kinds.values()
 

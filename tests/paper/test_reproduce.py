@@ -159,7 +159,7 @@ def test_the_committed_results_are_those_of_the_committed_assumptions():
 
 def test_the_committed_results_are_small():
     committed = [path for path in PAPER.rglob("*") if path.is_file() and path.name != "report.html"]
-    assert sum(path.stat().st_size for path in committed) < 8_000_000
+    assert sum(path.stat().st_size for path in committed) < 11_000_000
 
 
 def test_the_set_ups_are_the_declared_ones():
@@ -191,6 +191,7 @@ def test_an_edited_set_up_is_said_in_one_line_and_on_the_page(tmp_path, monkeypa
     assert line in page.page_data(copy)["notes"]
 
 
+@pytest.mark.slow
 def test_the_committed_verdicts_follow_from_the_committed_numbers():
     """The claims as they are now, judged from the rows of every run: nothing is simulated."""
     places = rows.read(PAPER)
