@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.statistics import NO_SHARES, wilson
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.progress import Progress
@@ -324,12 +326,18 @@ def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
 
 
 def _metric(scenario: str, fact: Fact, values: Values) -> dict[str, Any]:
-    value, low, high = (rounded(number) for number in interval(values))
+    """A number over seeds, with the interval that several seeds of a run have: of a share
+    Wilson's.
+    """
+    value, low, high = interval(values)
+    known = METRICS.get(fact.metric)
+    if known is not None and known.unit == "1" and not fact.metric.startswith(NO_SHARES):
+        low, high = wilson(value, high - value)
     return {
         "scenario": scenario,
         **fact._asdict(),
-        "value": value,
-        "low": low,
-        "high": high,
+        "value": rounded(value),
+        "low": rounded(low),
+        "high": rounded(high),
         "n": len(values),
     }

@@ -6,11 +6,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
-from genie_sim.paper.evidence import Evidence, interval
+from genie_sim.paper import reproduce
+from genie_sim.paper.evidence import rounded
 from genie_sim.paper.facts import Fact, placed
 from genie_sim.paper.readings import MAIN, load_reading
 from genie_sim.paper.reproduce import (
@@ -131,12 +133,11 @@ def test_a_run_is_the_evaluation_s_row_of_its_name_and_seed(monkeypatch):
                 assert facts[fact] == one.value, fact
                 shared += 1
         assert shared > 60
-    evidence = Evidence({("base", "1car_hetero"): of_seeds})
     means = plain.metrics.set_index(["metric", "method", "placement", "component"])
-    for fact in (Fact("first_answer_mean"), placed("image_reuse", "edge")):
-        mean, low, high = interval(evidence.of("1car_hetero", fact))
-        row = means.loc[tuple(fact)]
-        assert (row["value"], row["low"], row["high"]) == pytest.approx((mean, low, high), rel=1e-9)
+    for fact in (Fact("first_answer_mean"), placed("image_reuse", "edge"), Fact("answered_share")):
+        shown = reproduce._metric("", fact, np.array([facts[fact] for facts in of_seeds]))
+        for name in ("value", "low", "high"):
+            assert shown[name] == rounded(means.loc[tuple(fact), name]), (fact, name)
 
 
 def test_the_number_of_processes_does_not_change_a_number():
