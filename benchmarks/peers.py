@@ -36,15 +36,13 @@ def leafsim(fleet: Fleet) -> list[Answer]:
     from leaf.application import Task  # type: ignore[import-not-found]
     from leaf.infrastructure import Node  # type: ignore[import-not-found]
 
-    def accelerator(
-        env: Any, queue: Any, detections_ns: Iterator[int], publish: plain_simpy.Answered
-    ) -> Process:
+    def accelerator(env: Any, queue: Any, publish: plain_simpy.Answered) -> Process:
         node = Node("accelerator", cu=1)
         while True:
             frame = yield queue.get()
             task = Task(cu=1)
             task.allocate(node)
-            yield env.timeout(next(detections_ns))
+            yield env.timeout(frame.detection_ns)
             task.deallocate()
             publish(frame)
 
@@ -58,8 +56,7 @@ def ciw(fleet: Fleet) -> list[Answer]:
     import ciw  # type: ignore[import-not-found]
 
     frames = sorted((frame for frames in fleet.cameras for frame in frames), key=lambda it: it[2])
-    cars, edges = fleet.edge_of, fleet.detections_ns
-    times_ns = {edge: iter(times_ns) for edge, times_ns in edges.items()}
+    cars, edges = fleet.edge_of, fleet.edges
     flight, answer_hop = 2, 3  # the first station is the hop of images
     up = {car: 4 + 2 * number for number, car in enumerate(cars)}  # and down, the one after it
     accelerators = {edge: 4 + 2 * len(cars) + number for number, edge in enumerate(edges)}
@@ -85,7 +82,7 @@ def ciw(fleet: Fleet) -> list[Answer]:
             lambda frame: fleet.sending_ns(frame.answer_bytes),
         ]
         * len(cars),
-        *[lambda frame: next(times_ns[cars[frame.car]])] * len(edges),
+        *[lambda frame: frame.detection_ns] * len(edges),
     ]
     stamps = [0, *(frame.stamp_ns for frame in frames)]
     gaps = [float(later - earlier) for earlier, later in pairwise(stamps)]
@@ -168,12 +165,12 @@ def salabim(fleet: Fleet) -> list[Answer]:
             flow=lambda frame: frame.camera,
         )
 
-    def accelerator(times_ns: Iterator[int]) -> Server:
-        return Server(time_ns=lambda _: next(times_ns), flow=lambda _: None)
+    def accelerator() -> Server:
+        return Server(time_ns=lambda frame: frame.detection_ns, flow=lambda _: None)
 
     up = {car: link("image_bytes") for car in fleet.edge_of}
     down = {car: link("answer_bytes") for car in fleet.edge_of}
-    accelerators = {edge: accelerator(iter(ns)) for edge, ns in fleet.detections_ns.items()}
+    accelerators = {edge: accelerator() for edge in fleet.edges}
     for frames in fleet.cameras:
         Camera(frames=frames)
     env.run()

@@ -7,7 +7,7 @@ It is what the speed benchmark compares genie-sim with: both give the very same 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -18,13 +18,14 @@ HEADER_BYTES, PAYLOAD_BYTES = 90, 1448  # of a segment
 
 
 class Frame(NamedTuple):
-    """A picture, and how long the answer to it is."""
+    """A picture, how long the answer to it is, and how long its edge looks at it [ns]."""
 
     car: str
     camera: str
     stamp_ns: int
     image_bytes: int
     answer_bytes: int
+    detection_ns: int
 
 
 Answer = tuple[str, str, int, int]  # car, camera, when the picture was taken and answered [ns]
@@ -35,19 +36,22 @@ Answered = Callable[[Frame], None]
 class Fleet:
     """What is simulated.
 
-    ``edge_of``: the edge of each car; ``cameras``: what each camera takes; ``detections_ns``: how
-    long each edge's detections take, one after the other; ``car_hop_ns`` and ``edge_hop_ns``: how
-    long a message takes to another process, the fixed part and that of a megabyte; ``bits_a_s`` and
-    ``flight_ns``: rate and delay of the links.
+    ``edge_of``: the edge of each car; ``cameras``: what each camera takes; ``car_hop_ns`` and
+    ``edge_hop_ns``: how long a message takes to another process, the fixed part and that of a
+    megabyte; ``bits_a_s`` and ``flight_ns``: rate and delay of the links.
     """
 
     edge_of: Mapping[str, str]
     cameras: Sequence[Sequence[Frame]]
-    detections_ns: Mapping[str, Sequence[int]]
     car_hop_ns: tuple[int, int]
     edge_hop_ns: tuple[int, int]
     bits_a_s: int
     flight_ns: int
+
+    @property
+    def edges(self) -> list[str]:
+        """Every edge that serves a car."""
+        return list(dict.fromkeys(self.edge_of.values()))
 
     @property
     def frames(self) -> int:
@@ -100,12 +104,10 @@ def link(
         arrive(frame)
 
 
-def accelerator(
-    env: simpy.Environment, queue: Newest, detections_ns: Iterator[int], publish: Answered
-) -> Process:
+def accelerator(env: simpy.Environment, queue: Newest, publish: Answered) -> Process:
     while True:
         frame = yield queue.get()
-        yield env.timeout(next(detections_ns))
+        yield env.timeout(frame.detection_ns)
         publish(frame)
 
 
@@ -115,7 +117,7 @@ def simulate(fleet: Fleet, accelerator: Callable[..., Process] = accelerator) ->
     answers: list[Answer] = []
     up = {car: Newest(env, lambda frame: frame.camera) for car in fleet.edge_of}
     down = {car: Newest(env, lambda frame: frame.camera) for car in fleet.edge_of}
-    detecting = {edge: Newest(env, lambda _: None) for edge in fleet.detections_ns}
+    detecting = {edge: Newest(env, lambda _: None) for edge in fleet.edges}
 
     def publish_image(frame: Frame) -> None:
         delay_ns = hop_ns(fleet.car_hop_ns, frame.image_bytes)
@@ -142,7 +144,7 @@ def simulate(fleet: Fleet, accelerator: Callable[..., Process] = accelerator) ->
         answer_ns = lambda frame: fleet.sending_ns(frame.answer_bytes)  # noqa: E731
         env.process(link(env, up[car], image_ns, arrive_at_edge))
         env.process(link(env, down[car], answer_ns, arrive_at_car))
-    for edge, queue in detecting.items():
-        env.process(accelerator(env, queue, iter(fleet.detections_ns[edge]), publish_answer))
+    for queue in detecting.values():
+        env.process(accelerator(env, queue, publish_answer))
     env.run()
     return answers

@@ -14,20 +14,16 @@ ratios within them.
 from __future__ import annotations
 
 import argparse
-import cProfile
 import gc
 import os
 import platform
-import pstats
 import subprocess
 import sys
 import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -38,7 +34,6 @@ from benchmarks import plain_simpy
 from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
 from benchmarks.speed_page import DOCS, filled, table
-from genie_sim.base import seeds
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
 from genie_sim.record import provenance
@@ -48,6 +43,8 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.clock import Clock
+from genie_sim.sim.device import Host
 from genie_sim.sim.link_models.wire import Wire
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -287,26 +284,11 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}
-    of_edge: dict[str, int] = defaultdict(int)
-    for frames in cameras:
-        of_edge[edge_of[frames[0].car]] += len(frames)
-    detections_ns = {
-        edge.name: list(
-            islice(
-                setup.devices[edge.device].detector_time.draws(
-                    seeds.stream(setup.seed, edge.name, "accelerator")
-                ),
-                of_edge[edge.name],
-            )
-        )
-        for edge in setup.edges
-    }
     car_hop = setup.devices[setup.cars[0].device].hop
     edge_hop = setup.devices[setup.edges[0].device].hop
     return Fleet(
         edge_of,
         cameras,
-        detections_ns,
         car_hop_ns=(car_hop.fixed_ns, car_hop.per_megabyte_ns),
         edge_hop_ns=(edge_hop.fixed_ns, edge_hop.per_megabyte_ns),
         bits_a_s=wire.rate_up_bps,
@@ -316,6 +298,8 @@ def plain_fleet(prepared: Prepared) -> Fleet:
 
 def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
     """What a camera of a car takes, by the settings of its route."""
+    (edge,) = (edge for edge in setup.edges if edge.name == car.edge)
+    host = Host(Clock(), edge.name, setup.devices[edge.device], seed=setup.seed)
     begin_ns, end_ns = car.route.window_ns
     taken = [
         frame
@@ -329,7 +313,14 @@ def _frames(setup: Any, car: Any, camera: Any) -> Iterator[Frame]:
             header = Header(start_ns + frame.stamp_ns, camera.name, car.name)
             size = frame.size_bytes if camera.size_bytes is None else camera.size_bytes
             answer = Detections(header, frame.detections)
-            yield Frame(car.name, camera.name, header.stamp_ns, size, answer.size_bytes)
+            yield Frame(
+                car.name,
+                camera.name,
+                header.stamp_ns,
+                size,
+                answer.size_bytes,
+                host.detection_ns(header),
+            )
 
 
 def answers_of(prepared: Prepared) -> list[Answer]:
@@ -417,42 +408,6 @@ def growth(sizes: Sizes) -> Block:
     return table(header, rows, left=0)
 
 
-# Where the time goes
-
-
-def shares() -> Block:
-    """Which parts of the code the first lap of ``street_3car_hetero`` spends its time in, with all
-    tables.
-    A built-in function counts as a part of those that call it.
-    """
-    profiler = cProfile.Profile()
-    profiler.runcall(simulate, prepare(laps("genie", 1)))
-    of_part: dict[str, float] = defaultdict(float)
-    timed: Mapping[Any, Any] = pstats.Stats(profiler).stats  # type: ignore[attr-defined]
-    for place, (_, _, own_s, _, callers) in timed.items():
-        if place[0] == "~":
-            for caller, (_, _, its_s, _) in callers.items():
-                of_part[part(caller[0])] += its_s
-        else:
-            of_part[part(place[0])] += own_s
-    whole_s = sum(of_part.values())
-    rows = [(name, f"{own_s / whole_s:.0%}") for name, own_s in of_part.items()]
-    rows = sorted(rows, key=lambda row: -of_part[row[0]])
-    return table(("part", "share of the time"), [row for row in rows if row[1] != "0%"])
-
-
-def part(file: str) -> str:
-    """``genie_sim.core`` or ``simpy``: the package, and of the project's own the room."""
-    parts = Path(file).parts
-    if "genie_sim" in parts:
-        place = len(parts) - parts[::-1].index("genie_sim")
-        inner = parts[place : place + 1] if len(parts) > place + 1 else ()
-        return f"`{'.'.join(('genie_sim', *inner))}`"
-    if "site-packages" in parts:
-        return f"`{parts[parts.index('site-packages') + 1]}`"
-    return "Python's library"
-
-
 # The page
 
 
@@ -503,7 +458,6 @@ def measure(
     yield "frames", costs(sizes)
     yield "peers", like_for_like(sizes, peers_python)
     yield "growth", growth(sizes)
-    yield "shares", shares()
     yield "machine", about(command)
 
 

@@ -13,7 +13,7 @@ from genie_sim.scenario.schema import json_schema
 GROUPS = {  # a setting belongs to the longest path that it is below
     "The run": (
         *("name", "description", "seed", "methods", "model", "spread", "queue_length"),
-        *("consumer", "start_jitter", "judged", "record", "metrics", "origin"),
+        *("consumer", "start_jitter", "warm_up", "judged", "record", "metrics", "origin"),
     ),
     "What cameras see": ("perception",),
     "Cameras": ("cameras", "image_encoding"),

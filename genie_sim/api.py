@@ -502,7 +502,7 @@ def search(
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> "pd.DataFrame":
-    """Searches the settings that pay. Raises ``UserError``.
+    """Searches for the best settings. Raises ``UserError``.
 
     Returns one row per design of the front, and one per method of the scenario as it is: objectives
     and constraints with 95 % intervals over the held-out set, which the search has not seen; which

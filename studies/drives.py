@@ -201,11 +201,7 @@ DIRECTIONS = (
         "improvement over local and remote, first answer (the paper: 0.82)",
         lambda runs: runs.of(GAINS["first"]).mean(axis=(2, 3)),
     ),
-    Direction(
-        "C1",
-        "the same, a detection or a cached answer",
-        lambda runs: runs.of(GAINS["result"]).mean(axis=(2, 3)),
-    ),
+    Direction("C1", "the same, result", lambda runs: runs.of(GAINS["result"]).mean(axis=(2, 3))),
     Direction(
         "C4",
         "smallest of these, first answer",

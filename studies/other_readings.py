@@ -37,7 +37,7 @@ MEASURES = {
     "object_reuse": BOTH_OBJECTS,
     "image_reuse": BOTH_IMAGES,
     "first_answer_ms": (Fact("first_answer_mean"),),
-    "fresh_answer_ms": (Fact("fresh_answer_mean"),),
+    "result_answer_ms": (Fact("result_answer_mean"),),
 }
 CLAIMS = [claim for claim in load_claims() if claim.kind != "table"]
 COLUMNS = (

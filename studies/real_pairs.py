@@ -5,8 +5,8 @@
 ``traces`` makes what the others read, and must not be passed on. ``sharing`` is a sweep; its tables
 and its page are in ``results/studies/real_pairs/sweep``, and what is there already is not simulated
 again. ``claims`` tests four claims of the paper that replays of one drive cannot test. ``bound``
-computes what a car could know if it had both cars' detections at once. docs/real-pairs.md says what
-was declared before any of it was run.
+computes what a car could know if it had both cars' detections at once. docs/real-pairs.md has the
+results.
 """
 
 from __future__ import annotations

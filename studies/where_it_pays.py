@@ -1,4 +1,4 @@
-"""Where a Genie pays off: the study behind docs/where-it-pays.md, which says what was declared.
+"""Where a Genie pays off: the study behind docs/where-it-pays.md, which has the results.
 
     GENIE_SIM_KITTI=... python -m studies.where_it_pays traces|choose|second|seen|held_out|towns
 
@@ -84,7 +84,7 @@ def simulated(
 ) -> pd.DataFrame:
     """Streaming F1 of every run: rows are conditions and seeds, columns are methods."""
     runs = gs.sweep(
-        "street_3car_hetero",
+        "3car_recommended",
         {"condition": {"list": conditions}},
         {"methods": list(methods), "record": ["held", "resources"]},
         seeds=seeds,

@@ -92,6 +92,105 @@ def make_yolov8(
     return _saved(path, nodes, [output], constants, side, names)
 
 
+def make_yolov5(path: Path, side: int = 320, more: bool = True) -> Path:
+    """The output of a YOLOv5 export, and perhaps one more behind it: a car of 80 x 40 pixels in the
+    first of the three boxes of a cell, with an objectness of 0.8.
+    """
+    network, (places, scores) = _parts_of_yolov8(path, side)
+    whole = network.of(
+        ("Mul", [scores, network.constant("half", [[[0.0], [1.0]]])], {}),
+    )
+    one = network.constant("objectness", np.full((1, 1, 1), 0.8))
+    filled = network.of(
+        ("Slice", [whole, network.whole([0]), network.whole([1]), network.whole([1])], {}),
+        ("Mul", ["@", network.constant("nothing", [[[0.0]]])], {}),
+        ("Add", ["@", one], {}),
+    )
+    rows = network.of(
+        ("Concat", [places, filled, whole], {"axis": 1}),
+        ("Transpose", ["@"], {"perm": [0, 2, 1]}),
+    )
+    none = network.of(("Mul", [rows, network.constant("zero", [[[0.0]]])], {}))
+    return network.save(("Concat", [rows, none, none], {"axis": 1}), more=rows if more else "")
+
+
+def make_yolov10(path: Path, side: int = 320) -> Path:
+    """The output of a network with suppression inside: left, top, right, bottom, score, class."""
+    network, (places, scores) = _parts_of_yolov8(path, side)
+    corners = network.constant(
+        "corners", [[[1, 0, -0.5, 0], [0, 1, 0, -0.5], [1, 0, 0.5, 0], [0, 1, 0, 0.5]]]
+    )
+    boxes = network.of(("MatMul", [corners, places], {}))
+    best = network.of(("ReduceMax", [scores], {"axes": [1], "keepdims": 1}))
+    number = network.of(("ArgMax", [scores], {"axis": 1}), ("Cast", ["@"], {"to": 1}))
+    network.of(("Concat", [boxes, best, number], {"axis": 1}))
+    return network.save(("Transpose", [network.last], {"perm": [0, 2, 1]}))
+
+
+def make_rtdetr(path: Path, side: int = 320) -> Path:
+    """The output of RT-DETR: places as shares of the picture."""
+    network, (places, scores) = _parts_of_yolov8(path, side)
+    shares = network.of(("Mul", [places, network.constant("share", [[[1 / side]]])], {}))
+    network.of(("Concat", [shares, scores], {"axis": 1}))
+    return network.save(("Transpose", [network.last], {"perm": [0, 2, 1]}))
+
+
+class _Network:
+    """A network that is being made out of another: each step gets a name of its own."""
+
+    def __init__(self, path: Path, model) -> None:
+        self.path, self.model, self.last = path, model, ""
+
+    def constant(self, name: str, values) -> str:
+        from onnx import numpy_helper
+
+        array = np.asarray(values, np.float32)
+        self.model.graph.initializer.append(numpy_helper.from_array(array, name))
+        return name
+
+    def whole(self, values) -> str:
+        from onnx import numpy_helper
+
+        name = f"whole{len(self.model.graph.initializer)}"
+        array = np.asarray(values, np.int64)
+        self.model.graph.initializer.append(numpy_helper.from_array(array, name))
+        return name
+
+    def of(self, *steps) -> str:
+        """The output of some nodes one after the other; ``@`` is that of the one before."""
+        from onnx import helper
+
+        for kind, inputs, attributes in steps:
+            name = f"step{len(self.model.graph.node)}"
+            inputs = [self.last if one == "@" else one for one in inputs]
+            self.model.graph.node.append(helper.make_node(kind, inputs, [name], **attributes))
+            self.last = name
+        return self.last
+
+    def save(self, step, more: str = "") -> Path:
+        import onnx
+        from onnx import TensorProto, helper
+
+        last = self.of(step)
+        del self.model.graph.output[:]
+        for name in [last, *([more] if more else [])]:
+            kind = helper.make_tensor_value_info(name, TensorProto.FLOAT, [None] * 3)
+            self.model.graph.output.append(kind)
+        onnx.save(self.model, str(self.path))
+        return self.path
+
+
+def _parts_of_yolov8(path: Path, side: int) -> tuple[_Network, tuple[str, str]]:
+    """A YOLOv8 to go on from, and its places and its scores, each (1, n, boxes)."""
+    import onnx
+
+    network = _Network(path, onnx.load(str(make_yolov8(path, side))))
+    cut = [network.whole(values) for values in ([0], [4], [6], [1])]
+    places = network.of(("Slice", ["output0", cut[0], cut[1], cut[3]], {}))
+    scores = network.of(("Slice", ["output0", cut[1], cut[2], cut[3]], {}))
+    return network, (places, scores)
+
+
 def _saved(path, nodes, outputs, constants, side, metadata=None) -> Path:
     import onnx
     from onnx import TensorProto, helper

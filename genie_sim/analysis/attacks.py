@@ -49,8 +49,8 @@ class Hold(NamedTuple):
 
 
 class AtCars(NamedTuple):
-    """What these cars held of what was added, and missed of what was left out, in so long a time
-    since the first attack [s].
+    """What these cars held of what was added, and missed of what was left out, and for how long
+    each drove after the first attack, summed over them [s].
     """
 
     added: Sequence[Hold]
@@ -99,8 +99,16 @@ def views(
         instants = held.where(method=method, what=CONSUMER)
         if not len(forgeries) or not len(instants):
             continue
-        begin_ns, last_ns = int(forgeries["begin_ns"].min()), float(instants["stamp_ns"].max())
-        cars, attackers = set(instants["car"].unique()), set(forgeries["attacker"].unique())
+        begin_ns = int(forgeries["begin_ns"].min())
+        stamps_ns = {car: of_car["stamp_ns"] for car, of_car in instants.groups("car")}
+        driven_ns = {
+            car: (float(stamps.min()), float(stamps.max())) for car, stamps in stamps_ns.items()
+        }
+        after_ns = {
+            car: max(last_ns - max(begin_ns, first_ns), 0.0)
+            for car, (first_ns, last_ns) in driven_ns.items()
+        }
+        cars, attackers = set(stamps_ns), set(forgeries["attacker"].unique())
         groups = {
             "attackers": cars & attackers,
             "receivers": cars & set(forgeries["receiver"].unique()),
@@ -108,21 +116,25 @@ def views(
         }
         rows = held_objects.where(method=method)
         false_objects = rows.rows(rows["judged"].isin(CAUSES))
-        added = list(_holds(forgeries.where(change="added"), false_objects, last_ns))
+        added = list(_holds(forgeries.where(change="added"), false_objects, driven_ns))
         left_out = list(
-            _holds(forgeries.where(change="left_out"), rows.where(judged="missed"), last_ns)
+            _holds(forgeries.where(change="left_out"), rows.where(judged="missed"), driven_ns)
         )
         for component, members in groups.items():
-            at_cars = AtCars(added, left_out, members, (last_ns - begin_ns) / NS_PER_S)
-            yield Where(method, component=component), at_cars
+            seconds = sum(after_ns[car] for car in members) / NS_PER_S
+            yield Where(method, component=component), AtCars(added, left_out, members, seconds)
         others = groups["others"]
         ends_ns = dict(enumerate(forgeries.where(change="added")["end_ns"].tolist()))
         at_others = [hold for hold in added if hold.car in others]
         yield Where(method, component="others"), AtOthers(at_others, ends_ns, len(others))
 
 
-def _holds(forgeries: Columns, rows: Columns, last_ns: float) -> Iterator[Hold]:
-    """The rows of ``held_objects`` that a forgery explains; each by the first of them."""
+def _holds(
+    forgeries: Columns, rows: Columns, driven_ns: Mapping[str, tuple[float, float]]
+) -> Iterator[Hold]:
+    """The rows of ``held_objects`` that a forgery explains; each by the first of them. What does
+    not end is held until its car's last instant; ``driven_ns`` has the first and the last of each.
+    """
     places: Grid[Place] = Grid(2 * NEAR_M)
     columns = (forgeries[name].tolist() for name in ("east_m", "north_m", "begin_ns", "end_ns"))
     for number, (label, *values) in enumerate(
@@ -130,11 +142,16 @@ def _holds(forgeries: Columns, rows: Columns, last_ns: float) -> Iterator[Hold]:
     ):
         place = Place(number, class_of(label), *values)
         places.add(places.cell(place.east_m, place.north_m), place)
-    ends_ns = np.nan_to_num(rows.floats("end_ns"), nan=last_ns).tolist()
     columns = (rows[name].tolist() for name in ("east_m", "north_m", "begin_ns"))
     for car, label, end_ns, east_m, north_m, begin_ns in zip(
-        rows["car"].tolist(), rows["label"].tolist(), ends_ns, *columns, strict=True
+        rows["car"].tolist(),
+        rows["label"].tolist(),
+        rows.floats("end_ns").tolist(),
+        *columns,
+        strict=True,
     ):
+        if np.isnan(end_ns):
+            end_ns = driven_ns[car][1]
         area = east_m - NEAR_M, east_m + NEAR_M, north_m - NEAR_M, north_m + NEAR_M
         near = [
             place
@@ -146,7 +163,8 @@ def _holds(forgeries: Columns, rows: Columns, last_ns: float) -> Iterator[Hold]:
         ]
         if near:
             first = min(near, key=lambda place: (place.begin_ns, place.number))
-            yield Hold(car, first.number, max(begin_ns, first.begin_ns), end_ns)
+            since_ns = max(begin_ns, first.begin_ns, driven_ns[car][0])
+            yield Hold(car, first.number, since_ns, end_ns)
 
 
 def _union_ns(spans: Iterable[tuple[float, float]]) -> float:
@@ -159,8 +177,8 @@ def _union_ns(spans: Iterable[tuple[float, float]]) -> float:
 
 
 class PoisonedObjects(MetricDefinition):
-    """False objects where attackers added an object: mean number, per car since the first attack,
-    at attackers, receivers or others (the component).
+    """False objects where attackers added an object: mean number, per car that drives since the
+    first attack, at attackers, receivers or others (the component).
     """
 
     title = "poisoned objects held"
@@ -178,15 +196,13 @@ class PoisonedObjects(MetricDefinition):
         spans_ns = (
             hold.end_ns - hold.begin_ns for hold in self.holds(view) if hold.car in view.cars
         )
-        whole_s = view.seconds * len(view.cars)
-        return Measured(
-            sum(spans_ns) / NS_PER_S / whole_s if whole_s > 0 else None, n=len(view.cars)
-        )
+        held_s = sum(spans_ns) / NS_PER_S
+        return Measured(held_s / view.seconds if view.seconds > 0 else None, n=len(view.cars))
 
 
 class SuppressedObjects(PoisonedObjects):
-    """Missed objects that attackers left out: mean number, per car since the first attack, at
-    attackers, receivers or others (the component).
+    """Missed objects that attackers left out: mean number, per car that drives since the first
+    attack, at attackers, receivers or others (the component).
     """
 
     title = "suppressed objects"

@@ -113,6 +113,9 @@ class ComparedMethod:
 class Difference(NamedTuple):
     """A metric of an arm and, where there is another to compare with, its value minus that one's.
     ``by`` says what the interval is over, ``n`` over how many.
+
+    ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum of
+    both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
     """
 
     metric: str
@@ -125,6 +128,7 @@ class Difference(NamedTuple):
     high: float | None = None
     by: str = ""
     n: int = 0
+    variance_ratio: float | None = None
 
 
 @dataclass(frozen=True)
@@ -338,16 +342,18 @@ def _difference(
     alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
     if reference is None:
         return alone
-    other_sums, gaps = {}, []
+    other_sums, pairs = {}, []
     for seed in _common_seeds(arm, reference):
         other_sums[seed] = _sums(metric, reference.runs[seed], reference.method)
         other = other_sums[seed].value
         if seed in values and other is not None:
-            gaps.append(values[seed] - other)
-    if len(gaps) > 1:
-        by, n = SEEDS, len(gaps)
-        gap, half = over_seeds(gaps)
+            pairs.append((values[seed], other))
+    ratio = None
+    if len(pairs) > 1:
+        by, n = SEEDS, len(pairs)
+        gap, half = over_seeds([own - other for own, other in pairs])
         low, high = around(gap, half)
+        ratio = _variance_ratio(pairs)
     else:
         seed = next(iter(other_sums))
         ours, theirs = sums[seed], other_sums[seed]
@@ -358,7 +364,22 @@ def _difference(
             return alone._replace(against=reference.label, difference=gap)
         half_of_blocks, n = _over_blocks(ours, theirs)
         low, high = around(gap, half_of_blocks)
-    return alone._replace(against=reference.label, difference=gap, low=low, high=high, by=by, n=n)
+    return alone._replace(
+        against=reference.label,
+        difference=gap,
+        low=low,
+        high=high,
+        by=by,
+        n=n,
+        variance_ratio=ratio,
+    )
+
+
+def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
+    """What pairing leaves of the variance of a difference; ``None`` where nothing varies."""
+    own, other = np.array(pairs).T
+    unpaired = float(np.var(own) + np.var(other))
+    return float(np.var(own - other)) / unpaired if unpaired else None
 
 
 def _over_blocks(ours: Sums, theirs: Sums) -> tuple[float | None, int]:

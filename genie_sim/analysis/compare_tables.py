@@ -1,5 +1,6 @@
 """Tables of a comparison."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from genie_sim.analysis import renderers
@@ -17,9 +18,14 @@ from genie_sim.analysis.registry import cell, definition
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
+RATIO = "variance ratio"  # the title of a column
 ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
     "may differ by more."
+)
+ABOUT_RATIO = (
+    "Variance ratio: that of the paired differences over the sum of both variances; 1 if pairing "
+    "gains nothing."
 )
 PRICES = ("bytes_up_per_frame", "energy_per_frame")
 
@@ -40,13 +46,18 @@ def text(comparison: ComparedRuns, format: str = "markdown") -> str:
 def about(comparison: ComparedRuns) -> str:
     """What the intervals are over."""
     sentence = comparison.by[0].upper() + comparison.by[1:] + "."
+    if _has_ratios(comparison.rows):
+        sentence += f" {ABOUT_RATIO}"
     if any(row.by == BLOCKS for row in comparison.rows):
         return f"{sentence} {ONE_RUN}"
     return sentence
 
 
 def pairs(comparison: ComparedRuns) -> ResultTable:
-    """Each metric of each arm that is compared, beside that of the arm it is compared with."""
+    """Each metric of each arm that is compared, beside that of the arm it is compared with; over
+    several seeds with what pairing gained.
+    """
+    has_ratios = _has_ratios(comparison.rows)
     titles = {arm.label: arm.title for arm in comparison.arms}
     by_place = {(row.metric, row.arm): row for row in comparison.rows}
     rows = []
@@ -67,9 +78,10 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
                 metric.cell(row.difference, sign="+")._replace(unit=points),
                 metric.cell(None, row.low, row.high, sign="+"),
                 Cell(row.n or None),
+                *([_ratio(row)] if has_ratios else []),
             ]
             rows.append(Row(metric.title, cells))
-    return ResultTable(COLUMNS, rows, corner="metric")
+    return ResultTable((*COLUMNS, RATIO) if has_ratios else COLUMNS, rows, corner="metric")
 
 
 def values(comparison: ComparedRuns) -> ResultTable:
@@ -100,7 +112,9 @@ def differences_latex(comparison: ComparedRuns, name: str) -> str:
 
 
 def differences(comparison: ComparedRuns, name: str) -> ResultTable:
-    """What each method differs by from the one that it is compared with."""
+    """What each method differs by from the one that it is compared with; over several seeds with
+    what pairing gained, beside it.
+    """
     titles = {arm.label: arm.title for arm in comparison.arms}
     has_truth = any(row.metric == "streaming_f1" for row in comparison.rows)
     metrics = (*(DRAWN if has_truth else WITHOUT_TRUTH), *PRICES)
@@ -114,11 +128,13 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     by = {row.by for row in rows if row.by}
     over = "seeds" if by == {SEEDS} else " and ".join(sorted(by))
     n = max((row.n for row in rows), default=0)
+    parts = [_difference, _ratio] if _has_ratios(rows) else [_difference]
     return ResultTable(
-        columns=[titles[arm] for arm in arms],
+        columns=[name for arm in arms for name in (titles[arm], RATIO)[: len(parts)]],
         rows=[
             Row(
-                definition(metric).label, [_difference(by_place.get((metric, arm))) for arm in arms]
+                definition(metric).label,
+                [part(by_place.get((metric, arm))) for arm in arms for part in parts],
             )
             for metric in dict.fromkeys(row.metric for row in rows)
         ],
@@ -126,6 +142,7 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
         notes=[
             f"In brackets: 95 % intervals of the paired differences, over {n} {over}. Differences"
             " of shares are in percentage points.",
+            *([ABOUT_RATIO] if len(parts) > 1 else []),
             comparison.warning,
         ],
     )
@@ -135,3 +152,13 @@ def _difference(row: Difference | None) -> Cell:
     if row is None:
         return Cell()
     return definition(row.metric).cell(row.difference, row.low, row.high, sign="+")
+
+
+def _ratio(row: Difference | None) -> Cell:
+    """What pairing leaves of the variance."""
+    ratio = None if row is None else row.variance_ratio
+    return Cell() if ratio is None else Cell(round(ratio, 2))
+
+
+def _has_ratios(rows: Sequence[Difference]) -> bool:
+    return any(row.variance_ratio is not None for row in rows)

@@ -1,10 +1,13 @@
 """What all figures share: their style and legend."""
 
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, Literal, Union
 
+import numpy as np
+from matplotlib import rcParams
 from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
@@ -24,10 +27,10 @@ Panels = Mapping[str, Table | Sequence[Table]]
 BAND_OPACITY = 0.22
 MAX_LEGEND = 0.2  # of the figure's height
 COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
-
 # Within it, and in a function that it decorates, matplotlib draws in this style, whatever the
-# user's is.
+# user's is. The small one is for several panels side by side in a column.
 in_style = partial(context, ["default", style.RC])
+in_small_style = partial(context, ["default", style.RC, style.SMALL])
 
 
 def seeds_of(panel: Table | Sequence[Table]) -> list[Columns]:
@@ -117,20 +120,38 @@ def finish(
     note : str
         What the panels do not show; it stands above them.
     """
+    width_in, height_in = figure.get_size_inches()
     if note:
-        figure.suptitle(note, x=0.01, ha="left")
+        characters = int((width_in - 0.1) / character_in("figure.titlesize"))
+        figure.suptitle(textwrap.fill(note, characters), x=0.01, ha="left")
     letter_panels(figure)
     figure.set_label(f"{title}\n{footer}")
-    width_in, height_in = figure.get_size_inches()
+    for axis in figure.axes:  # ticks that are made later, too
+        axis.tick_params(labelsize=rcParams["xtick.labelsize"])
     below, named = 0.0, handles(axes)
     if named:
         columns = _columns(list(named), width_in)
         figure.legend(list(named.values()), list(named), loc="lower center", ncols=columns)
-        legend_in = (-(-len(named) // columns) + 0.4) * LINE_IN
+        legend_in = (-(-len(named) // columns) + 0.4) * line_in("legend.fontsize")
         height_in = max(height_in, (1 / MAX_LEGEND - 1) * legend_in)
         figure.set_figheight(height_in + legend_in)
         below = legend_in / (height_in + legend_in)
     figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))
+
+
+def character_in(text: str) -> float:
+    """About the width [in] of a character of a kind of text, such as ``legend.fontsize``."""
+    return CHARACTER_IN * _points(text) / style.TEXT_POINTS
+
+
+def line_in(text: str) -> float:
+    """The height [in] of a line of a kind of text."""
+    return LINE_IN * _points(text) / style.TEXT_POINTS
+
+
+def _points(text: str) -> float:
+    parameters: Any = rcParams
+    return float(parameters[text])
 
 
 def letter_panels(figure: Figure) -> None:
@@ -143,10 +164,13 @@ def letter_panels(figure: Figure) -> None:
 
 
 def _columns(labels: Sequence[str], width_in: float) -> int:
-    """As many columns of a legend as fit the figure."""
-    room = int((width_in - 0.1) / (max(map(len, labels)) * CHARACTER_IN + 0.4))
-    rows = -(-len(labels) // max(min(len(labels), room), 1))
-    return -(-len(labels) // rows)
+    """As many columns of a legend as fit the figure, each as wide as its longest label."""
+    character, handle_in = character_in("legend.fontsize"), 2.5 * line_in("legend.fontsize")
+    for columns in range(len(labels), 1, -1):
+        parts = np.array_split([len(label) for label in labels], columns)  # as matplotlib does
+        if sum(part.max() * character + handle_in for part in parts) <= width_in - 0.1:
+            return columns
+    return 1
 
 
 def handles(axes: Iterable[Axes]) -> dict[str, Any]:
@@ -165,9 +189,9 @@ def _marker_alone(handle: Any) -> Any:
     return handle[0] if has_marker else handle
 
 
-def logarithmic_x(axis: Axes, low: float, high: float) -> None:
-    """A logarithmic axis with ticks at 1, 2 and 5 times each power of ten, written out."""
-    ticks = [digit * 10.0**power for power in range(-6, 12) for digit in (1, 2, 5)]
+def logarithmic_x(axis: Axes, low: float, high: float, digits: Sequence[int] = (1, 2, 5)) -> None:
+    """A logarithmic axis with ticks at these multiples of each power of ten, written out."""
+    ticks = [digit * 10.0**power for power in range(-6, 12) for digit in digits]
     axis.set_xscale("log")
     axis.set_xlim(low, high)
     axis.xaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))

@@ -282,23 +282,28 @@ class FrameCount(FramesPublished):
 
 
 class FreshThroughput(MetricDefinition):
-    """Frames that got a fresh result, per second."""
+    """Frames that got a fresh result, per second, summed over the cars: of each in the time from
+    its first frame to the last answer.
+    """
 
     title = "throughput of fresh results"
     unit = "1/s"
     better = HIGHER
     section = FRAMES
     view = FrameRows
-    reads = "frames: stamp_ns, first_answer_ns, fresh_answer_ns"
+    reads = "frames: car, stamp_ns, first_answer_ns, fresh_answer_ns"
 
     def of(self, view: FrameRows) -> Measured:
-        """From the first stamp to the last instant on record."""
-        frames = view.rows
         names = ("stamp_ns", "first_answer_ns", "fresh_answer_ns")
-        instants = np.concatenate([frames.floats(name) for name in names])
-        seconds = (np.nanmax(instants) - np.nanmin(instants)) / NS_PER_S
-        count = int((~np.isnan(frames.floats("fresh_answer_ns"))).sum())
-        return Measured(count / seconds if seconds > 0 else None, n=count)
+        rates, n = [], 0
+        for _, of_car in view.rows.groups("car"):
+            instants = np.concatenate([of_car.floats(name) for name in names])
+            seconds = (np.nanmax(instants) - np.nanmin(instants)) / NS_PER_S
+            count = int((~np.isnan(of_car.floats("fresh_answer_ns"))).sum())
+            n += count
+            if seconds > 0:
+                rates.append(count / seconds)
+        return Measured(sum(rates) if rates else None, n=n)
 
 
 class Improvement(MetricDefinition):

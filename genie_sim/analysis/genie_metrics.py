@@ -117,6 +117,27 @@ def running_boost(lookups: Columns) -> Columns:
     return Columns({"t_ns": events["t_ns"], "updates": updates, "boost": boost})
 
 
+def boost_over_events(lookups: Columns, per_object: bool) -> Columns:
+    """All confidence added so far, over the updates or over the objects then stored, Genies
+    together, from the first of these on: columns ``events`` (how many look-ups) and ``boost``.
+    """
+    over = np.cumsum(_added_entries(lookups) if per_object else lookups["updates"])
+    known = over > 0
+    boost = np.cumsum(lookups["boost_sum"])[known] / over[known]
+    return Columns({"events": np.flatnonzero(known) + 1, "boost": boost})
+
+
+def _added_entries(lookups: Columns) -> "Ints":
+    """How many entries each look-up adds to the map of its Genie."""
+    genies: Text = lookups["genie"]
+    order = np.argsort(genies.codes, kind="stable")
+    codes, entries = genies.codes[order], lookups["entries"][order].astype(np.int64)
+    before = np.where(np.diff(codes, prepend=-1) == 0, np.roll(entries, 1), 0)
+    added: Ints = np.empty_like(entries)
+    added[order] = entries - before
+    return added
+
+
 def last_of_genies(events: Columns) -> list[int]:
     """How many entries each Genie's cache or map had at the end."""
     return [int(of_genie["entries"][-1]) for _, of_genie in events.groups("genie")]

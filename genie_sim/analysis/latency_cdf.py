@@ -1,7 +1,7 @@
 """One figure: the distribution of response times; of several seeds their mean, with its band."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,17 +78,16 @@ def latency_cdf(
     """
     figure, axes = figure_grid(panels, width_in, ax)
     tables = {label: seeds_of(frames) for label, frames in panels.items()}
-    low, high = _limits_ms(tables)
+    low, high = limits_ms(frames for seeds in tables.values() for frames in seeds)
     several, title_lines = len(panels) > 1, 0
     for axis, (label, frames) in zip(axes, tables.items(), strict=True):
-        curves = list(_curves(frames, methods))
+        curves = list(curves_of(frames, methods))
         for curve in curves:
             label_once = curve.method if curve.answer == ANSWERED else None
-            _draw(axis, curve, end_ms=high, of=of, label=label_once)
+            draw(axis, curve, end_ms=high, of=of, label=label_once)
         if any(curve.answer == FRESH and any(map(len, curve.values_ms)) for curve in curves):
             axis.plot([], [], label="fresh results", **(FRESH_LOOK | {"color": "0.4"}))
-        drawing: dict[str, Any] = {"color": "black", "linewidth": 0.9, "linestyle": "--"}
-        axis.axvline(DEADLINE_MS, label=f"{DEADLINE_MS:g} ms deadline", **drawing)
+        draw_deadline(axis)
         lines = [label] if several else []
         if of == ANSWERED:
             room = int(axis.get_position().width * figure.get_figwidth() * TITLE_CHARACTERS_PER_IN)
@@ -113,7 +112,13 @@ def latency_cdf(
     return figure
 
 
-class _Curve(NamedTuple):
+def draw_deadline(axis: Axes) -> None:
+    """The 33 ms deadline, dashed."""
+    drawing: dict[str, Any] = {"color": "black", "linewidth": 0.9, "linestyle": "--"}
+    axis.axvline(DEADLINE_MS, label=f"{DEADLINE_MS:g} ms deadline", **drawing)
+
+
+class Curve(NamedTuple):
     """The distribution of a method's times to an answer.
 
     Parameters
@@ -146,7 +151,7 @@ class _Curve(NamedTuple):
         return percent_text(sum(shares) / len(shares), digits=2)
 
 
-def _curves(seeds: Sequence[Columns], methods: Methods) -> Iterator[_Curve]:
+def curves_of(seeds: Sequence[Columns], methods: Methods) -> Iterator[Curve]:
     """The first answers of each method, and its fresh ones where their times differ."""
     styles = style.method_styles([method.name for method in methods])
     for place, (style_number, method) in enumerate(zip(styles, methods, strict=True)):
@@ -165,13 +170,13 @@ def _curves(seeds: Sequence[Columns], methods: Methods) -> Iterator[_Curve]:
             "markevery": (start, MARKERS_APART),
             "markersize": 3.5,
         }
-        yield _Curve(ANSWERED, method.title, values_ms=first, published=published, drawing=line)
+        yield Curve(ANSWERED, method.title, values_ms=first, published=published, drawing=line)
         if not all(map(np.array_equal, first, fresh)):
             thin = line | FRESH_LOOK | {"marker": line["marker"]}
-            yield _Curve(FRESH, method.title, values_ms=fresh, published=published, drawing=thin)
+            yield Curve(FRESH, method.title, values_ms=fresh, published=published, drawing=thin)
 
 
-def _share_lines(curves: Sequence[_Curve], room: int) -> list[str]:
+def _share_lines(curves: Sequence[Curve], room: int) -> list[str]:
     """The shares of answered frames and of those with a fresh result, in lines of ``room``
     characters.
     """
@@ -188,28 +193,25 @@ def _share_lines(curves: Sequence[_Curve], room: int) -> list[str]:
     return lines
 
 
-def _limits_ms(panels: Mapping[str, Sequence[Columns]]) -> tuple[float, float]:
+def limits_ms(tables: Iterable[Columns]) -> tuple[float, float]:
     """Of all response times and the deadline, with some room; a logarithmic axis starts at 0.1 ms
     at the latest.
     """
     times = [
-        _defined(response_ms(frames, answer))
-        for seeds in panels.values()
-        for frames in seeds
-        for answer in ("first", "fresh")
+        _defined(response_ms(frames, answer)) for frames in tables for answer in ("first", "fresh")
     ]
     values_ms = np.concatenate([*times, [DEADLINE_MS]])
     return max(0.8 * float(values_ms.min()), 0.1), 1.25 * float(values_ms.max())
 
 
-def _draw(axis: Axes, curve: _Curve, *, end_ms: float, of: str, label: str | None) -> None:
+def draw(axis: Axes, curve: Curve, *, end_ms: float, of: str, label: str | None) -> None:
     """One curve, level after its last time; nothing for no time at all.
 
     Parameters
     ----------
     axis : Axes
         Where it is drawn.
-    curve : _Curve
+    curve : Curve
         What is drawn.
     end_ms : float
         Where the axis ends.

@@ -15,7 +15,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from genie_sim.analysis.metric import measured
 from genie_sim.analysis.registry import METRICS, custom_metrics, views
@@ -28,17 +28,12 @@ if TYPE_CHECKING:
 
     Table = Columns | pd.DataFrame
 
-# What makes an answer fresh: that a detector looked at this very frame for it, or, as in the
-# paper, that it does not come out of a map alone, so that a cached answer is fresh, too.
-Fresh = Literal["look", "answer"]
-
 
 def compute(
     methods: Sequence[MethodInfo],
     tables: "Mapping[str, Table]",
     *,
     intervals: bool = True,
-    fresh: Fresh = "look",
     custom: Sequence[str] = (),
 ) -> list[Metric]:
     """All metrics of one run, in a fixed order.
@@ -54,25 +49,14 @@ def compute(
         ``frames``, and what else was recorded; the columns are those of ``record.records``.
     intervals : bool
         Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
-    fresh : str
-        What makes an answer fresh.
     custom : sequence of str
         Metrics of the user's own, ``package.module:Class``. Raises ``UserError`` for one that
         cannot be computed.
     """
     filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
-    frames = with_fresh(Columns.of(tables["frames"]), fresh)
+    frames = Columns.of(tables["frames"])
     of_run = views({**filled, "frames": frames}, methods, intervals)
     return [rounded(metric) for metric in measured({**METRICS, **custom_metrics(custom)}, of_run)]
-
-
-def with_fresh(frames: Columns, fresh: Fresh) -> Columns:
-    """Returns the table ``frames`` with its fresh answers by this definition."""
-    if fresh == "look":
-        return frames
-    return frames.assign(
-        fresh_answer_ns=frames["result_answer_ns"], objects_fresh=frames["objects_result"]
-    )
 
 
 def rounded(metric: Metric) -> Metric:

@@ -132,7 +132,7 @@ class FaultLatency(FaultMetric):
     that is no hand-over (the component).
     """
 
-    pattern = "first answer {}, mean"
+    pattern = "first answer since the stamp {}, mean"
     unit = "ms"
     better = LOWER
     view = PhaseFrames

@@ -3,7 +3,8 @@
 
 The energy of a host is ``P_idle T + P_accelerator t_accelerator + P_core t_cores``, that of a car's
 network interface ``P_port T + P_transfer t_transfer + P_tail t_tail`` and what each megabit takes.
-T is the time until the last answer: afterwards a run only waits. So energy is linear in the powers,
+T is the time in which a host is there: a car from its start to its last frame or the last answer to
+one, an edge until that of all cars; afterwards a run only waits. So energy is linear in the powers,
 and whether one method takes less than another over all their ranges is decided exactly.
 """
 
@@ -51,25 +52,41 @@ class Ledger:
         return Ledger(active, self.powers, self.unknown).joules(end)
 
 
-def duration_ns(frames: Columns) -> int | None:
-    """From the start of a run to the last answer; ``None`` without any."""
-    columns = ("first_answer_ns", "fresh_answer_ns", "result_answer_ns")
-    instants = np.concatenate([frames.floats(name) for name in columns])
-    instants = instants[~np.isnan(instants)]
-    return int(instants.max()) if len(instants) else None
+INSTANTS = ("stamp_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")
 
 
-def ledger(hosts: Columns, power: Columns | None, span_ns: int) -> Ledger:
-    """The energy of these hosts, all of one method.
+def with_time(hosts: Columns, frames: Columns) -> Columns:
+    """The hosts of one method with a column ``there_s``: for how long each is there [s].
 
     Parameters
     ----------
     hosts : Columns
         Rows of the table ``hosts``.
+    frames : Columns
+        All rows of the table ``frames`` of the same method.
+    """
+    ends_ns = {
+        car: max(float(np.nanmax(of_car.floats(name), initial=0)) for name in INSTANTS)
+        for car, of_car in frames.groups("car")
+    }
+    last_ns = max(ends_ns.values(), default=0.0)
+    of_hosts = zip(hosts["host"].tolist(), hosts["placement"].tolist(), strict=True)
+    until_ns = [
+        ends_ns.get(host, 0.0) if placement == "car" else last_ns for host, placement in of_hosts
+    ]
+    there_ns = np.array(until_ns, dtype=float) - hosts["begin_ns"]
+    return hosts.assign(there_s=np.maximum(there_ns, 0.0) / NS_PER_S)
+
+
+def ledger(hosts: Columns, power: Columns | None) -> Ledger:
+    """The energy of these hosts, all of one method.
+
+    Parameters
+    ----------
+    hosts : Columns
+        What ``with_time`` made of rows of the table ``hosts``.
     power : Columns or None
         Rows of the table ``power`` of the same method; ``None``: none is known.
-    span_ns : int
-        The time until the last answer [ns].
     """
     powers: dict[Key, dict[End, float]] = {}
     if power is not None:
@@ -78,10 +95,9 @@ def ledger(hosts: Columns, power: Columns | None, span_ns: int) -> Ledger:
         powers = {key: {end: columns[end][row] for end in ENDS} for row, key in enumerate(keys)}
     amounts: defaultdict[Key, float] = defaultdict(float)
     unknown: dict[str, None] = {}
-    seconds = span_ns / NS_PER_S
     for device, of_device in hosts.groups("device"):
         times = {
-            "idle": seconds * len(of_device),
+            "idle": float(of_device["there_s"].sum()),
             "accelerator": float(of_device["accelerator_ns"].sum()) / NS_PER_S,
             "core": float(of_device["cpu_ns"].sum()) / NS_PER_S,
         }
@@ -92,7 +108,7 @@ def ledger(hosts: Columns, power: Columns | None, span_ns: int) -> Ledger:
                 unknown[device] = None
     for interface, of_interface in hosts.groups("interface"):
         of_parts = {
-            "port": seconds * len(of_interface),
+            "port": float(of_interface["there_s"].sum()),
             "transfer": float(of_interface["transfer_ns"].sum()) / NS_PER_S,
             "tail": float(of_interface["tail_ns"].sum()) / NS_PER_S,
             "up": 8 * float(of_interface["bytes_up"].sum()) / BITS_PER_MEGABIT,
@@ -107,16 +123,15 @@ def ledger(hosts: Columns, power: Columns | None, span_ns: int) -> Ledger:
 
 
 def ledgers(tables: Mapping[str, Columns], method: str) -> dict[str, Ledger]:
-    """The energy of a method's hosts by placement; empty where no frame was answered."""
-    span_ns = duration_ns(tables["frames"].where(method=method))
+    """The energy of a method's hosts by placement; empty where it took no frame."""
     hosts = tables["hosts"].where(method=method)
-    if span_ns is None or not len(hosts):
+    frames = tables["frames"].where(method=method)
+    if not len(hosts) or not len(frames):
         return {}
     power = tables.get("power")
     of_method = None if power is None else power.where(method=method)
-    return {
-        placement: ledger(rows, of_method, span_ns) for placement, rows in _placed(hosts).items()
-    }
+    placed = _placed(with_time(hosts, frames))
+    return {placement: ledger(rows, of_method) for placement, rows in placed.items()}
 
 
 def _placed(hosts: Columns) -> dict[str, Columns]:
@@ -125,7 +140,7 @@ def _placed(hosts: Columns) -> dict[str, Columns]:
 
 
 class Carried(NamedTuple):
-    """The hosts and the frames of a method."""
+    """The hosts of a method, with the time in which each is there, and the frames."""
 
     hosts: Columns
     frames: Columns
@@ -158,7 +173,7 @@ def views(
         frames = tables["frames"].where(method=method)
         if not len(hosts) or not len(frames):
             continue
-        yield Where(method), Carried(hosts, frames)
+        yield Where(method), Carried(with_time(hosts, frames), frames)
         for placement, rows in _placed(hosts).items():
             yield Where(method, placement), Worked(rows, placement)
         counts = {
@@ -214,23 +229,24 @@ class BytesDownPerFrame(BytesUpPerFrame):
 
 
 class BytesUpRate(BytesUpPerFrame):
-    """Bytes that all cars sent to their edges per second until the last answer."""
+    """Bytes that all cars sent to their edges per second, each in the time in which it drives."""
 
     title = "sent up per second"
     unit = "B/s"
-    reads = "hosts: bytes_up; frames: first_answer_ns, fresh_answer_ns, result_answer_ns"
+    reads = f"hosts: host, placement, begin_ns, bytes_up; frames: car, {', '.join(INSTANTS)}"
 
     def of(self, view: Carried) -> Measured:
-        carried, span_ns = int(view.hosts[self.column].sum()), duration_ns(view.frames)
-        return Measured(carried * NS_PER_S / span_ns if span_ns else None, n=len(view.frames))
+        drives = view.hosts.rows(view.hosts["there_s"] > 0)
+        rates = drives[self.column] / drives["there_s"]
+        return Measured(float(rates.sum()) if len(drives) else None, n=len(view.frames))
 
 
 class BytesDownRate(BytesUpRate):
-    """Bytes that edges sent to all cars per second until the last answer."""
+    """Bytes that edges sent to all cars per second, to each in the time in which it drives."""
 
     title = "sent down per second"
     column = "bytes_down"
-    reads = "hosts: bytes_down; frames: first_answer_ns, fresh_answer_ns, result_answer_ns"
+    reads = f"hosts: host, placement, begin_ns, bytes_down; frames: car, {', '.join(INSTANTS)}"
 
 
 class AcceleratorTime(MetricDefinition):
@@ -282,8 +298,8 @@ class Energy(MetricDefinition):
     mark = POWERS
     per = "frame"
     reads = (
-        "frames: first_answer_ns, fresh_answer_ns, result_answer_ns; power: kind, name, "
-        "part, value, low, high; hosts: device, accelerator_ns, cpu_ns, interface, "
+        f"frames: car, {', '.join(INSTANTS)}; power: kind, name, part, value, low, high; "
+        "hosts: host, placement, begin_ns, device, accelerator_ns, cpu_ns, interface, "
         "transfer_ns, tail_ns, bytes_up, bytes_down"
     )
 
@@ -325,11 +341,7 @@ class EnergyPerRight(Energy):
 
     title = "energy per right object"
     per = "right"
-    reads = (
-        "frames: first_answer_ns, fresh_answer_ns, result_answer_ns; power: kind, name, "
-        "part, value, low, high; hosts: device, accelerator_ns, cpu_ns, interface, "
-        "transfer_ns, tail_ns, bytes_up, bytes_down; held: right"
-    )
+    reads = f"{Energy.reads}; held: right"
 
 
 class ActiveEnergyPerFrame(Energy):
@@ -408,7 +420,7 @@ def per_frame(runs: Sequence[Mapping[str, Columns]], method: str) -> Ledger:
     for tables in runs:
         of_all = ledgers(tables, method).get("all")
         if of_all is None:
-            return Ledger({}, {}, ("hosts that answered nothing",))
+            return Ledger({}, {}, ("hosts that took no frame",))
         n = len(tables["frames"].where(method=method)) * len(runs)
         for key, amount in of_all.amounts.items():
             amounts[key] += amount / n

@@ -95,6 +95,15 @@ def definition(name: str) -> MetricDefinition:
         return Unregistered(name)
 
 
+def checked(names: Sequence[str], custom: Iterable[str] = ()) -> Sequence[str]:
+    """The names, if all are of metrics, or of these of the user's own. Raises ``UserError``."""
+    known = (*METRICS, *custom)
+    for name in names:
+        if name not in known:
+            raise UserError(f"--metrics: {unknown('metric', name, known)}")
+    return names
+
+
 def title_of(metric: str) -> str:
     """A metric's title; the name of one that is not registered."""
     return definition(metric).title

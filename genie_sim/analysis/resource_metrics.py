@@ -1,12 +1,13 @@
 """Metrics of devices, links and queues, each of which is the component of its numbers.
 
-Utilization, mean queue and throughput are those until the last frame was published (afterwards a
-run only waits for answers); the other counts are those at its end. Queues are counted at each
-change, not at samples.
+Utilization, mean queue and throughput are those of the time in which their host takes frames: of a
+car and its links from its start to its last frame, of an edge until the last frame of all. The
+other counts are those at the end of the run. Queues are counted at each change, not at samples.
 """
 
 import re
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,15 +18,46 @@ from genie_sim.record.columns import Columns, Floats
 from genie_sim.record.results import MethodInfo
 
 
+class Span(NamedTuple):
+    """From one instant to another [ns]."""
+
+    begin_ns: float
+    end_ns: float
+
+
 class Samples:
-    """The samples of one resource, in order of time, and those of the ``seconds`` until the last
-    frame was published.
+    """The samples of one resource, in order of time, and the ``seconds`` in which its host takes
+    frames.
+
+    Parameters
+    ----------
+    rows : Columns
+        The samples.
+    span : Span
+        From one of the instants at which resources are sampled to another.
+    counted_ns : float
+        The end of the warm-up.
     """
 
-    def __init__(self, rows: Columns, last_stamp_ns: float) -> None:
+    def __init__(self, rows: Columns, span: Span, counted_ns: float = 0.0) -> None:
         self.all = rows
-        self.active = rows.rows(rows["t_ns"] <= last_stamp_ns)
-        self.seconds = float(self.active["t_ns"].max()) / NS_PER_S if len(self.active) else 0.0
+        self.seconds = max(span.end_ns - span.begin_ns, 0.0) / NS_PER_S
+        t_ns = rows["t_ns"]
+        self.n = int(((t_ns >= span.begin_ns) & (t_ns <= span.end_ns)).sum())
+        self._span, self._counted_ns = span, counted_ns
+
+    def during(self, column: str) -> float:
+        """How much a count grew in that time."""
+        return self._until(column, self._span.end_ns) - self._until(column, self._span.begin_ns)
+
+    def in_all(self, column: str) -> int:
+        """How much it grew from the end of the warm-up to the end of the run."""
+        return int(self.all[column][-1] - self._until(column, self._counted_ns))
+
+    def _until(self, column: str, instant_ns: float) -> float:
+        """The count at an instant; before its first sample it was 0."""
+        row = int(np.searchsorted(self.all["t_ns"], instant_ns, side="right")) - 1
+        return float(self.all[column][row]) if row >= 0 else 0.0
 
 
 def views(
@@ -34,15 +66,39 @@ def views(
     """Each resource under each method; a link has the placement ``all``."""
     if "resources" not in tables:
         return
-    ordered, frames = tables["resources"].by("t_ns"), tables["frames"]
-    cars = set(frames["car"].unique())
+    ordered = tables["resources"].by("t_ns")
     for method in methods:
-        stamps = frames["stamp_ns"][frames["method"] == method]
-        last_stamp_ns = stamps.max() if len(stamps) else np.inf
-        for name, samples in ordered.where(method=method).groups("resource"):
-            host = re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name)
-            placement = "all" if "->" in name else "car" if host in cars else "edge"
-            yield Where(method, placement, name), Samples(samples, last_stamp_ns)
+        of_method = ordered.where(method=method)
+        counted_ns, spans = driven(tables, method)
+        instants_ns = np.union1d([0.0], of_method.floats("t_ns"))
+        whole = Span(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
+        for name, samples in of_method.groups("resource"):
+            hosts = re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name).split("->")
+            (span,) = [spans[host] for host in hosts if host in spans] or [whole]
+            placement = "all" if len(hosts) > 1 else "edge" if span is whole else "car"
+            sampled = _sampled(span, instants_ns)
+            yield Where(method, placement, name), Samples(samples, sampled, counted_ns)
+
+
+def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str, Span]]:
+    """The end of the warm-up, and from the start of each car to its last frame, by the car."""
+    frames, begins_ns, cars = tables["frames"].where(method=method), {}, []
+    if "hosts" in tables:
+        hosts = tables["hosts"].where(method=method)
+        begins_ns = dict(zip(hosts["host"].tolist(), hosts["begin_ns"].tolist(), strict=True))
+        cars = hosts.where(placement="car")["host"].tolist()
+    ends_ns = {car: float(of_car["stamp_ns"].max()) for car, of_car in frames.groups("car")}
+    counted_ns = min(begins_ns.values(), default=0)
+    return counted_ns, {
+        car: Span(begins_ns.get(car, counted_ns), ends_ns.get(car, 0.0))
+        for car in (*ends_ns, *cars)
+    }
+
+
+def _sampled(span: Span, instants_ns: Floats) -> Span:
+    """The part of a time between the first and the last sample within it."""
+    within = instants_ns[(instants_ns >= span.begin_ns) & (instants_ns <= span.end_ns)]
+    return Span(float(within[0]), float(within[-1])) if len(within) else Span(0.0, 0.0)
 
 
 def running_use(samples: Columns) -> tuple[Floats, Floats]:
@@ -67,7 +123,9 @@ class ResourceMetric(MetricDefinition):
 
 
 class Utilization(ResourceMetric):
-    """Share of the time in which a device or link works."""
+    """Share of the time in which a device or link works; on a car, of the time in which it
+    drives.
+    """
 
     title = "utilization"
     better = LOWER
@@ -77,12 +135,12 @@ class Utilization(ResourceMetric):
         capacity = view.all.floats("capacity")[-1]
         if np.isnan(capacity) or not view.seconds:
             return None
-        busy_s = float(view.active["busy_ns"][-1]) / NS_PER_S
-        return Measured(busy_s / (float(capacity) * view.seconds), n=len(view.active))
+        busy_s = view.during("busy_ns") / NS_PER_S
+        return Measured(busy_s / (float(capacity) * view.seconds), n=view.n)
 
 
 class QueueMean(ResourceMetric):
-    """Mean number of messages that wait, over time."""
+    """Mean number of messages that wait, over time; on a car, over the time in which it drives."""
 
     title = "queue length, mean"
     unit = "messages"
@@ -92,12 +150,12 @@ class QueueMean(ResourceMetric):
     def of(self, view: Samples) -> Measured | None:
         if not view.seconds:
             return None
-        waited_s = float(view.active["queue_ns"][-1]) / NS_PER_S
-        return Measured(waited_s / view.seconds, n=len(view.active))
+        waited_s = view.during("queue_ns") / NS_PER_S
+        return Measured(waited_s / view.seconds, n=view.n)
 
 
 class Throughput(ResourceMetric):
-    """Messages completed per second."""
+    """Messages completed per second; on a car, of the time in which it drives."""
 
     title = "throughput"
     unit = "1/s"
@@ -106,7 +164,7 @@ class Throughput(ResourceMetric):
     def of(self, view: Samples) -> Measured | None:
         if not view.seconds:
             return None
-        return Measured(int(view.active["completed"][-1]) / view.seconds, n=len(view.active))
+        return Measured(view.during("completed") / view.seconds, n=view.n)
 
 
 class QueueMax(ResourceMetric):
@@ -129,7 +187,7 @@ class Completed(ResourceMetric):
     reads = "resources: completed"
 
     def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["completed"][-1]), n=len(view.all))
+        return Measured(view.in_all("completed"), n=len(view.all))
 
 
 class MessagesDropped(ResourceMetric):
@@ -141,7 +199,7 @@ class MessagesDropped(ResourceMetric):
     reads = "resources: dropped"
 
     def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["dropped"][-1]), n=len(view.all))
+        return Measured(view.in_all("dropped"), n=len(view.all))
 
 
 class BytesCarried(ResourceMetric):
@@ -152,8 +210,9 @@ class BytesCarried(ResourceMetric):
     reads = "resources: bytes"
 
     def of(self, view: Samples) -> Measured | None:
-        carried = view.all.floats("bytes")[-1]
-        return None if np.isnan(carried) else Measured(int(carried), n=len(view.all))
+        if np.isnan(view.all.floats("bytes")[-1]):
+            return None
+        return Measured(view.in_all("bytes"), n=len(view.all))
 
 
 METRICS = {

@@ -1,21 +1,22 @@
 """The results of a run on a terminal: a line that says what was run, and a table that fits."""
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
-from genie_sim.analysis.summary import about_seeds, main_table
+from genie_sim.analysis.summary import about_seeds, main_table, short_table
 from genie_sim.base.text import number_text, one_line
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.results import Run
 
 
 def header(run: Run | SeedRuns) -> str:
-    """What was run: ``town: 3 cars, 3 edges, 15.8 s, 462 frames under each of 3 methods, seed 1``.
-    Frames are those of one seed.
+    """What was run: ``town: 3 cars, 3 edges, 15.8 s simulated, 462 frames under each of 3 methods,
+    seed 1``. Frames are those of one seed.
     """
     scenario = run.runs[0].facts["scenario"]
     fleet = scenario.get("fleet")
@@ -29,9 +30,10 @@ def header(run: Run | SeedRuns) -> str:
     of_method = frames.where(method=methods[0].name) if methods else frames
     if len(of_method):
         seconds = float(np.max(of_method.floats("stamp_ns"))) / NS_PER_S
-        parts.append(f"{number_text(seconds)} s")
+        parts.append(f"{number_text(seconds)} s simulated")
     under = f"each of {len(methods)} methods" if len(methods) > 1 else "one method"
     parts.append(f"{_count(len(of_method), 'frame')} under {under}")
+    parts += filter(None, [run.runs[0].warm_up])
     parts.append(seeds_text([of_seed.seed for of_seed in run.runs]))
     name = f"{run.label} ({run.name})" if run.label else run.name
     return f"{one_line(name)}: {', '.join(parts)}"
@@ -41,12 +43,14 @@ def _count(number: int, what: str) -> str:
     return f"{number:,} {what}{'s' * (number != 1)}"
 
 
-def text(run: Run | SeedRuns, width: int = 80) -> str:
-    """The main table, below its header; of several seeds with intervals. Lines have at most
-    ``width`` characters, from 40 on.
+def text(run: Run | SeedRuns, width: int = 80, metrics: Sequence[str] | None = None) -> str:
+    """The main table below its header, in at most twelve rows, or the rows of these metrics (none:
+    all rows); of several seeds with intervals. Lines have at most ``width`` characters, from 40 on.
+    Raises ``UserError`` for a metric that is not known.
     """
-    table, several = main_table(run), isinstance(run, SeedRuns)
+    table = short_table(run) if metrics is None else main_table(run, metrics)
     if isinstance(run, SeedRuns):
         table = replace(table, notes=[about_seeds(run), *table.notes])
     lines = textwrap.wrap(header(run), width, subsequent_indent="  ")
-    return "\n".join([*lines, "", renderers.terminal(table, width, intervals=several)])
+    shown = renderers.terminal(table, width, intervals=isinstance(run, SeedRuns))
+    return "\n".join([*lines, "", shown])

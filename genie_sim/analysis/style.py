@@ -19,16 +19,20 @@ from genie_sim.base.text import percent_text
 # width of a column and of a page in IEEE's journals and proceedings; ACM's are narrower (sigconf)
 COLUMN_IN, PAGE_IN = 3.5, 7.16
 WIDTHS = {"column": COLUMN_IN, "page": PAGE_IN, "acm-column": 3.33, "acm-page": 7.0}
-# height of a line of 8 points, and about the width of a character
+TEXT_POINTS, SMALL_POINTS = 8.0, 6.5
+# height of a line of TEXT_POINTS, and about the width of a character
 LINE_IN, CHARACTER_IN = 0.17, 0.058
-RC: dict[str, Any] = {
-    "font.size": 8,
-    "axes.titlesize": 8,
-    "axes.labelsize": 8,
-    "legend.fontsize": 8,
-    "xtick.labelsize": 8,
-    "ytick.labelsize": 8,
-    "figure.titlesize": 9,
+TEXTS = (
+    "font.size",
+    "axes.titlesize",
+    "axes.labelsize",
+    "legend.fontsize",
+    "xtick.labelsize",
+    "ytick.labelsize",
+    "figure.titlesize",
+)
+SMALL: dict[str, Any] = dict.fromkeys(TEXTS, SMALL_POINTS)  # over RC
+RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,

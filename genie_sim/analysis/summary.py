@@ -13,7 +13,7 @@ from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES
 from genie_sim.analysis.metric import MARKS, RECENT_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.outages import FAULTS
-from genie_sim.analysis.registry import METRICS, cell, component_title, definition
+from genie_sim.analysis.registry import METRICS, cell, checked, component_title, definition
 from genie_sim.analysis.result_table import ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
@@ -23,7 +23,18 @@ from genie_sim.record.results import METRIC_FIELDS, Metric, Run
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle
-MAIN = (  # the metrics of the main table, in its order
+SHORT = (  # what a terminal shows: twelve rows, in the paper's order
+    "first_answer_mean",
+    "under_deadline_share",
+    "fresh_answer_mean",
+    "fresh_answered_share",
+    "image_reuse",
+    "object_reuse",
+    "confidence_boost",
+    "streaming_f1",
+    "ghost_share",
+)
+MAIN = (  # the metrics of the main table, in its order; of the utilization the busiest
     "first_answer_mean",
     "first_answer_p95",
     "under_deadline_share",
@@ -39,10 +50,13 @@ MAIN = (  # the metrics of the main table, in its order
     "wrong_hit_share",
     "image_reuse",
     "object_reuse",
+    "confidence_boost",
     "bytes_up_per_frame",
     "accelerator_time",
     "energy_per_frame",
+    "utilization",
 )
+OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (TIMES, FRAMES, CORRECTNESS, LAPS, FAULTS, ATTACKS, IMPROVEMENTS, GENIES, prices.PRICES)
 
 ABOUT_TIMES = (
@@ -51,12 +65,16 @@ ABOUT_TIMES = (
 )
 ABOUT_ANSWERS = (
     "First answer: any, perhaps from the object map. Fresh result: a detector looked at this very "
-    f"frame. Recent: a look at most {RECENT_MS:g} ms older. Age of look: from the newest frame in "
-    "which a detector saw any of the first answer."
+    "frame."
 )
-ABOUT_TRUTH = (
-    "Held: what the consumer believes at each instant, against what is in view then. Zero-delay "
-    "detector: the detector's own answers without any delay, judged in the same way."
+ABOUT_LOOKS = (
+    f"Recent: a look at most {RECENT_MS:g} ms older. Age of look: from the newest frame in which a "
+    "detector saw any of the first answer."
+)
+NO_LOOKUPS = "Reuse and confidence boost: there are none, for no Genie's look-ups are recorded."
+ABOUT_TRUTH = "What the consumer holds at each instant is compared with what is in view then."
+ABOUT_ZERO_DELAY = (
+    "Zero-delay detector: the detector's own answers without any delay, judged in the same way."
 )
 ABOUT_PROXIES = (
     "Proxy, and cache hits: against the detector's own answer to the same frame, which errs, too."
@@ -66,8 +84,8 @@ NO_TRUTH = (
     "table of any labelled drive."
 )
 ABOUT_ENERGY = (
-    "Energy: of cars and edges until the last answer, from the watts of the device profiles; in "
-    "brackets with every power at the lower and at the upper end of its range."
+    "Energy: of cars while they drive and of edges until the last answer, from the watts of the "
+    "device profiles; in brackets with every power at the lower and at the upper end of its range."
 )
 ABOUT = {
     IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
@@ -209,28 +227,29 @@ def _kind(metric: Metric) -> tuple[str, bool]:
     return metric.placement if is_link or is_accelerator else "", is_link
 
 
-def table(run: Run | SeedRuns, format: str) -> str:
-    """The main table in ``markdown`` or ``latex``; in ``csv`` every metric with all digits. It says
-    which files of the run were changed, if any was.
+def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
+    """The main table, or the rows of these ``metrics``, in ``markdown`` or ``latex``; in ``csv``
+    every metric with all digits. It says which files of the run were changed, if any was.
     """
+    main = main_table(run, metrics)
     if format == "csv":
         names = [*METRIC_FIELDS]
-        rows = [metric.row for metric in run.measured]
+        rows = [metric.row for metric in run.measured if metric.metric in (metrics or METRICS)]
         if run.changed:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]
         return renderers.exact(names, rows)
     if format == "latex":
-        return _latex(run)
+        return _latex(run, main)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
-    return renderers.markdown(replace(main_table(run), notes=[*notes, run.warning]))
+    return renderers.markdown(replace(main, notes=[*notes, run.warning]))
 
 
-def _latex(run: Run | SeedRuns) -> str:
-    """The main table, of several seeds followed by the paired differences of its methods from the
-    first one.
+def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
+    """The table, of several seeds followed by the paired differences of its methods from the first
+    one.
     """
-    table, several = main_table(run), isinstance(run, SeedRuns)
+    several = isinstance(run, SeedRuns)
     seeds = seeds_text([of_seed.seed for of_seed in run.runs])
     about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
     titled = replace(
@@ -251,6 +270,21 @@ def about_seeds(runs: SeedRuns) -> str:
     return f"{seeds[0].upper()}{seeds[1:]}: means, in brackets their 95 % t intervals over seeds."
 
 
+def about_laws(run: Run | SeedRuns) -> str:
+    """What the laws of the detector rest on, which maps and trackers go by; empty where that is not
+    known.
+    """
+    laws = run.runs[0].facts.get("laws")
+    if laws is None:
+        return ""
+    count = len(laws["measured_on"])
+    if count:
+        drives = "one other drive" if count == 1 else f"{count} other drives"
+        return f"Laws of {laws['detector']}: measured on {drives}, shrunk towards assumed ones."
+    where = "on this drive alone" if laws["is_known"] else "nowhere"
+    return f"Laws of {laws['detector']}: measured {where}, so the assumed ones are used."
+
+
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
     if isinstance(run, SeedRuns):
@@ -259,28 +293,58 @@ def markdown(run: Run | SeedRuns) -> str:
     else:
         parts = [f"# {run.title}", f"Run `{run.run_id}`, seed {run.seed}."]
         about_intervals = ABOUT_INTERVALS
-    abouts = (ABOUT_TIMES, ABOUT_ANSWERS, about_intervals)
-    parts += [textwrap.fill(about, 120) for about in abouts]
+    if run.runs[0].warm_up:
+        parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
+    abouts = (ABOUT_TIMES, f"{ABOUT_ANSWERS} {ABOUT_LOOKS}", about_intervals, about_laws(run))
+    parts += [textwrap.fill(about, 120) for about in abouts if about]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
 
-def main_table(run: Run | SeedRuns) -> ResultTable:
+def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
     """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
-    devices, of the rows in which any method has a number.
+    devices, of the rows in which any method has a number; or the rows of these ``metrics``. Raises
+    ``UserError`` for a metric that is not known.
     """
     numbers = _Numbers(run)
+    names = checked(metrics, numbers.custom) or (*MAIN, *numbers.custom)
     columns = [*numbers.columns, *numbers.zero_delay()]
-    rows = list(numbers.rows((*MAIN, *numbers.custom), columns, whole=True))
-    busiest = list(numbers.busiest(columns))
-    notes = [ABOUT_TIMES, ABOUT_ANSWERS]
-    if busiest:
-        notes.append(ABOUT_BUSIEST)
-    if rows:
-        notes.append(ABOUT_TRUTH if len(columns) > len(numbers.columns) else NO_TRUTH)
-    if numbers.is_measured(correctness.ANSWERS):
-        notes.append(ABOUT_PROXIES)
-    return ResultTable([column.title for column in columns], [*rows, *busiest], notes=notes)
+    rows: list[Row] = []
+    for name in names:
+        of_busiest = name == "utilization"
+        rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
+    table = ResultTable([column.title for column in columns], rows)
+    notes = list(_main_notes(names, numbers))
+    laws = run.runs[0].facts.get("laws")
+    if laws is not None and not laws["is_known"]:
+        notes.append(about_laws(run))
+    return replace(table.without_empty_columns(), notes=notes)
+
+
+def short_table(run: Run | SeedRuns) -> ResultTable:
+    """Of the main table the rows that a terminal shows, and those of the user's own metrics."""
+    table = main_table(run, [*SHORT, *_Numbers(run).custom])
+    more = len(main_table(run).rows) - len(table.rows)
+    if more <= 0:
+        return table
+    told = f"{more} more rows: genie-sim run --all, or genie-sim table on the results."
+    return replace(table, notes=[*table.notes, told])
+
+
+def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
+    """What the words of these metrics mean, and why there is no number of one."""
+    if any(METRICS[name].section in (TIMES, FRAMES) for name in names if name in METRICS):
+        yield f"{ABOUT_TIMES} {ABOUT_ANSWERS}"
+    if numbers.is_measured({"recent_share", "look_age_mean"}.intersection(names)):
+        yield ABOUT_LOOKS
+    if "utilization" in names and numbers.is_measured(["utilization"]):
+        yield ABOUT_BUSIEST
+    if any(name in correctness.HELD for name in names):
+        yield _about_truth(numbers)
+    if numbers.is_measured(set(correctness.ANSWERS).intersection(names)):
+        yield ABOUT_PROXIES
+    if any(name in OF_LOOKUPS for name in names) and not numbers.is_measured(OF_LOOKUPS):
+        yield NO_LOOKUPS
 
 
 def _tables(numbers: _Numbers) -> Iterator[ResultTable]:
@@ -299,9 +363,16 @@ def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
     elif section == CORRECTNESS:
         if numbers.is_measured(correctness.ANSWERS):
             yield from (ABOUT_PROXIES, METRICS["wrong_hit_share"].meaning)
-        yield ABOUT_TRUTH if numbers.is_measured(correctness.HELD) else NO_TRUTH
+        yield _about_truth(numbers)
     elif section == prices.PRICES:
         yield energy_note(numbers.runs, numbers.titles)
+
+
+def _about_truth(numbers: _Numbers) -> str:
+    """What false objects and the like are compared with, or why there are none."""
+    if not numbers.is_measured(correctness.HELD):
+        return NO_TRUTH
+    return f"{ABOUT_TRUTH} {ABOUT_ZERO_DELAY}" if numbers.zero_delay() else ABOUT_TRUTH
 
 
 def energy_note(runs: Sequence[Mapping[str, Columns]], titles: Mapping[str, str]) -> str:

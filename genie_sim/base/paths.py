@@ -66,9 +66,11 @@ def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Conten
 
 
 def read_text(path: Path) -> str:
-    """The text of a regular file in UTF-8, lines ending in a newline. Raises UserError."""
+    """The text of a regular file in UTF-8, with or without its mark, lines ending in a newline.
+    Raises UserError.
+    """
     with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
-        text = read_bytes(path).decode("utf-8")
+        text = read_bytes(path).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

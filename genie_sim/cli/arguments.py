@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import click
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
+from genie_sim.cli import completion
 
 MAX_COUNT = 1024
 _DIGITS = re.compile("[0-9]{1,9}")
@@ -44,6 +46,12 @@ seeds_option = click.option(
     metavar="N|A,B,...",
     help="So many seeds, from 1 on, or these; results are means with intervals.",
 )
+metrics_option = click.option(
+    "--metrics",
+    metavar="A,B,...",
+    shell_complete=completion.metrics,
+    help="Print the rows of these metrics, such as first_answer_p99.",
+)
 label_option = click.option(
     "--label", default="", help="What tables and figures call the results; default: the scenario."
 )
@@ -71,6 +79,16 @@ own_code_option = click.option(  # of every command that reads result folders
 )
 
 
+accept_option = click.option(  # of every command that reads files of others
+    "--accept", is_flag=True, help="Read what cannot be right all the same; the report says so."
+)
+map_option = click.option(
+    "--map",
+    "classes",
+    multiple=True,
+    metavar="LABEL=CLASS",
+    help="Take a label of the file for a class, such as pedestrian=person, or =none.",
+)
 changed_option = click.option(  # of every command that reads result folders
     "--allow-changed",
     is_flag=True,
@@ -114,6 +132,17 @@ def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None
             f"{option}: {short_repr(text)}: altitude {altitude_m} must be a number of metres"
         )
     return latitude, longitude, altitude_m
+
+
+def quantity(option: str, text: str, read: Callable[[object], Any]) -> Any:
+    """What is written with a unit and must be more than zero. Raises ``UserError``."""
+    try:
+        value = read(text)
+    except ValueError as error:
+        raise UserError(f"{option}: {error}") from error
+    if value <= 0:
+        raise UserError(f"{option}: must be more than zero, but is {text}")
+    return value
 
 
 def listed(option: str, text: str | None) -> list[str]:

@@ -9,7 +9,7 @@ import click
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.text import one_line
 from genie_sim.cli import completion
-from genie_sim.cli.arguments import PATH, changed_option, listed, own_code_option
+from genie_sim.cli.arguments import PATH, changed_option, listed, metrics_option, own_code_option
 
 WIDTHS = ("column", "page", "acm-column", "acm-page")  # of style.WIDTHS, which imports numpy
 TABLE_FORMATS = completion.fixed("markdown", "csv", "latex")
@@ -138,9 +138,17 @@ def figures(
     shell_complete=completion.methods,
     help="Only these; differences are from the first.",
 )
+@metrics_option
 @changed_option
 @own_code_option
-def table(folders: tuple[Path, ...], format: str, methods: str | None, allow_changed: bool) -> None:
+def table(
+    *,
+    folders: tuple[Path, ...],
+    format: str,
+    methods: str | None,
+    metrics: str | None,
+    allow_changed: bool,
+) -> None:
     """Print the numbers of results as a table for a paper.
 
     LaTeX needs the packages booktabs and siunitx.
@@ -150,6 +158,5 @@ def table(folders: tuple[Path, ...], format: str, methods: str | None, allow_cha
     """
     from genie_sim.cli import outputs
 
-    click.echo(
-        outputs.table(folders, format, listed("--methods", methods), allow_changed), nl=False
-    )
+    names, rows = listed("--methods", methods), listed("--metrics", metrics)
+    click.echo(outputs.table(folders, format, names, allow_changed, rows), nl=False)

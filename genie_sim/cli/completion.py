@@ -37,6 +37,12 @@ def _methods() -> Iterable[str]:
     return METHODS
 
 
+def _metrics() -> Iterable[str]:
+    from genie_sim.analysis.registry import METRICS
+
+    return METRICS
+
+
 def _kinds() -> Iterable[str]:
     from genie_sim.cli.catalogue import KINDS
 
@@ -55,5 +61,6 @@ sweeps = _of_files("SWEEP")
 searches = _of_files("SEARCH", "SCENARIO")
 files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE", "SEARCH", "SPACE")
 methods = _completion(_methods)
+metrics = _completion(_metrics)
 kinds = _completion(_kinds)
 setting_paths = _completion(_settings)

@@ -1,15 +1,14 @@
 """The command ``import tables``. Everything heavy is imported after the arguments are parsed."""
 
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
-from genie_sim.cli.arguments import PATH
+from genie_sim.cli.arguments import PATH, accept_option, map_option
+from genie_sim.cli.terminal import tell
 
 
 @click.command("tables")
@@ -25,6 +24,8 @@ from genie_sim.cli.arguments import PATH
 @click.option("--size", default="960 kB", help="What one frame takes to send.")
 @click.option("--range", "range_", default="40 m", help="Truth up to this distance is judged.")
 @click.option("--origin", metavar="LAT,LON,ALT", help="Where the plane lies; default: 0,0,0.")
+@map_option
+@accept_option
 def import_tables(
     *,
     poses: Path,
@@ -35,6 +36,8 @@ def import_tables(
     size: str,
     range_: str,
     origin: str | None,
+    classes: tuple[str, ...],
+    accept: bool,
 ) -> None:
     """Turn tables of poses and detections into traces.
 
@@ -45,27 +48,27 @@ def import_tables(
     from genie_sim.base import units
 
     place = arguments.geodetic("--origin", origin)
-    fov_rad = _quantity("--fov", fov, units.angle_rad)
+    fov_rad = arguments.quantity("--fov", fov, units.angle_rad)
     if fov_rad > math.tau:
         raise UserError(f"--fov: must be at most 360 deg, but is {fov}")
-    size_bytes = _quantity("--size", size, units.size_bytes)
-    range_m = _quantity("--range", range_, units.length_m)
+    size_bytes = arguments.quantity("--size", size, units.size_bytes)
+    range_m = arguments.quantity("--range", range_, units.length_m)
+    from genie_sim.base.import_report import ImportReport, class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import pose_import
 
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
+    report = ImportReport(poses, accept)
     sensor = pose_import.Sensor(fov_rad, size_bytes, range_m)
     recordings = pose_import.import_recordings(
-        poses, detections, truth, sensor=sensor, origin=place or pose_import.ORIGIN
+        poses,
+        detections,
+        truth,
+        sensor=sensor,
+        origin=place or pose_import.ORIGIN,
+        classes=of_labels,
+        report=report,
     )
     for line in pose_import.write_recordings(out, recordings):
         click.echo(line)
-
-
-def _quantity(option: str, text: str, read: Callable[[object], Any]) -> Any:
-    """What is written with a unit and must be more than zero. Raises ``UserError``."""
-    try:
-        value = read(text)
-    except ValueError as error:
-        raise UserError(f"{option}: {error}") from error
-    if value <= 0:
-        raise UserError(f"{option}: must be more than zero, but is {text}")
-    return value
+    tell(report)

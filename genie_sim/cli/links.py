@@ -5,7 +5,8 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli.arguments import PATH
+from genie_sim.cli.arguments import PATH, accept_option
+from genie_sim.cli.terminal import tell
 
 FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
 
@@ -23,8 +24,16 @@ FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
 )
 @click.option("--source", default="", help="Where the measurements come from; is kept in the file.")
 @click.option("--licence", default="", help="Their licence; is kept in the file.")
+@accept_option
 def import_link(
-    *, file: Path, format: str, out: Path, direction: str | None, source: str, licence: str
+    *,
+    file: Path,
+    format: str,
+    out: Path,
+    direction: str | None,
+    source: str,
+    licence: str,
+    accept: bool,
 ) -> None:
     """Turn measurements of a link into a recording.
 
@@ -33,16 +42,19 @@ def import_link(
     genie-sim import link Data5G.csv --format mtu --out cork.parquet
     """
     from genie_sim.base import paths
+    from genie_sim.base.import_report import ImportReport
     from genie_sim.sim.link_models import recording
     from genie_sim.sim.link_models.importers import IMPORTERS
 
-    text = paths.read_text(file)
+    report = ImportReport(file, accept)
     usual = "down" if format == "irish" else "up"
-    columns = IMPORTERS[format](str(file), text, direction or usual)  # type: ignore[arg-type]
+    columns = IMPORTERS[format](file, direction or usual, report)  # type: ignore[arg-type]
     recording.check(str(file), columns)
+    recording.tell(report, columns)
     digest = hashlib.sha256(paths.read_bytes(file)).hexdigest()
-    about = {"format": format, "file": file.name, "sha256": digest}
+    about = {"format": format, "file": file.name, "sha256": digest, "import": report.facts()}
     recording.write(out, columns, {**about, "source": source, "licence": licence})
     t_ns = columns["t_ns"]
     names = ", ".join(name for name in columns if name != "t_ns")
     click.echo(f"{out}: {len(t_ns):,} rows, {(t_ns[-1] - t_ns[0]) / 1e9:,.1f} s: {names}")
+    tell(report)

@@ -17,6 +17,7 @@ from genie_sim.cli import arguments, completion, terminal
 from genie_sim.cli.arguments import (
     COUNT,
     PATH,
+    accept_option,
     backend_option,
     changed_option,
     jobs_option,
@@ -108,6 +109,8 @@ def app(context: click.Context) -> None:
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
 @click.option("--no-report", is_flag=True, help="Leave out report.html.")
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
+@click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")
+@arguments.metrics_option
 def run(
     *,
     scenario: str,
@@ -121,6 +124,8 @@ def run(
     out: Path,
     no_report: bool,
     figures: bool,
+    all_rows: bool,
+    metrics: str | None,
 ) -> None:
     """Simulate a scenario under each of its methods.
 
@@ -142,12 +147,19 @@ def run(
         raise UserError("--jobs: goes with --seeds; for one run give --workers")
     if workers is not None and several is not None:
         raise UserError("--workers: is for one run; with --seeds give --jobs")
+    rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
+    if rows and all_rows:
+        raise UserError("--all and --metrics: give one of them")
 
     files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
     from genie_sim.scenario.reading import load_scenario
 
     names = arguments.listed("--methods", methods)
     loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
+    if rows:
+        from genie_sim.analysis import registry
+
+        registry.checked(rows, loaded.metrics)
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
     from genie_sim.runs import build
@@ -160,10 +172,10 @@ def run(
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
-        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output)
+        return _run_seeds(loaded, several, out, jobs=jobs, label=label, output=output, rows=rows)
     with ProgressBar() as progress:
         result = run_to_folder(loaded, out, progress, output, label=label, workers=workers or 1)
-    _show(result, output)
+    _show(result, output, rows)
 
 
 def _run_seeds(
@@ -174,6 +186,7 @@ def _run_seeds(
     jobs: int | None,
     label: str,
     output: "Output",
+    rows: list[str] | None,
 ) -> None:
     """Runs a scenario under several seeds, or what is missing of that, and shows the means."""
     from genie_sim.analysis.seed_runs import load
@@ -186,7 +199,7 @@ def _run_seeds(
     work = Study.of(design, scenario.name, out, base=scenario, label=label, reports=output.page)
     _simulate(work, LocalWorkers(jobs or parallel.workers_here()))
     status = work.finish(output)
-    _show(load(status.folder), output)
+    _show(load(status.folder), output, rows)
 
 
 def _simulate(
@@ -205,13 +218,15 @@ def _simulate(
             raise SystemExit(130) from None
 
 
-def _show(result: "Run | SeedRuns", output: "Output") -> None:
-    """Prints the main table of a run, or of several seeds, and where the results are."""
+def _show(result: "Run | SeedRuns", output: "Output", rows: list[str] | None = None) -> None:
+    """Prints the table of a run, or of several seeds, as ``screen.text`` chooses its rows, and
+    where the results are.
+    """
     from genie_sim.analysis import screen
 
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
-    click.echo(screen.text(result, columns), nl=False)
+    click.echo(screen.text(result, columns, rows), nl=False)
     if len(result.runs) > 1:
         from genie_sim.analysis.compare import compared
         from genie_sim.analysis.verdict import verdicts
@@ -404,8 +419,20 @@ def fetch(what: str, name: str, out: Path | None) -> None:
     "--detector", help="Measure this detector here ('list detectors', or your own module:Class)."
 )
 @click.option(
-    "--csv", type=PATH, help="Instead: latencies in milliseconds measured elsewhere, one in a line."
+    "--csv",
+    type=PATH,
+    help="Instead: latencies measured elsewhere: a table (CSV, Parquet), or what trtexec writes.",
 )
+@click.option("--column", metavar="TITLE", help="Of that table, where several hold numbers.")
+@click.option(
+    "--unit",
+    type=click.Choice(("s", "ms", "us", "ns")),
+    help="Of that column, if its title has none; default: ms.",
+)
+@click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
+@click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
+@click.option("--tegrastats", type=PATH, help="A log of the board: its cores and its power.")
+@click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
 @click.option(
     "--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS."
@@ -413,32 +440,74 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
+@accept_option
 def profile(
     *,
     out: Path,
     detector: str | None,
     csv: Path | None,
+    column: str | None,
+    unit: str | None,
+    mean: str | None,
+    sd: str | None,
+    tegrastats: Path | None,
+    cores: int | None,
     model: str | None,
     weights: Path | None,
     runs: int,
+    accept: bool,
 ) -> None:
-    """Measure a detector on this machine into a device profile. Or take measured latencies."""
-    from genie_sim.scenario import device_fit
+    """Measure a detector on this machine into a device profile. Or take measured latencies.
 
-    if (detector is None) == (csv is None):
+    \b
+    genie-sim profile --detector yolox_nano --out device_profiles/here.yaml
+    genie-sim profile --csv runs.csv --column "latency [ms]" --cores 8 --out orin.yaml
+    genie-sim profile --mean 45ms --sd 5ms --cores 8 --model yolov8 --out board.yaml
+    """
+    from genie_sim.base import units
+    from genie_sim.base.import_report import ImportReport
+    from genie_sim.scenario import benchmark_logs, device_fit
+
+    if [detector, csv, mean].count(None) != 2:
         raise UserError(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "
-            "elsewhere"
+            "elsewhere, or --mean"
         )
-    with ProgressBar(unit="pictures") as progress:
-        if csv is not None:
-            measured = device_fit.from_csv(csv, model or csv.stem)
-        else:
-            assert detector is not None
-            measured = device_fit.measure(detector, weights, runs, model=model, progress=progress)
-    fit = device_fit.fit(measured.latencies_ns)
-    device_fit.write(out, measured, fit)
-    click.echo(f"{out}: {measured.model}: {fit}")
+    if mean is None and sd is not None:
+        raise UserError("profile: --sd goes with --mean")
+    if csv is None and (column, unit) != (None, None):
+        raise UserError("profile: --column and --unit go with --csv")
+    report = ImportReport(csv or "profile", accept)
+    board = None
+    if tegrastats is not None:
+        board = benchmark_logs.tegrastats(tegrastats, report)
+    given = None
+    if mean is not None:
+        if model is None:
+            raise UserError("profile: --mean needs --model, the name that scenarios use")
+        mean_ns = arguments.quantity("--mean", mean, units.duration_ns)
+        sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
+        if sd_ns > mean_ns:
+            raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
+        given = device_fit.of_summary(model, mean_ns, sd_ns)
+    elif csv is not None and (summary := benchmark_logs.trtexec_summary(csv, report)):
+        given = device_fit.of_trtexec(csv, model or csv.stem, summary)
+    if given is not None:
+        measured, fit = given
+    else:
+        with ProgressBar(unit="pictures") as progress:
+            if csv is not None:
+                measured = device_fit.from_table(csv, model or csv.stem, report, column, unit)
+            else:
+                assert detector is not None
+                measured = device_fit.measure(
+                    detector, weights, runs, model=model, progress=progress
+                )
+        fit = device_fit.fit(measured.latencies_ns)
+        device_fit.check_fit(measured, fit, report)
+    device_fit.write(out, measured, fit, cores, board=board)
+    click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
+    terminal.tell(report)
 
 
 @app.command()

@@ -51,14 +51,17 @@ def table(
     format: str,
     methods: Sequence[str] = (),
     allow_changed: bool = False,
+    metrics: Sequence[str] = (),
 ) -> str:
     """The numbers of results in one of ``renderers.FORMATS``, of all ``methods`` or of these in
-    this order. Raises ``UserError``.
+    this order; of a run all rows or those of these ``metrics``. Raises ``UserError``.
     """
     from genie_sim.paper import verdict_table
     from genie_sim.study import printed
 
     renderers.checked(format)
+    if metrics and (len(folders) > 1 or _is_evaluation(folders[0]) or _is_sweep(folders[0])):
+        raise UserError("--metrics: chooses the rows of one run, or of several seeds of it")
     if len(folders) > 1:
         return compare_tables.text(_compared(folders, allow_changed, methods), format)
     (folder,) = folders
@@ -70,7 +73,7 @@ def table(
         return printed.table_of(folder, format, methods, allow_changed)
     run = with_methods(load(folder, allow_changed=allow_changed), methods)
     with provenance.of_this_version(folder):
-        return summary.table(run, format)
+        return summary.table(run, format, metrics)
 
 
 def _compared(

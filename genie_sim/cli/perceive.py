@@ -2,7 +2,6 @@
 parsed.
 """
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
@@ -11,26 +10,31 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
-from genie_sim.cli.arguments import MAX_COUNT, PATH
-from genie_sim.cli.terminal import ProgressBar
+from genie_sim.cli.arguments import MAX_COUNT, PATH, accept_option, map_option
+from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
 
 if TYPE_CHECKING:
-    from genie_sim.core.geometry import Geodetic
-    from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.trace import Trace
 
 
 @click.command()
 @click.argument("root", type=PATH, required=False)
-@click.option("--drive", help="A drive, such as 2011_09_26/0005 or tracking/0005.")
+@click.option(
+    "--drive", help="A drive: 2011_09_26/0005, tracking/0005, odometry/05 or kitti360/0003."
+)
 @click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
 @click.option(
     "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
 )
 @click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
+@click.option("--imu", metavar="TOPIC", help="Of the bag's IMUs this one.")
+@click.option("--fix", metavar="TOPIC", help="Of the bag's positions these.")
+@click.option("--lidar", metavar="TOPIC", help="Of the bag's lidars this one.")
+@map_option
+@accept_option
 @click.option(
     "--format",
     "data_set",
@@ -41,7 +45,9 @@ if TYPE_CHECKING:
 @click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
 @click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
-@click.option("--cameras", default="02,03", help="Colour cameras, separated by commas.")
+@click.option(
+    "--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey."
+)
 @click.option(
     "--detector",
     default="yolox_nano",
@@ -89,6 +95,11 @@ def perceive(
     partner: int | None,
     topics: tuple[str, ...],
     detections: str | None,
+    imu: str | None,
+    fix: str | None,
+    lidar: str | None,
+    classes: tuple[str, ...],
+    accept: bool,
     out: Path | None,
     kitti: Path | None,
     cameras: str,
@@ -106,6 +117,8 @@ def perceive(
     encoding: Encoding,
 ) -> None:
     """Run a detector over a drive, a bag or a data set; write traces."""
+    from genie_sim.base.import_report import ImportReport, class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import perceive as perception
     from genie_sim.data.detector import DetectorSettings
 
@@ -116,8 +129,10 @@ def perceive(
             raise UserError(
                 "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
             )
-        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out)
+        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
         return
+    if bag is None and (imu, fix, lidar) != (None, None, None):
+        raise UserError("perceive: --imu, --fix and --lidar go with --bag only")
     for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
         if value is not None:
             raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
@@ -132,6 +147,7 @@ def perceive(
     if bag is not None and evaluate:
         raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
     world = arguments.geodetic("--origin", origin)
+    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     settings = DetectorSettings(
         name=detector,
         weights=weights,
@@ -141,22 +157,44 @@ def perceive(
         threads=threads,
         batch=batch,
         encoding=encoding,
+        classes=of_labels,
     )
     if bag is not None:
-        _write(out, _of_bag(bag, topics, detections, settings=settings, world=world))
+        from genie_sim.ros.bags import BagTopics, perceive_bag
+
+        if batch != 1:
+            raise UserError("perceive: --batch: a bag's pictures go one at a time")
+        report = ImportReport(bag, accept)
+        with ProgressBar(unit="frames") as progress:
+            trace = perceive_bag(
+                bag,
+                detector=None if detections else settings.opened(),
+                cameras=topics,
+                detections=detections,
+                origin=world,
+                min_score=min_score,
+                progress=progress,
+                sensors=BagTopics(imu, fix, lidar),
+                classes=of_labels,
+                report=report,
+            ).at_least(min_score)
+        _write(out, trace)
+        tell(report)
         return
     assert drive is not None
     if evaluate:  # weak detections count for average precision; they need no place
         lowest = min(min_score, perception.LOWEST_SCORE)
         settings = replace(settings, min_score=lowest, place_from=min_score)
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
+    report = ImportReport(root, accept)
     selection = perception.DriveFrames(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with ProgressBar(unit="frames") as progress:
-        whole = perception.perceive(root, selection, settings, progress=progress)
+        whole = perception.perceive(root, selection, settings, progress=progress, report=report)
     trace = whole.at_least(min_score)
     _write(out, trace)
+    tell(report)
     if evaluate:
         from genie_sim.data import evaluation, truth
 
@@ -171,6 +209,7 @@ def _of_pair(
     partner: int | None,
     min_score: float | None,
     out: Path | None,
+    accept: bool,
 ) -> None:
     """Writes the traces and the truth tables of both cars of a sequence of V2V4Real.
 
@@ -181,17 +220,22 @@ def _of_pair(
     partner : the label of the other car, of sequences whose is not known
     min_score : the lowest score kept; ``None``: all
     out : the folder
+    accept : what cannot be right, too
     """
+    from genie_sim.base.import_report import ImportReport
     from genie_sim.data import v2v4real
     from genie_sim.data.truth_table import path_beside, write_truth
 
     if sequence is None or out is None:
         raise UserError("perceive: --format v2v4real needs --sequence and --out")
+    place = v2v4real.folder(root)
+    report = ImportReport(place, accept)
     pair = v2v4real.recordings(
-        v2v4real.folder(root),
+        place,
         sequence,
         partner=partner,
         min_score=v2v4real.LOWEST_SCORE if min_score is None else min_score,
+        report=report,
     )
     for car, recording in pair.items():
         path = out / f"{car}.parquet"
@@ -203,41 +247,7 @@ def _of_pair(
         f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
         f"{about['partner']}"
     )
-
-
-def _of_bag(
-    bag: Path,
-    topics: Sequence[str],
-    detections: str | None,
-    *,
-    settings: "DetectorSettings",
-    world: "Geodetic | None",
-) -> "Trace":
-    """The trace of a bag, by a detector or by the bag's own detections.
-
-    Parameters
-    ----------
-    bag : the file or folder
-    topics : of its images; none: all
-    detections : the topic of the bag's own detections, or ``None``
-    settings : of the detector
-    world : the origin, latitude [deg], longitude [deg], altitude [m]; ``None``: the bag's first fix
-    """
-    from genie_sim.ros.bags import perceive_bag
-
-    if settings.batch != 1:
-        raise UserError("perceive: --batch: a bag's pictures go one at a time")
-    with ProgressBar(unit="frames") as progress:
-        trace = perceive_bag(
-            bag,
-            detector=None if detections else settings.opened(),
-            cameras=topics,
-            detections=detections,
-            origin=world,
-            min_score=settings.min_score,
-            progress=progress,
-        )
-        return trace.at_least(settings.min_score)
+    tell(report)
 
 
 def _write(out: Path | None, trace: "Trace") -> None:

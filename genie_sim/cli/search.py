@@ -60,7 +60,7 @@ def search(
     backend: str,
     scheduler: str | None,
 ) -> None:
-    """Search the settings that pay. What has been done is not done again.
+    """Search for the best settings. What has been done is not done again.
 
     \b
     genie-sim search 3car_hetero

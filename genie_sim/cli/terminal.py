@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from genie_sim.base.errors import unknown
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.removed import instead_of_option
 
 PAGE = "report.html"
@@ -162,6 +163,12 @@ def machine_said(error: OSError | MemoryError) -> str:
         return "not enough memory"
     where = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
     return f"{where}{error.strerror or error}"
+
+
+def tell(report: ImportReport) -> None:
+    """Prints the report of an import below what it belongs to."""
+    for line in report.lines():
+        click.echo(f"  {line}")
 
 
 class ProgressBar:

@@ -40,6 +40,7 @@ SIZES = {
     "bench": Size(0.6, 1.5, 0.85),
 }
 ROAD_LABELS = frozenset(SIZES)
+NO_CLASS = "none"  # what a label of a file is mapped to whose objects are left out
 
 
 def class_of(label: str) -> str:

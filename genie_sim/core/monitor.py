@@ -103,6 +103,8 @@ class Occupied(Protocol):
     @property
     def total_ns(self) -> int: ...
 
+    def forget_most(self) -> None: ...
+
 
 class Resource(Protocol):
     """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes."""
@@ -130,7 +132,7 @@ class Resource(Protocol):
 
 
 class HostUsage(NamedTuple):
-    """What a host has used until the end of a run.
+    """What a host has used from the end of the warm-up until the end of a run.
 
     Parameters
     ----------
@@ -150,6 +152,9 @@ class HostUsage(NamedTuple):
         What a car has sent to its edges, and received.
     transfer_ns, tail_ns : int
         How long its interface sent or received, and stayed awake in between [ns].
+    begin_ns : int
+        Since when that is: a car from its start, an edge always, neither before the end of the
+        warm-up [ns].
     """
 
     host: str
@@ -164,6 +169,7 @@ class HostUsage(NamedTuple):
     bytes_down: int = 0
     transfer_ns: int = 0
     tail_ns: int = 0
+    begin_ns: int = 0
 
 
 class Monitor(Protocol):

@@ -4,10 +4,9 @@ To add a network, write a class like these and name it ``package.module:Class``,
 ``DETECTORS``.
 """
 
-import ast
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
@@ -19,7 +18,6 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.paths import expanded
 from genie_sim.core.messages import Encoding
 from genie_sim.data.onnx_detector import (
-    COCO_LABELS,
     CPU,
     MIN_SCORE,
     DetectedBox,
@@ -27,6 +25,9 @@ from genie_sim.data.onnx_detector import (
     Scored,
     letterbox,
 )
+
+# Places of YOLOX are a few strides from their cells, before and after they are decoded.
+DECODED = 4.0
 
 __all__ = [
     "DETECTORS",
@@ -70,6 +71,18 @@ class YoloxNano(OnnxDetector):
     default_size: ClassVar[tuple[int, int] | None] = (640, 192)
     strides = (8, 16, 32)
     gap = "yolox_gap"
+    _is_decoded = False
+
+    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        """None; but a network whose centres are those of its cells in pixels has decoded them."""
+        places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
+        own = np.median(np.abs(places - cells) / self.cell_strides)
+        self._is_decoded = bool(own < DECODED and np.median(np.abs(places)) > DECODED)
+        return ""
+
+    @property
+    def notes(self) -> list[str]:
+        return [f"{self.name}: the network decodes its boxes itself"] * self._is_decoded
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """BGR from 0 to 255, as it is."""
@@ -79,19 +92,23 @@ class YoloxNano(OnnxDetector):
             plane[:] = channel
         return blob, scale
 
-    def output_shapes(self) -> list[tuple[int, ...]]:
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(len(self.cells), 5 + len(self.labels))]
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class.
+        """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class; of a
+        network that has done so itself, centre and extent are as they are.
 
         Cells whose objectness alone is too low for ``min_score`` are left out; they are all but a
         few.
         """
         likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
         output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
-        centre = (output[:, 0:2] + self.cells[likely]) * strides
-        half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
+        if self._is_decoded:
+            centre, half = output[:, 0:2], output[:, 2:4] / 2
+        else:
+            centre = (output[:, 0:2] + self.cells[likely]) * strides
+            half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
         return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
 
 
@@ -133,7 +150,7 @@ class NanodetM(OnnxDetector):
             ((picture - self.MEAN) / self.STD).transpose(2, 0, 1)[None]
         ), scale
 
-    def output_shapes(self) -> list[tuple[int, ...]]:
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
         cells = [self.size[0] // stride * (self.size[1] // stride) for stride in self.strides]
         return [(n, columns) for columns in (len(self.labels), 4 * self.BINS) for n in cells]
 
@@ -166,7 +183,7 @@ class Yolov8(OnnxDetector):
         blob = picture[:, :, ::-1].transpose(2, 0, 1)[None].astype(np.float32) / 255
         return np.ascontiguousarray(blob), scale
 
-    def output_shapes(self) -> list[tuple[int, ...]]:
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(4 + len(self.labels), len(self.cells))]
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
@@ -175,23 +192,88 @@ class Yolov8(OnnxDetector):
         centre, half = output[:, 0:2], output[:, 2:4] / 2
         return np.hstack([centre - half, centre + half]), output[:, 4:]
 
-    @classmethod
-    def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-        if "names" not in metadata:
-            return COCO_LABELS
-        try:
-            names = ast.literal_eval(metadata["names"])
-            labels = tuple(str(names[number]) for number in range(len(names)))
-        except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
-            raise UserError(
-                f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}"
-            ) from error
-        if not labels:
-            raise UserError(f"{weights}: metadata: names: the network has no classes")
-        return labels
+
+class Yolov5(Yolov8):
+    """Networks exported as Ultralytics' YOLOv5 is: one output (boxes, 5 + classes), three boxes a
+    cell, no suppression. Outputs behind the first one are not used.
+    """
+
+    name = "yolov5"
+    file_name = "yolov5.onnx"
+    more_outputs = True
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(3 * len(self.cells), 5 + len(self.labels))]
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Centre and extent in pixels of the network's picture; score = objectness * class."""
+        output = outputs[0].astype(np.float64)
+        centre, half = output[:, 0:2], output[:, 2:4] / 2
+        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
 
 
-_KINDS: tuple[type[ImageDetector], ...] = (YoloxNano, YoloxTiny, YoloxS, NanodetM, Yolov8)
+class Yolov10(Yolov8):
+    """Networks that give their best boxes themselves: YOLOv10, and exports of Ultralytics with
+    suppression inside (``nms=True``). One output (boxes, 6): left, top, right, bottom in pixels of
+    the network's picture, score, class.
+    """
+
+    name = "yolov10"
+    file_name = "yolov10.onnx"
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(None, 6)]
+
+    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        rows = outputs[0]
+        numbers = rows[:, 5]
+        if (rows[:, 2:4] < rows[:, 0:2] - 1e-3).any() or (numbers != np.rint(numbers)).any():
+            return "its rows are no left, top, right, bottom, score and class"
+        return ""
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        rows = outputs[0].astype(np.float64)
+        scores = np.zeros((len(rows), len(self.labels)))
+        number = rows[:, 5].astype(np.int64)
+        known = np.flatnonzero((number >= 0) & (number < len(self.labels)))
+        scores[known, number[known]] = rows[known, 4]
+        return rows[:, 0:4], scores
+
+
+class RtDetr(Yolov8):
+    """RT-DETR as Ultralytics exports it: one output (queries, 4 + classes), places as shares of the
+    network's picture. Pictures are put into a letter box, not stretched.
+    """
+
+    name = "rtdetr"
+    file_name = "rtdetr.onnx"
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(None, 4 + len(self.labels))]
+
+    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        if np.abs(outputs[0][:, :4]).max(initial=0.0) > 2:
+            return "its places are no shares of the picture"
+        return ""
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        """Centre and extent as shares, then the score of each class."""
+        output = outputs[0].astype(np.float64)
+        places = output[:, :4] * np.array([*self.size, *self.size])
+        centre, half = places[:, 0:2], places[:, 2:4] / 2
+        return np.hstack([centre - half, centre + half]), output[:, 4:]
+
+
+_KINDS: tuple[type[ImageDetector], ...] = (
+    YoloxNano,
+    YoloxTiny,
+    YoloxS,
+    NanodetM,
+    Yolov8,
+    Yolov5,
+    Yolov10,
+    RtDetr,
+)
 DETECTORS = {kind.name: kind for kind in _KINDS}
 
 
@@ -210,6 +292,7 @@ class DetectorSettings:
     threads : of the network
     batch : pictures that the network gets at a time
     encoding : of the pictures before the detector sees them
+    classes : the classes of labels of the network that have other names
     """
 
     name: str = "yolox_nano"
@@ -221,6 +304,7 @@ class DetectorSettings:
     threads: int = 1
     batch: int = 1
     encoding: Encoding = "raw"
+    classes: Mapping[str, str] = field(default_factory=dict)
 
     def opened(self) -> ImageDetector:
         """The detector with these settings. Raises UserError."""
@@ -232,6 +316,7 @@ class DetectorSettings:
             providers=self.providers,
             threads=self.threads,
             batch=self.batch,
+            classes=self.classes,
         )
 
 
@@ -244,19 +329,21 @@ def make_detector(
     providers: Sequence[str] = (CPU,),
     threads: int = 1,
     batch: int = 1,
+    classes: Mapping[str, str] | None = None,
 ) -> ImageDetector:
     """The detector of that name, or of a class of your own. Raises UserError.
 
     Parameters
     ----------
     name, weights, size, min_score : as in ``DetectorSettings``
-    providers, threads, batch : as there; only an ``OnnxDetector`` has them
+    providers, threads, batch, classes : as there; only an ``OnnxDetector`` has them
     """
     kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
     path = find_weights(kind.file_name, weights)
     network: dict[str, Any] = {}
     if isinstance(kind, type) and issubclass(kind, OnnxDetector):
         network = {"providers": providers, "threads": threads, "batch": batch}
+        network |= {"classes": classes} if classes else {}
     elif (threads, batch) != (1, 1):
         raise UserError(
             f"{name}: is no OnnxDetector, which alone can have several threads, "

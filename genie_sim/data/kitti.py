@@ -8,6 +8,7 @@ microseconds), and files are looked up by frame number (pykitti: by position in 
 after the first missing file).
 """
 
+import functools
 import hashlib
 import logging
 import re
@@ -18,9 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, within
+from genie_sim.data.files import matrices, numbers, within
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -28,6 +30,7 @@ log = logging.getLogger(__name__)
 CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 TRACKLETS = "tracklet_labels.xml"
+SAME_SHAPE = 0.02  # width by height may differ by this share
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
@@ -40,12 +43,48 @@ ATTRIBUTION = (
 @dataclass(frozen=True, slots=True)
 class SensorCalibration:
     """Where the sensors of a day's drives are mounted (4x4 transforms), and the 3x3 intrinsics of
-    the rectified cameras, by camera.
+    the rectified cameras, by camera. ``sizes``: the width and height [px] of their pictures, where
+    the calibration tells.
     """
 
     velo_SE3_imu: Array
     camera_SE3_velo: Mapping[str, Array]
     intrinsics: Mapping[str, Array]
+    sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Rectification:
+    """How pictures of ``size`` (width, height) of a camera become rectified ones of the size
+    ``to``: by its matrix (3, 3), its five coefficients of distortion, its turn (3, 3), and the
+    matrix (3, 3) of the rectified camera.
+    """
+
+    matrix: Array
+    distortion: Array
+    turn: Array
+    rectified: Array
+    size: tuple[int, int]
+    to: tuple[int, int]
+
+    @functools.cached_property
+    def _maps(self) -> tuple[np.ndarray, np.ndarray]:
+        import cv2
+
+        arguments = (self.matrix, self.distortion, self.turn, self.rectified, self.to)
+        across, down = cv2.initUndistortRectifyMap(*arguments, cv2.CV_32FC1)
+        return across, down
+
+    def __call__(self, path: Path, image: np.ndarray) -> np.ndarray:
+        """A picture rectified. Raises UserError for one of another size."""
+        import cv2
+
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            known = f"{self.size[0]}x{self.size[1]}"
+            raise UserError(f"{path}: has {width}x{height} pixels, the calibration {known}")
+        rectified: np.ndarray = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
+        return rectified
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +92,9 @@ class CameraFrame:
     """One picture on disk: its frame number, its camera's own time stamp, and where the camera was.
 
     ``stamp_ns`` is Unix time as KITTI's file gives it. ``intrinsics`` is the 3x3 matrix of the
-    rectified camera.
+    rectified camera, for pictures of ``size`` (width, height; ``None``: whatever they have).
+    ``scan`` is the number of the scan taken with it, if there is one. Where there is a
+    ``rectification``, the picture on disk needs it.
     """
 
     camera: str
@@ -62,6 +103,24 @@ class CameraFrame:
     image_path: Path
     world_SE3_camera: Array
     intrinsics: Array
+    size: tuple[int, int] | None = None
+    scan: int | None = None
+    rectification: Rectification | None = None
+
+    def intrinsics_of(self, size: tuple[int, int]) -> Array:
+        """The matrix for a picture of this width and height, which somebody may have made smaller.
+        Raises UserError for one of another shape.
+        """
+        if self.size is None or size == self.size:
+            return self.intrinsics
+        scale = np.array([size[0] / self.size[0], size[1] / self.size[1]])
+        if abs(scale[0] / scale[1] - 1) > SAME_SHAPE:
+            raise UserError(
+                f"{self.image_path}: has {size[0]}x{size[1]} pixels; the calibration is for "
+                f"{self.size[0]}x{self.size[1]}, another shape: nobody knows what was cut off"
+            )
+        scaled: Array = self.intrinsics * np.array([[scale[0]], [scale[1]], [1.0]])
+        return scaled
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +149,8 @@ class KittiDrive:
         path = self.scan_paths.get(index)
         if path is None:
             return None
+        if path.suffix == ".txt":
+            return numbers(path, 4)[:, :3]
         data = read_bytes(path)
         if len(data) % 16:
             raise UserError(
@@ -127,6 +188,7 @@ def open_drive(
     *,
     origin: Geodetic | None = None,
     allow_missing_scans: bool = False,
+    report: ImportReport | None = None,
 ) -> KittiDrive:
     """Open a drive such as ``2011_09_26/0005`` of a folder in KITTI's raw layout, with JPEG or PNG
     images.
@@ -143,8 +205,10 @@ def open_drive(
     origin : latitude [deg], longitude [deg], altitude [m] of the world's origin; ``None``: the
         drive's first GPS fix
     allow_missing_scans : whether frames may have no laser scan
+    report : is told what is left out and chosen
     """
     root = Path(root)
+    report = report or ImportReport(root)
     folder = _drive_folder(root, drive)
     day = folder.parent
     if not cameras or len(set(cameras)) != len(cameras):
@@ -152,15 +216,21 @@ def open_drive(
             f"cameras: {', '.join(cameras) or 'none'}: name each camera once, "
             f"out of {', '.join(CAMERAS)}"
         )
-    calibration = _calibration(day)
-    images = {camera: _images(folder, camera) for camera in cameras}
-    numbers = sorted({index for sequence in images.values() for index in sequence})
-    scan_paths = _numbered(folder / "velodyne_points" / "data", "bin")
+    calibration = day_calibration(day)
+    for camera in cameras:
+        if camera not in CAMERAS:
+            raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
+    images = {
+        camera: numbered_images(folder / f"image_{camera}" / "data", camera, report)
+        for camera in cameras
+    }
+    indices = sorted({index for sequence in images.values() for index in sequence})
+    scan_paths = numbered(folder / "velodyne_points" / "data", "bin")
     if not allow_missing_scans:
-        _check_scans(folder, numbers, scan_paths)
+        check_scans(folder / "velodyne_points" / "data", indices, scan_paths)
     oxts = folder / "oxts" / "data"
-    oxts_paths = _numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, numbers, oxts, origin)
+    oxts_paths = numbered(oxts, "txt")
+    origin, poses = _positions(oxts_paths, indices, oxts, origin, report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
         for camera in cameras
@@ -168,7 +238,7 @@ def open_drive(
     decisive = [day / name for name in CALIBRATION_FILES]
     decisive += [folder / f"image_{camera}" / "timestamps.txt" for camera in cameras]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
-    used = sorted(poses.keys() & set(numbers))
+    used = sorted(poses.keys() & set(indices))
     decisive += [
         paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths
     ]
@@ -226,24 +296,31 @@ def _drive_folder(root: Path, drive: str) -> Path:
     return folders[drive]
 
 
-def _numbered(folder: Path, extension: str) -> dict[int, Path]:
+def numbered(folder: Path, extension: str) -> dict[int, Path]:
     """Files by frame number, in ascending order."""
     paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
     return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
 
 
-def _images(folder: Path, camera: str) -> dict[int, Path]:
-    if camera not in CAMERAS:
-        raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
-    data = folder / f"image_{camera}" / "data"
-    images = _numbered(data, "png") or _numbered(data, "jpg")
-    if not images:
+def numbered_images(data: Path, camera: str, report: ImportReport) -> dict[int, Path]:
+    """The pictures of a camera, by frame number: PNG or JPEG, whichever each frame has. Raises
+    UserError for a folder without any.
+    """
+    png, jpg = numbered(data, "png"), numbered(data, "jpg")
+    if not (png or jpg):
         raise UserError(f"{data}: no images (0000000000.png or .jpg) of camera {camera}")
-    return images
+    both = len(png.keys() & jpg.keys())
+    report.leave_out(f"JPEG images of {camera} that are there as PNG, too", both)
+    images = jpg | png
+    return {index: images[index] for index in sorted(images)}
 
 
 def _positions(
-    paths: Mapping[int, Path], needed: Sequence[int], folder: Path, origin: Geodetic | None
+    paths: Mapping[int, Path],
+    needed: Sequence[int],
+    folder: Path,
+    origin: Geodetic | None,
+    report: ImportReport,
 ) -> tuple[Geodetic, dict[int, Array]]:
     """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others
     are warned of.
@@ -259,34 +336,40 @@ def _positions(
     for index in needed:
         if index not in packets:
             log.warning("%s: missing: frame %d is left out", folder / f"{index:010d}.txt", index)
+            report.leave_out("frames without a position")
     if origin is None:
         latitude, longitude, altitude = packets[min(packets)][:3].tolist()
         origin = (latitude, longitude, altitude)
     return origin, {index: world_SE3_imu(packet, origin) for index, packet in packets.items()}
 
 
-def _check_scans(folder: Path, numbers: Sequence[int], scan_paths: Mapping[int, Path]) -> None:
-    """Each frame needs a scan."""
-    data = folder / "velodyne_points" / "data"
+def check_scans(data: Path, indices: Sequence[int], scan_paths: Mapping[int, Path]) -> None:
+    """Raises UserError unless each frame has a scan."""
     if not scan_paths:
         raise UserError(f"{data}: no .bin files")
-    missing = [index for index in numbers if index not in scan_paths]
+    missing = [index for index in indices if index not in scan_paths]
     if missing:
-        name = data / f"{missing[0]:010d}.bin"
-        raise UserError(f"{name}: missing ({len(missing)} of {len(numbers)} frames have none)")
+        digits = len(next(iter(scan_paths.values())).stem)
+        name = data / f"{missing[0]:0{digits}d}.bin"
+        raise UserError(f"{name}: missing ({len(missing)} of {len(indices)} frames have none)")
 
 
-def _calibration(folder: Path) -> SensorCalibration:
+def day_calibration(folder: Path) -> SensorCalibration:
     """The calibration of a day. Raises UserError, naming the file and the matrix that is wrong."""
     cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
     names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
     names += [((f"R_rect_{camera}",), 3) for camera in CAMERAS]
-    camera_matrices = matrices(cameras, _calibration_rows(cameras), names)
+    rows = _calibration_rows(cameras)
+    camera_matrices = matrices(cameras, rows, names)
     projections = camera_matrices[: len(CAMERAS)]
     rectification = camera_matrices[len(CAMERAS)]
     camera0_SE3_velo = rigid(rectification, (0.0, 0.0, 0.0)) @ _rigid_of(velo_to_cam)
     camera_SE3_velo = {}
+    sizes = {}
     for camera, projection in zip(CAMERAS, projections, strict=True):
+        size = rows.get(f"S_rect_{camera}")
+        if size is not None and len(size) == 2 and min(size) >= 1 and within(size):
+            sizes[camera] = (round(float(size[0])), round(float(size[1])))
         if projection[0, 0] <= 0:
             raise UserError(f"{cameras}: P_rect_{camera}: its focal length is not positive")
         beside_m = projection[0, 3] / projection[0, 0]
@@ -298,6 +381,7 @@ def _calibration(folder: Path) -> SensorCalibration:
             camera: projection[:, :3]
             for camera, projection in zip(CAMERAS, projections, strict=True)
         },
+        sizes=sizes,
     )
 
 
@@ -320,26 +404,27 @@ def _calibration_rows(path: Path) -> Mapping[str, Array]:
     return rows
 
 
-def _frames(
-    folder: Path,
+def drive_frames(
+    path: Path,
     camera: str,
     images: Mapping[int, Path],
+    stamps_ns: Sequence[int],
     *,
     calibration: SensorCalibration,
     poses: Mapping[int, Array],
 ) -> list[CameraFrame]:
-    """The frames of a camera that have a position, in order of time.
+    """The frames of a camera that have a position, in order of time. Raises UserError for stamps
+    that do not fit.
 
     Parameters
     ----------
-    folder : the drive's
+    path : of the time stamps, to begin errors with
     camera : such as ``02``
     images : the pictures, by frame number
+    stamps_ns : by frame number
     calibration : of the drive's day
     poses : ``world_SE3_imu`` by frame number
     """
-    path = folder / f"image_{camera}" / "timestamps.txt"
-    stamps_ns = _stamps_ns(path)
     if max(images) >= len(stamps_ns):
         raise UserError(
             f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}"
@@ -362,8 +447,27 @@ def _frames(
                 image_path=image_path,
                 world_SE3_camera=poses[index] @ imu_SE3_camera,
                 intrinsics=calibration.intrinsics[camera],
+                size=calibration.sizes.get(camera),
+                scan=index,
             )
         )
+    return frames
+
+
+def _frames(
+    folder: Path,
+    camera: str,
+    images: Mapping[int, Path],
+    *,
+    calibration: SensorCalibration,
+    poses: Mapping[int, Array],
+) -> list[CameraFrame]:
+    """The frames of a camera of a raw drive that have a position, in order of time. The arguments
+    are those of ``drive_frames``; ``folder`` is the drive's.
+    """
+    path = folder / f"image_{camera}" / "timestamps.txt"
+    stamps_ns = stamps_ns_of(path)
+    frames = drive_frames(path, camera, images, stamps_ns, calibration=calibration, poses=poses)
     if not frames:
         raise UserError(
             f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here"
@@ -371,7 +475,7 @@ def _frames(
     return frames
 
 
-def _stamps_ns(path: Path) -> list[int]:
+def stamps_ns_of(path: Path) -> list[int]:
     """Time stamps by frame number, in Unix nanoseconds. There may be more of them than images."""
     stamps_ns = []
     for number, line in enumerate(read_text(path).split("\n"), start=1):

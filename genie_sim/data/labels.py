@@ -102,19 +102,21 @@ def _in_raw_drive(root: Path, name: str, trace: Trace) -> Iterator[KittiLabel]:
         root, name, sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
     )
     for camera, frames in trace.frames.items():
-        intrinsics = {frame.index: frame.intrinsics for frame in drive.frames[camera]}
+        taken = {frame.index: frame for frame in drive.frames[camera]}
         camera_SE3_velo = drive.camera_SE3_velo(camera)
         for frame in frames:
-            if frame.index not in intrinsics:
+            if frame.index not in taken:
                 raise UserError(
                     f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
                 )
+            size = (frame.width, frame.height)
+            intrinsics = taken[frame.index].intrinsics_of(size)
             for track, item in enumerate(objects):
                 i = frame.index - item.first
                 if not 0 <= i < len(item.centres):
                     continue
                 corners = transform(camera_SE3_velo, item.corners(i))
-                box = _box_of(corners, intrinsics[frame.index], (frame.width, frame.height))
+                box = _box_of(corners, intrinsics, size)
                 if box is None:
                     continue
                 centre = transform(drive.world_SE3_velo(frame.index), item.centres[i])

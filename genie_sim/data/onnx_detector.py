@@ -5,8 +5,10 @@ One thread unless told otherwise: then sums are made in the same order, and the 
 the same scores.
 """
 
-import hashlib
+import ast
+import threading
 from abc import ABC, abstractmethod
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
@@ -16,8 +18,9 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.core.caches.features import packed
-from genie_sim.core.classes import CANONICAL, ROAD_LABELS
+from genie_sim.core.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.core.messages import Box
+from genie_sim.data.onnx_files import read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -104,7 +107,10 @@ COCO_LABELS = (
     "toothbrush",
 )
 
+QUIET_LABELS = frozenset({*COCO_LABELS, *ROAD_LABELS, NO_CLASS})
+
 CPU = "CPUExecutionProvider"
+KINDS = {"tensor(float)": np.float32, "tensor(float16)": np.float16}  # of inputs
 
 # autowarefoundation/autoware, vision_darknet_detect: score_threshold and nms_threshold of its
 # launch file.
@@ -134,9 +140,10 @@ class OnnxDetector(ABC):
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
-    ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
-    outputs mean (``decode``). ``gap`` names the feature that the mean over the backbone's last
-    activation makes, for networks that pool at several sizes there.
+    ``outputs`` it has (``more_outputs``: others may follow, which are not used) and of which
+    shapes, how it wants a picture (``prepare``) and what its outputs mean (``decode``). ``gap``
+    names the feature that the mean over the backbone's last activation makes, for networks that
+    pool at several sizes there.
     """
 
     name: ClassVar[str]
@@ -144,6 +151,7 @@ class OnnxDetector(ABC):
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
     outputs: ClassVar[int] = 1
+    more_outputs: ClassVar[bool] = False
     gap: ClassVar[str] = ""
 
     def __init__(
@@ -155,6 +163,7 @@ class OnnxDetector(ABC):
         providers: Sequence[str] = (CPU,),
         threads: int = 1,
         batch: int = 1,
+        classes: Mapping[str, str] | None = None,
     ) -> None:
         """Loads ``weights``. Raises UserError where they are no such network, or a setting is
         impossible.
@@ -167,10 +176,11 @@ class OnnxDetector(ABC):
         providers : ONNX Runtime's execution providers, best first
         threads : of the network
         batch : pictures that it gets at a time
+        classes : the classes of labels of the network that have other names
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        network = read_network(weights, self.outputs)
+        network, self.sha256 = read_network(weights, self.outputs, more_outputs=self.more_outputs)
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -185,19 +195,58 @@ class OnnxDetector(ABC):
                 f"more than {MAX_PIXELS:,} pixels"
             )
         self.min_score, self.threads, self.batch = min_score, threads, batch
-        self.sha256 = hashlib.sha256(weights.read_bytes()).hexdigest()
         self.labels = self.labels_of(
             weights, {entry.key: entry.value for entry in network.metadata_props}
         )
+        self._classes = tuple((classes or {}).get(label, label) for label in self.labels)
+        if not ROAD_LABELS & {*self._classes}:
+            some = ", ".join(self.labels[:8])
+            raise UserError(
+                f"{weights}: none of the network's classes ({some}) is of a road: say "
+                f"--map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}"
+            )
+        self._unused: Counter[str] = Counter()
+        self._lock = threading.Lock()
         self.cells, self.cell_strides = _cells(self.size, self.strides)
         self._session = self._opened(weights, network, providers)
         self._input = self._session.get_inputs()[0].name
+        kind = self._session.get_inputs()[0].type
+        if kind not in KINDS:
+            raise UserError(
+                f"{weights}: its input is a {kind}; known: {', '.join(KINDS)}: export it so"
+            )
+        self._kind = KINDS[kind]
         self._check(weights)
 
     @classmethod
     def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
-        """The names of the network's classes, in the order of its outputs."""
-        return COCO_LABELS
+        """The names of the network's classes, in the order of its outputs: those in the file's
+        metadata (``names``), else COCO's.
+        """
+        if "names" not in metadata:
+            return COCO_LABELS
+        try:
+            names = ast.literal_eval(metadata["names"])
+            labels = tuple(str(names[number]) for number in range(len(names)))
+        except (ValueError, SyntaxError, KeyError, TypeError, MemoryError, RecursionError) as error:
+            raise UserError(
+                f"{weights}: metadata: names: not a list of classes: {metadata['names'][:60]!r}"
+            ) from error
+        if not labels:
+            raise UserError(f"{weights}: metadata: names: the network has no classes")
+        return labels
+
+    @property
+    def unused(self) -> dict[str, int]:
+        """How many objects were found so far, by each of the network's labels that is no class of a
+        road; those of COCO, which nobody expects there, do not count.
+        """
+        return {label: self._unused[label] for label in self._classes if label not in QUIET_LABELS}
+
+    @property
+    def notes(self) -> list[str]:
+        """What was found out about the network that a user may want to know."""
+        return []
 
     @abstractmethod
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
@@ -206,8 +255,14 @@ class OnnxDetector(ABC):
         """
 
     @abstractmethod
-    def output_shapes(self) -> list[tuple[int, ...]]:
-        """The shapes of the outputs of one picture."""
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        """The shapes of the outputs of one picture; ``None``: any number."""
+
+    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        """Why the outputs for a grey picture cannot mean what ``decode`` takes them for; ``""``:
+        they can.
+        """
+        return ""
 
     @abstractmethod
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
@@ -222,10 +277,13 @@ class OnnxDetector(ABC):
         last fills the rest.
         """
         filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
-        outputs = self._session.run(
-            None, {self._input: filled[0] if self.batch == 1 else np.concatenate(filled)}
-        )
-        return [[output[i] for output in outputs] for i in range(len(blobs))]
+        blob = filled[0] if self.batch == 1 else np.concatenate(filled)
+        outputs = self._session.run(None, {self._input: blob.astype(self._kind, copy=False)})
+        plain = [
+            output.astype(np.float32) if output.dtype == np.float16 else output
+            for output in outputs
+        ]
+        return [[output[i] for output in plain] for i in range(len(blobs))]
 
     def found(
         self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
@@ -233,7 +291,17 @@ class OnnxDetector(ABC):
         """Road users and furniture in a picture of (width, height), best score first."""
         boxes, scores = self.decode(outputs[: self.outputs])
         limits = np.array([*image_size, *image_size], dtype=np.float64)
-        return best_boxes(np.clip(boxes / scale, 0.0, limits), scores, self.min_score, self.labels)
+        unused: Counter[str] = Counter()
+        found = best_boxes(
+            np.clip(boxes / scale, 0.0, limits),
+            scores,
+            self.min_score,
+            self._classes,
+            unused=unused,
+        )
+        with self._lock:
+            self._unused += unused
+        return found
 
     def features(self, outputs: Sequence[np.ndarray]) -> dict[str, bytes]:
         """What the network itself tells of the picture as a whole, by name."""
@@ -286,16 +354,34 @@ class OnnxDetector(ABC):
             outputs = self.infer_many([blob] * self.batch)[-1]
         shapes = [output.shape for output in outputs[: self.outputs]]
         expected = self.output_shapes()
-        if shapes != expected:
+        if not all(map(_fits, shapes, expected)):
+            wanted = ", ".join(str(shape).replace("None", "any") for shape in expected)
             raise UserError(
                 f"{weights}: is no {self.name} network: its output is "
-                f"{', '.join(map(str, shapes))}, expected {', '.join(map(str, expected))}"
+                f"{', '.join(map(str, shapes))}, expected {wanted}{self._hint(shapes)}"
             )
+        if doubt := self.doubt(outputs):
+            raise UserError(f"{weights}: is no {self.name} network: {doubt}")
         if self.batch > 1 and not self._tells_pictures_apart():
             raise UserError(
                 f"{weights}: does not support batch size {self.batch}: images of one batch "
                 "influence each other"
             )
+
+    def _hint(self, shapes: Sequence[tuple[int, ...]]) -> str:
+        """Which detector's output has such a shape."""
+        cells, classes = len(self.cells), len(self.labels)
+        layouts = {
+            "yolov8": (4 + classes, cells),
+            "yolox_nano": (cells, 5 + classes),
+            "yolov5": (3 * cells, 5 + classes),
+            "yolov10": (None, 6),
+            "rtdetr": (None, 4 + classes),
+        }
+        for name, layout in layouts.items():
+            if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):
+                return f"; --detector {name} has such an output"
+        return ""
 
     def _tells_pictures_apart(self) -> bool:
         """Whether a picture of a batch gives the same wherever it stands, and not what another one
@@ -313,31 +399,10 @@ class OnnxDetector(ABC):
         return all(same) and not all(map(np.array_equal, first[0], first[1]))
 
 
-def read_network(weights: Path, outputs: int) -> Any:
-    """The ONNX network in a file, with one picture as its input. Raises UserError for any other
-    file.
-    """
-    import onnx
-
-    with as_user_error(f"{weights}: not an ONNX network", Exception):
-        network = onnx.load(str(weights), load_external_data=False)
-        onnx.checker.check_model(network)
-    graph = network.graph
-    constants = {tensor.name for tensor in graph.initializer}
-    inputs = [value for value in graph.input if value.name not in constants]
-    if len(inputs) != 1 or len(graph.output) != outputs:
-        raise UserError(
-            f"{weights}: has {len(inputs)} inputs and {len(graph.output)} outputs, "
-            f"expected 1 and {outputs}"
-        )
-    if len(inputs[0].type.tensor_type.shape.dim) != 4:
-        count = len(inputs[0].type.tensor_type.shape.dim)
-        raise UserError(f"{weights}: its input has {count} dimensions, expected 4 (a picture)")
-    # Initializers listed as inputs cannot be folded, and recorded shapes are those of the exported
-    # size.
-    del graph.input[:], graph.value_info[:]
-    graph.input.extend(inputs)
-    return network
+def _fits(shape: Sequence[int], layout: Sequence[int | None]) -> bool:
+    return len(shape) == len(layout) and all(
+        wanted in (None, size) for size, wanted in zip(shape, layout, strict=True)
+    )
 
 
 def add_last_activation(graph: Any) -> bool:
@@ -411,6 +476,7 @@ def best_boxes(
     *,
     iou: float = NMS_IOU,
     same_object: Mapping[str, str] = CANONICAL,
+    unused: Counter[str] | None = None,
 ) -> list[DetectedBox]:
     """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the
     best stays. Classes in ``same_object`` count as the one they are mapped to.
@@ -427,6 +493,7 @@ def best_boxes(
     classes : the names of the columns of ``scores``
     iou : intersection over union
     same_object : class by class
+    unused : counts the boxes of labels that are neither of a road nor COCO's
     """
     if not len(scores):
         return []
@@ -434,6 +501,8 @@ def best_boxes(
     best = scores.max(axis=1).round(SCORE_DECIMALS)
     likely = np.flatnonzero((best >= min_score) & np.isfinite(boxes).all(axis=1))
     labels = [classes[number] for number in scores[likely].argmax(axis=1)]
+    if unused is not None:
+        unused.update(label for label in labels if label not in QUIET_LABELS)
     candidates = [
         DetectedBox(label, float(best[i]), tuple(boxes[i].tolist()))
         for i, label in zip(likely, labels, strict=True)

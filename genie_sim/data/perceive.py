@@ -2,12 +2,14 @@
 
 import importlib.metadata
 import os
-from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.core.classes import SIZES, VEHICLES
@@ -15,9 +17,12 @@ from genie_sim.core.geometry import Geodetic
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings, ImageDetector
 from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
+from genie_sim.data.kitti_sequences import ATTRIBUTIONS, open_sequence_of
+from genie_sim.data.kitti_unsynced import open_unsynced, unsynced_folder
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
+from genie_sim.data.trace_report import tell_frames, tell_network
 from genie_sim.data.tracking import TRACKING, tracking_trace
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
@@ -42,7 +47,8 @@ class DriveFrames:
 
     Parameters
     ----------
-    drive : such as ``2011_09_26/0005``, or ``tracking/0005`` for a tracking sequence
+    drive : such as ``2011_09_26/0005``, ``odometry/05`` or ``kitti360/0003``, or ``tracking/0005``
+        for a tracking sequence
     cameras : colour cameras of a raw drive
     numbers : the frame numbers to look at; ``None``: all
     origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
@@ -62,6 +68,7 @@ def perceive(
     detector: DetectorSettings = DEFAULT_DETECTOR,
     *,
     progress: Progress | None = None,
+    report: ImportReport | None = None,
 ) -> Trace:
     """The trace of a KITTI drive. The same input gives the same trace. Raises UserError.
 
@@ -71,28 +78,26 @@ def perceive(
     frames : what to look at
     detector : what looks; at a tracking sequence ``pointrcnn`` or ``rrc``, as published
     progress : is called with the frames done and all frames
+    report : is told what was read, left out and chosen
     """
     root = kitti_folder(kitti_root)
+    report = report or ImportReport(root)
     if frames.drive.startswith(TRACKING):
         if (detector.threads, detector.batch, detector.encoding) != (1, 1, "raw"):
             raise UserError(
                 f"{frames.drive}: its detections are published ones: threads, batch and encoding "
                 "mean nothing"
             )
-        return tracking_trace(
+        trace = tracking_trace(
             root / "tracking",
             frames.drive.removeprefix(TRACKING),
             detector.name,
             min_score=detector.min_score,
             origin=frames.origin,
         )
-    drive = open_drive(
-        root,
-        frames.drive,
-        frames.cameras,
-        origin=frames.origin,
-        allow_missing_scans=frames.allow_missing_scans,
-    )
+        tell_frames(report, trace.frames)
+        return replace(trace, provenance={**trace.provenance, "import": report.facts()})
+    drive = _opened(root, frames, report)
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
     perceived = trace_frames(
@@ -103,8 +108,31 @@ def perceive(
         encoding=detector.encoding,
     )
     by_camera = _by_camera(perceived, len(camera_frames), progress)
-    about = _provenance(drive, network, detector) | {"features": feature_facts(by_camera)}
-    return Trace(f"kitti_{frames.drive.split('/')[1]}", drive.origin, by_camera, about)
+    tell_network(report, network)
+    _tell(drive, by_camera, report)
+    about = _provenance(drive, network, detector) | {
+        "features": feature_facts(by_camera),
+        "import": report.facts(),
+    }
+    set_name, _, number = frames.drive.partition("/")
+    name = f"{set_name}_{number}" if f"{set_name}/" in ATTRIBUTIONS else f"kitti_{number}"
+    return Trace(name, drive.origin, by_camera, about)
+
+
+def _tell(
+    drive: KittiDrive, by_camera: Mapping[str, Sequence[TraceFrame]], report: ImportReport
+) -> None:
+    """What was read, for the report: also which pictures have another size than the calibration."""
+    for camera, sequence in by_camera.items():
+        wanted = drive.calibration.sizes.get(camera)
+        sizes = Counter((frame.width, frame.height) for frame in sequence)
+        for (width, height), count in sizes.items():
+            if wanted is not None and (width, height) != wanted:
+                report.warn(
+                    f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
+                    f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
+                )
+    tell_frames(report, by_camera)
 
 
 def _by_camera(
@@ -133,15 +161,34 @@ def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[C
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
 
 
+def _opened(root: Path, frames: DriveFrames, report: ImportReport) -> KittiDrive:
+    """A raw drive, in step or not, or a sequence of the odometry benchmark or KITTI-360."""
+    opener = open_drive if unsynced_folder(root, frames.drive) is None else open_unsynced
+    if f"{frames.drive.partition('/')[0]}/" in ATTRIBUTIONS:
+        opener = open_sequence_of
+    return opener(
+        root,
+        frames.drive,
+        frames.cameras,
+        origin=frames.origin,
+        allow_missing_scans=frames.allow_missing_scans,
+        report=report,
+    )
+
+
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
-    """The image file of each camera and frame number; none for a tracking sequence."""
+    """The image file of each camera and frame number; none for a tracking sequence, and none for
+    pictures that would have to be rectified.
+    """
     if drive.startswith(TRACKING):
         return {}
-    frames = open_drive(root, drive, cameras, allow_missing_scans=True).frames
+    selection = DriveFrames(drive, cameras, allow_missing_scans=True)
+    frames = _opened(root, selection, ImportReport(root)).frames
     return {
         (camera, frame.index): frame.image_path
         for camera, sequence in frames.items()
         for frame in sequence
+        if frame.rectification is None
     }
 
 
@@ -164,7 +211,7 @@ def _provenance(
     if settings.encoding != "raw":
         parameters["encoding"] = settings.encoding
     return {
-        "data": ATTRIBUTION,
+        "data": ATTRIBUTIONS.get(f"{drive.name.partition('/')[0]}/", ATTRIBUTION),
         "drive": drive.name,
         "drive_sha256": drive.digest(),
         "detector": detector.name,

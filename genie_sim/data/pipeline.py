@@ -115,13 +115,16 @@ class _Stages:
         """A frame from the disk, as the network gets it."""
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
+        if frame.rectification is not None:
+            image = frame.rectification(frame.image_path, image)
         height, width = image.shape[:2]
         dhash, size_bytes = difference_hash(image), None
         if self._encoding != "raw":
             image, size_bytes = sent(image, self._encoding)
-        scan, ground = self._scanned(frame.index)
+        scan, ground = self._scanned(frame.scan)
         camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
         blob, scale = self.detector.prepare(image)
+        intrinsics = frame.intrinsics_of((width, height))
         return _Picture(
             world_SE3_camera=frame.world_SE3_camera,
             frame=trace_frame(
@@ -132,13 +135,11 @@ class _Stages:
                 digest=hashlib.sha256(data).hexdigest(),
                 dhash=dhash,
                 world_SE3_camera=frame.world_SE3_camera,
-                intrinsics=frame.intrinsics,
+                intrinsics=intrinsics,
                 features={"hsv": packed(hue_saturation(image))},
                 size_bytes=size_bytes,
             ),
-            placement=Placement(
-                frame.intrinsics, (width, height), camera_SE3_velo, scan, ground=ground
-            ),
+            placement=Placement(intrinsics, (width, height), camera_SE3_velo, scan, ground=ground),
             blob=blob,
             scale=scale,
         )
@@ -163,9 +164,9 @@ class _Stages:
         return replace(frame, detections=tuple(detections), features=features)
 
 
-def _scanned(drive: KittiDrive, index: int) -> tuple[Array | None, Plane]:
-    """The laser scan of a frame, if there is one, and the ground in it."""
-    scan = drive.scan(index)
+def _scanned(drive: KittiDrive, number: int | None) -> tuple[Array | None, Plane]:
+    """A laser scan, if there is one, and the ground in it."""
+    scan = None if number is None else drive.scan(number)
     return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
 
 

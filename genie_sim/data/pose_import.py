@@ -11,19 +11,21 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
+from genie_sim.base.tables import FileColumn, read_rows
 from genie_sim.base.units import NS_PER_S, NS_PER_US
-from genie_sim.core.classes import CANONICAL, MOVING_MPS
+from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.row_files import FileColumn, read_rows
 from genie_sim.data.trace import (
     ANGLE_DECIMALS,
     POSITION_DECIMALS,
@@ -45,6 +47,8 @@ SAME_TIME_S = 0.0005  # what differs by less is one instant
 MAX_TIME_S = 1e11
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 BEYOND_M = 10.0  # the truth is told so much beyond the range, for what is held a little off
+DRIVES_MPS = 1.0  # what is faster has a course
+ASKEW_RAD = math.radians(45.0)  # a sensor that looks farther away from it is worth a word
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
@@ -155,6 +159,8 @@ def import_recordings(
     *,
     sensor: Sensor = Sensor(),
     origin: Geodetic = ORIGIN,
+    classes: Mapping[str, str] = {},
+    report: ImportReport | None = None,
 ) -> dict[str, ImportedCar]:
     """The recordings of all cars of the tables, by the cars' names.
 
@@ -165,17 +171,26 @@ def import_recordings(
     truth : a file with the columns ``TRUTH``: objects at times; rows without a car count for all
     sensor : of every car
     origin : of the plane: latitude [deg], longitude [deg], altitude [m]
+    classes : the classes of labels that have other names; ``NO_CLASS``: such objects are left out
+    report : is told what was read
 
-    Raises UserError, naming file, line and column.
+    Raises UserError, naming file, line and column, and for what cannot be.
     """
-    by_car = _read_poses(poses)
-    detected, outside = _read_detections(detections, by_car, sensor)
+    report = report or ImportReport(poses)
+    by_car = _read_poses(poses, report)
+    detected, outside = _read_detections(detections, by_car, sensor, classes, report)
     files = [poses, detections] if truth is None else [poses, detections, truth]
     digests = {path.name: hashlib.sha256(read_bytes(path)).hexdigest() for path in files}
     if len(digests) < len(files):
         raise UserError(f"{files[-1]}: has the name of another of the tables; rename it")
     first_s = min(rows[0].time_s for rows in by_car.values())
-    provenance = {"source": "tables", "files": digests, "parameters": asdict(sensor)}
+    tracks = {} if truth is None else _read_truth(truth, by_car, classes, report)
+    provenance = {
+        "source": "tables",
+        "files": digests,
+        "parameters": asdict(sensor),
+        "import": report.facts(),
+    }
     key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
     sequence = f"{poses.stem}-{key[:12]}" if len(by_car) > 1 else None
     traces = {}
@@ -188,7 +203,6 @@ def import_recordings(
         traces[car] = Trace(car, origin, by_camera, {**provenance, "car": car}, sequence=sequence)
     if truth is None:
         return {car: ImportedCar(trace, None, outside[car]) for car, trace in traces.items()}
-    tracks = _read_truth(truth, by_car)
     recordings = {}
     for car, trace in traces.items():
         objects = tracks.get(None, tracks.get(car, []))
@@ -237,16 +251,10 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
     return car
 
 
-def _read_poses(path: Path) -> dict[str, list[_Pose]]:
-    by_car: dict[str, list[_Pose]] = {}
+def _read_poses(path: Path, report: ImportReport) -> dict[str, list[_Pose]]:
+    """The poses of each car, in order of time."""
+    rows_of: dict[str, list[tuple[str, _Pose, tuple[float, float]]]] = {}
     for where, (name, time_s, east_m, north_m, heading_deg, up_m) in read_rows(path, POSES):
-        car = _car(where, name)
-        rows = by_car.setdefault(car, [])
-        if rows and time_s - rows[-1].time_s <= 2 * SAME_TIME_S:
-            raise UserError(
-                f"{where}: time_s: {time_s:.15g} must be at least a millisecond after "
-                f"{rows[-1].time_s:.15g}, the time of {car}'s pose before"
-            )
         heading_rad = math.remainder(math.radians(heading_deg), math.tau)
         pose = CameraPose(
             round(east_m, POSITION_DECIMALS),
@@ -254,14 +262,65 @@ def _read_poses(path: Path) -> dict[str, list[_Pose]]:
             round(up_m or 0.0, POSITION_DECIMALS),
             round(heading_rad, ANGLE_DECIMALS),
         )
-        rows.append(_Pose(time_s, pose))
-    if not by_car:
+        row = (where, _Pose(time_s, pose), (east_m, north_m))
+        rows_of.setdefault(_car(where, name), []).append(row)
+    if not rows_of:
         raise UserError(f"{path}: has no poses")
+    by_car = {}
+    for car, rows in rows_of.items():
+        early = sum(after[1].time_s < before[1].time_s for before, after in pairwise(rows))
+        if early:
+            report.warn(f"{car}: {early:,} poses are earlier than the one before: sorted by time_s")
+            rows.sort(key=lambda row: row[1].time_s)
+        for (_, before, _), (where, after, _) in pairwise(rows):
+            if after.time_s - before.time_s <= 2 * SAME_TIME_S:
+                raise UserError(
+                    f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
+                    f"{before.time_s:.15g}, the time of {car}'s pose before"
+                )
+        by_car[car] = [row[1] for row in rows]
+        _tell_way(car, by_car[car], np.array([row[2] for row in rows]), report)
+    report.read("poses", sum(map(len, by_car.values())))
     return by_car
 
 
+def _tell_way(car: str, rows: Sequence[_Pose], places: Array, report: ImportReport) -> None:
+    """The way of a car, and whether it looks where it drives."""
+    times_s = [row.time_s for row in rows]
+    report.span("times", times_s, "s")
+    for name, values in zip(("east", "north"), places.T, strict=True):
+        report.span(name, values.tolist(), "m")
+    report.way(car, times_s, places)
+    step_m = np.diff(places, axis=0)
+    drives = np.hypot(*step_m.T) > DRIVES_MPS * np.diff(times_s)
+    if drives.any():
+        heading = np.array([row.pose[3] for row in rows])[:-1][drives]
+        course = np.arctan2(*step_m[drives].T[::-1])
+        off, as_radians = _apart_rad(heading, course), _apart_rad(np.degrees(heading), course)
+        is_small = np.abs(np.degrees(heading)).max() <= math.tau
+        if is_small and off > ASKEW_RAD / 3 and as_radians < off / 3:
+            report.refuse(
+                f"{car}: heading_deg fits the way driven as radians, not as degrees: call it "
+                "heading_rad"
+            )
+        if off > ASKEW_RAD:
+            report.warn(
+                f"{car}: heading_deg is {math.degrees(off):.0f} degrees beside the way driven: it "
+                "counts counter-clockwise from east; a compass bearing does not"
+            )
+
+
+def _apart_rad(heading: Array, course: Array) -> float:
+    """How far two directions are apart, in the median."""
+    return float(np.median(np.abs((heading - course + math.pi) % math.tau - math.pi)))
+
+
 def _read_detections(
-    path: Path, by_car: Mapping[str, Sequence[_Pose]], sensor: Sensor
+    path: Path,
+    by_car: Mapping[str, Sequence[_Pose]],
+    sensor: Sensor,
+    classes: Mapping[str, str],
+    report: ImportReport,
 ) -> tuple[dict[str, list[list[Detection]]], dict[str, int]]:
     """The detections of each frame of each car, best score first, and how many of a car lie outside
     its field of view.
@@ -270,6 +329,8 @@ def _read_detections(
         car: [[] for _ in rows] for car, rows in by_car.items()
     }
     outside = dict.fromkeys(by_car, 0)
+    count, unknown_labels = 0, 0
+    distances_m: list[float] = []
     times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
     for where, (name, time_s, label, east_m, north_m, score, up_m) in read_rows(path, DETECTIONS):
         car = _car(where, name, by_car)
@@ -280,6 +341,13 @@ def _read_detections(
                 f"{where}: time_s: {car} has no pose at {time_s:.15g}; the nearest is at "
                 f"{nearest_s:.15g}"
             )
+        count += 1
+        label = classes.get(label, label)
+        if label not in ROAD_LABELS:
+            unknown_labels += label != NO_CLASS
+            report.leave_label(label)
+            continue
+        pose = by_car[car][index].pose
         rounded_score = round(score, SCORE_DECIMALS)
         place = tuple(round(x, POSITION_DECIMALS) for x in (east_m, north_m, up_m or 0.0))
         detected[car][index].append(
@@ -292,8 +360,24 @@ def _read_detections(
                 method="table",
             )
         )
-        sector = ViewSector(by_car[car][index].pose, sensor.fov_rad)
-        outside[car] += sector.distance_m(east_m, north_m) is None
+        distances_m.append(math.hypot(east_m - pose[0], north_m - pose[1]))
+        outside[car] += ViewSector(pose, sensor.fov_rad).distance_m(east_m, north_m) is None
+    report.read("detections", len(distances_m))
+    report.span("detections", distances_m, "m away")
+    if 2 * unknown_labels > count:
+        labels = ", ".join(short_repr(label) for label, _ in report.unused.most_common(3))
+        report.refuse(
+            f"{unknown_labels:,} of {count:,} detections have labels that are no classes, such as "
+            f"{labels}: say --map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}",
+            path,
+        )
+    if distances_m and min(distances_m) > sensor.range_m + BEYOND_M:
+        report.refuse(
+            f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "
+            f"cars, beyond --range {sensor.range_m:g} m: are they in the car's frame, not on the "
+            "plane of its poses?",
+            path,
+        )
     for frames in detected.values():
         for found in frames:
             found.sort(key=lambda detection: -detection.score)
@@ -348,7 +432,10 @@ def _frame(
 
 
 def _read_truth(
-    path: Path, by_car: Mapping[str, Sequence[_Pose]]
+    path: Path,
+    by_car: Mapping[str, Sequence[_Pose]],
+    classes: Mapping[str, str],
+    report: ImportReport,
 ) -> dict[str | None, list[_Track]]:
     """The objects by the car for which they count, in the order in which they come first; ``None``:
     for all cars.
@@ -356,8 +443,13 @@ def _read_truth(
     numbers: dict[str, int] = {}
     tracks: dict[str | None, dict[str, _Track]] = {}
     for where, (name, time_s, item, label, *place, moving, visible, up_m) in read_rows(path, TRUTH):
+        label = classes.get(label, label)
+        if label == NO_CLASS:
+            report.leave_label(label)
+            continue
         if label not in CANONICAL:
-            raise UserError(f"{where}: label: {unknown('class', label, CANONICAL)}")
+            problem = unknown("class", label, CANONICAL)
+            raise UserError(f"{where}: label: {problem}; --map LABEL=CLASS, or ={NO_CLASS}")
         car = None if name is None else _car(where, name, by_car)
         if tracks and (None in tracks) != (car is None):
             raise UserError(f"{where}: car: must be given in every row or in none")
@@ -379,6 +471,7 @@ def _read_truth(
         track.visible.append(visible)
     if not tracks:
         raise UserError(f"{path}: has no objects")
+    report.read("objects of the truth", len(numbers))
     return {car: list(of_car.values()) for car, of_car in tracks.items()}
 
 

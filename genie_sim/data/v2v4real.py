@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded, read_bytes
 from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose
@@ -27,6 +28,7 @@ from genie_sim.data import ego_motion
 from genie_sim.data.ego_motion import EgoMotion, in_world
 from genie_sim.data.files import lines, within
 from genie_sim.data.trace import ANGLE_DECIMALS, POSITION_DECIMALS, Trace, TraceFrame, detection
+from genie_sim.data.trace_report import tell_frames
 from genie_sim.data.truth_table import TruthRow, TruthTable
 
 VARIABLE = "GENIE_SIM_V2V4REAL"
@@ -122,6 +124,7 @@ def recordings(
     partner: int | None = None,
     min_score: float = LOWEST_SCORE,
     range_m: float = RANGE_M,
+    report: ImportReport | None = None,
 ) -> dict[str, CarRecording]:
     """What both cars of a sequence recorded, by the car's name, on one clock.
 
@@ -134,7 +137,9 @@ def recordings(
     partner : the label of the other car; ``None``: the one that is known of this sequence
     min_score : the lowest score of a detection that is kept
     range_m : objects up to this distance are judged
+    report : is told what was read
     """
+    report = report or ImportReport(root)
     files = read_files(root, sequence)
     partner = _partner(files, partner)
     motion = ego_motion.recovered(
@@ -159,13 +164,19 @@ def recordings(
         "partner": partner,
         "parameters": {"min_score": min_score},
     }
-    objects = _objects(files, motion, range(first, end))
-    made = {}
-    for car in CARS:
-        frames = tuple(
+    frames_of = {
+        car: tuple(
             _frame(files, car, number, poses=(motion.poses[number], own), stamp=number - first)
             for number, own in enumerate(poses[car], start=first)
         )
+        for car in CARS
+    }
+    report.leave_out("frames without the other car", len(files.labels) - (end - first))
+    tell_frames(report, frames_of)
+    about["import"] = report.facts()
+    objects = _objects(files, motion, range(first, end))
+    made = {}
+    for car, frames in frames_of.items():
         name = f"v2v4real_{sequence.replace('/', '_')}_{car}"
         whole = Trace(name, ORIGIN, {SENSOR: frames}, about, sequence=f"v2v4real/{sequence}")
         trace = whole.at_least(min_score)

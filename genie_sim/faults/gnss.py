@@ -85,8 +85,9 @@ class Gnss:
 
     def begin(self, network: AffectedNetwork) -> None:
         if self._bend is None:
+            (rng,) = network.stream("gnss", self.target).spawn(1)  # no other fault draws from it
             error = PositionError(
-                network.stream("gnss", self.target),
+                rng,
                 bias_m=self.bias_m,
                 noise_m=self.noise_m,
                 correlation_ns=self.correlation_ns,

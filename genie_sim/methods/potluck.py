@@ -4,8 +4,7 @@ ASPLOS 2018).
 
 from collections.abc import Hashable
 
-import numpy as np
-
+from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import FeatureKey
@@ -13,6 +12,7 @@ from genie_sim.core.eviction import TTL
 from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.similarity import SimilarityCaching, at_least, share
+from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 
 
@@ -53,8 +53,8 @@ class AdaptiveThresholdCache(SimilarityCache):
     ----------
     capacity : Capacity or None
         A limit in entries or bytes; ``None``: no limit.
-    rng : Generator
-        Draws which hits are dropped.
+    draws : Draws
+        Say at which frames hits are dropped.
     replay : {"camera", "world"}
         Where the objects of a replayed answer are (see ``SimilarityCache``).
     dropout : float
@@ -72,7 +72,7 @@ class AdaptiveThresholdCache(SimilarityCache):
     def __init__(
         self,
         capacity: Capacity | None,
-        rng: np.random.Generator,
+        draws: Draws,
         *,
         replay: Replay = "world",
         dropout: float = 0.1,
@@ -84,14 +84,14 @@ class AdaptiveThresholdCache(SimilarityCache):
         self._importance = ImportanceEviction(ttl_ns)
         super().__init__(self._importance, capacity, replay)
         self.reach = 0.0
-        self._rng = rng
+        self._draws = draws
         self._dropout = dropout
         self._warm = warm
         self._tighten = tighten
         self._keep = keep
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
-        if self._rng.random() < self._dropout:
+        if self._draws.uniform(frame_key(key.header)) < self._dropout:
             return None
         return super().choose(key, now_ns)
 
@@ -144,7 +144,7 @@ class Potluck(SimilarityCaching):
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return AdaptiveThresholdCache(
             capacity,
-            host.stream("potluck"),
+            host.draws("potluck"),
             replay=self.replay,
             dropout=self._dropout,
             warm=self._warm,

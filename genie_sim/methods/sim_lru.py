@@ -2,13 +2,13 @@
 Vassilvitskii, PODS 2009).
 """
 
-import numpy as np
-
+from genie_sim.base.seeds import Draws
 from genie_sim.core.caches.cache import Replay, SimilarityCache
 from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.similarity import SimilarityCaching, at_least
+from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 
 
@@ -29,18 +29,19 @@ class RandomNearestCache(NearestCache):
         self,
         capacity: Capacity | None,
         radius: float,
-        rng: np.random.Generator,
+        draws: Draws,
         replay: Replay = "world",
     ) -> None:
         super().__init__(capacity, radius, replay)
-        self._rng = rng
+        self._draws = draws
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
         nearest = self.near(key, 1, now_ns, self.reach)
         if not nearest:
             return None
         distance, stored = nearest[0]
-        is_hit = self._rng.random() * self.reach < self.reach - distance
+        drawn = self._draws.uniform(frame_key(key.header))
+        is_hit = drawn * self.reach < self.reach - distance
         return stored if is_hit or distance == 0 else None
 
 
@@ -66,4 +67,4 @@ class RndLRU(SimLRU):
     title = "RND-LRU"
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
-        return RandomNearestCache(capacity, self.radius, host.stream("rnd_lru"), self.replay)
+        return RandomNearestCache(capacity, self.radius, host.draws("rnd_lru"), self.replay)

@@ -62,9 +62,9 @@ def improvements(evidence: Evidence, answer: str = "first") -> dict[str, Values]
 
 
 def _c1(evidence: Evidence, claim: Claim) -> Finding:
-    fresh = np.mean(list(improvements(evidence, "fresh").values()))
+    results = np.mean(list(improvements(evidence, "result").values()))
     average = np.mean(list(improvements(evidence).values()), axis=0)
-    return matches(claim, average, note=f"fresh result: {100 * fresh:.0f} %")
+    return matches(claim, average, note=f"results: {100 * results:.0f} %")
 
 
 def _c2(evidence: Evidence, claim: Claim) -> Finding:
@@ -75,8 +75,8 @@ def _c2(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c3(evidence: Evidence, claim: Claim) -> Finding:
     worst = np.min([evidence.of(s, Fact("under_deadline_share")) for s in ALL], axis=0)
-    fresh = np.min([evidence.of(s, Fact("fresh_under_deadline_share")) for s in ALL])
-    return above(claim, worst, note=f"worst scenario; fresh result: {100 * fresh:.0f} %")
+    results = np.min([evidence.of(s, Fact("result_under_deadline_share")) for s in ALL])
+    return above(claim, worst, note=f"worst scenario; results: {100 * results:.0f} %")
 
 
 def _c4(evidence: Evidence, claim: Claim) -> Finding:

@@ -35,9 +35,11 @@ FROM_STAMP = "_from_stamp"  # ends the names of times that count from the camera
 TIMED = (
     "first_answer_",
     "fresh_answer_",
-    "improvement_f",
+    "result_answer_",
+    "improvement_",
     "under_deadline_share",
     "fresh_under_deadline_share",
+    "result_under_deadline_share",
 )
 # metric -> its definitions, the usual one first
 CHOICES: dict[str, tuple[str, ...]] = {

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +22,12 @@ METHODS = (  # of the paper's evaluation
 
 FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
+# answer -> the share of frames that have it in time; a result is a detection, or a cached answer
+DEADLINES = {
+    "first": "under_deadline_share",
+    "fresh": "fresh_under_deadline_share",
+    "result": "result_under_deadline_share",
+}
 
 
 class Fact(NamedTuple):
@@ -89,8 +96,8 @@ def _of_metrics(rows: Iterable[Metric]) -> Facts:
 
 
 def _of_answers(frames: Columns) -> Facts:
-    """Of each method its times since it received a frame and since the camera's stamp, where the
-    metrics of the run do not have them, and the answers to the last third of the frames.
+    """Of each method its times since it received a frame and since the camera's stamp, and the
+    answers to the last third of the frames.
     """
     facts: Facts = {}
     from_stamp = frames.assign(received_ns=frames["stamp_ns"])
@@ -100,27 +107,25 @@ def _of_answers(frames: Columns) -> Facts:
             continue
         for rows, end in ((of_method, ""), (stamped, FROM_STAMP)):
             facts |= _of_times(rows, method, end)
-        for answer in ("first", "fresh"):
-            times_ms = frame_metrics.response_ms(stamped, answer)
-            deadline = "under_deadline_share" if answer == "first" else "fresh_under_deadline_share"
-            facts |= {
-                Fact(f"{answer}_answer_mean{FROM_STAMP}", method): _mean(times_ms),
-                Fact(f"{answer}_answer_p95{FROM_STAMP}", method): _percentiles(times_ms, [95])[0],
-                Fact(f"{deadline}{FROM_STAMP}", method): float(np.mean(times_ms < DEADLINE_MS)),
-            }
-        result_ms = frame_metrics.response_ms(of_method, "result")
-        facts[Fact("result_answer_mean", method)] = _mean(result_ms)
+            for answer, deadline in DEADLINES.items():
+                times_ms = frame_metrics.response_ms(rows, answer)
+                facts |= {
+                    Fact(f"{answer}_answer_mean{end}", method): _mean(times_ms),
+                    Fact(f"{answer}_answer_p95{end}", method): _percentiles(times_ms, [95])[0],
+                    Fact(f"{deadline}{end}", method): float(np.mean(times_ms < DEADLINE_MS)),
+                }
+        has_result = ~np.isnan(of_method.floats("result_answer_ns"))
+        facts[Fact("result_answered_share", method)] = float(has_result.mean())
         stamp_ns = of_method["stamp_ns"]
         late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
         for answer, metric in (("result", "late_result_share"), ("first", "late_answered_share")):
             answered = ~np.isnan(of_method.floats(f"{answer}_answer_ns"))
             facts[Fact(metric, method)] = float(answered[late].mean())
     for baseline in (method.name for method in METHODS if method.baseline):
-        for metric in ("result_answer", f"first_answer{FROM_STAMP}", f"fresh_answer{FROM_STAMP}"):
-            name, of_stamp, _ = metric.partition(FROM_STAMP)
-            ours, theirs = (Fact(f"{name}_mean{of_stamp}", m) for m in ("genie", baseline))
+        for name, end in product((f"{answer}_answer" for answer in DEADLINES), ("", FROM_STAMP)):
+            ours, theirs = (Fact(f"{name}_mean{end}", m) for m in ("genie", baseline))
             if ours in facts and theirs in facts:
-                improvement = Fact(f"improvement_{metric}", component=baseline)
+                improvement = Fact(f"improvement_{name}{end}", component=baseline)
                 facts[improvement] = 1 - ratio(facts[ours], facts[theirs])
     return facts
 

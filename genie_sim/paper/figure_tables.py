@@ -16,7 +16,7 @@ from genie_sim.record.tables import Column, Schema
 SCENARIO = Column("scenario", "text", "", "the scenario that was simulated")
 SEED = Column("seed", "int32", "", "its seed")
 DRAWN = {
-    FRAMES: ("method", "car", "received_ns", "first_answer_ns", "fresh_answer_ns"),
+    FRAMES: ("method", "car", "stamp_ns", "received_ns", "first_answer_ns", "fresh_answer_ns"),
     LOOKUPS: (
         "method",
         "t_ns",
@@ -28,6 +28,7 @@ DRAWN = {
         "hits",
         "updates",
         "boost_sum",
+        "entries",
     ),
 }
 SCHEMAS = {

@@ -40,29 +40,29 @@ NUMBERS = ("verdicts", "readings", "metrics", "quality")  # the files that hold 
 CLAIMED = ("id", "where", "claim", "test", "paper", "expect", "tolerance", "kind")
 COMPARED = [method.name for method in METHODS]
 BASELINES = [method.name for method in METHODS if method.baseline]
-# title, unit, first, fresh, the methods they are of
+# title, unit, first answer, result, the methods they are of
 ANSWERS: tuple[tuple[str, str, str, str, list[str]], ...] = (
-    ("Mean", "ms", "first_answer_mean", "fresh_answer_mean", COMPARED),
-    ("95th percentile", "ms", "first_answer_p95", "fresh_answer_p95", COMPARED),
+    ("Mean", "ms", "first_answer_mean", "result_answer_mean", COMPARED),
+    ("95th percentile", "ms", "first_answer_p95", "result_answer_p95", COMPARED),
     (
         f"Share of published frames answered in {DEADLINE_MS} ms",
         "1",
         "under_deadline_share",
-        "fresh_under_deadline_share",
+        "result_under_deadline_share",
         COMPARED,
     ),
     (
         "Share of published frames answered at all",
         "1",
         "answered_share",
-        "fresh_answered_share",
+        "result_answered_share",
         COMPARED,
     ),
     (
         "Improvement of Genie's mean over local and remote",
         "1",
         "improvement_first_answer",
-        "improvement_fresh_answer",
+        "improvement_result_answer",
         BASELINES,
     ),
 )
@@ -127,7 +127,7 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
         "claims": list(_claims(rows)),
         "improvement": [
             _of(metrics, "all", Fact(meant(f"improvement_{answer}_answer", definitions)))
-            for answer in ("first", "fresh")
+            for answer in ("first", "result")
         ],
         "answers": list(_answers(metrics, definitions)),
         "metrics": [
@@ -180,9 +180,9 @@ def _fact(row: Mapping[str, Any]) -> Fact:
 
 
 def _answers(metrics: Measured, definitions: Definitions) -> Iterator[dict[str, Any]]:
-    """The same measure of the first and of the fresh answer, scenario by scenario."""
+    """The same measure of the first answer and of the result, scenario by scenario."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
-    for title, unit, first, fresh, methods in ANSWERS:
+    for title, unit, first, result, methods in ANSWERS:
         intervals = {
             answer: {
                 of: [
@@ -191,7 +191,7 @@ def _answers(metrics: Measured, definitions: Definitions) -> Iterator[dict[str, 
                 ]
                 for of in methods
             }
-            for answer, metric in (("first", first), ("fresh", fresh))
+            for answer, metric in (("first", first), ("result", result))
         }
         yield {"title": title, "unit": unit, "scenarios": scenarios, "methods": methods} | intervals
 

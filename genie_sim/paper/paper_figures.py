@@ -1,55 +1,77 @@
-"""The figures of the evaluation: those of the paper's Section V over all seeds, in the paper's
-arrangement, homogeneous above heterogeneous.
+"""The figures of the evaluation: those of the paper's Section V over all seeds, in its arrangement
+and with the metrics as the first reading means them. What the paper prints stands in them as marks.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from genie_sim.analysis import figures, frame_metrics, genie_metrics, style
-from genie_sim.analysis.drawing import in_style, is_narrow, letter_panels
-from genie_sim.analysis.latency_cdf import latency_cdf
-from genie_sim.analysis.style import PAGE_IN
+from genie_sim.analysis import drawing, figures, frame_metrics, genie_metrics, latency_cdf, style
+from genie_sim.analysis.metric import WINDOW_REQUESTS
+from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.style import COLUMN_IN, PAGE_IN
+from genie_sim.base.text import percent_text
 from genie_sim.paper import figure_tables
-from genie_sim.paper.checks import ALL, CASE, HE, HO
+from genie_sim.paper.checks import ALL, CASE, HE, HO, load_claims
+from genie_sim.paper.definitions import CHOICES, Definitions
 from genie_sim.paper.facts import METHODS
 from genie_sim.record import provenance
-from genie_sim.record.columns import Columns, Text, concat
+from genie_sim.record.columns import Columns, concat
 
-TITLES = {
-    name: f"{name[0]} car{'s' if name[0] > '1' else ''}, {'hetero.' if name in HE else 'homo.'}"
-    for name in ALL
+CLUSTERS = {"homogeneous": HO, "heterogeneous": HE}
+CARS = ("1 car", "2 cars", "3 cars")  # of each cluster's scenarios
+PLACES = {"edge": "remote Genies", "car": "local Genies"}
+CAR_LINES: dict[str, dict[str, Any]] = {  # the more cars, the darker
+    "1 car": {"color": "#66A9D8", "marker": "o"},
+    "2 cars": {"color": "#2F6FA8", "marker": "s"},
+    "3 cars": {"color": "#0A1F3C", "marker": "^"},
 }
-WRAPPED = {name: title.replace(", ", "\n") for name, title in TITLES.items()}
-OBJECTS_LINE: dict[str, Any] = {"color": "0.1", "marker": "o", "markersize": 3.5, "linewidth": 1.6}
-IMAGES_LINE: dict[str, Any] = {
-    "color": "0.55",
-    "marker": "s",
-    "markersize": 3.5,
-    "linewidth": 1.6,
-    "linestyle": (0, (4, 1.2)),
+PLACE_LINES: dict[str, dict[str, Any]] = {
+    "edge": {"linestyle": "-", "linewidth": 1.2},
+    "car": {"linestyle": (0, (3, 1.2)), "linewidth": 1.0},
 }
 FORMATS = ("svg", "png", "pdf")
+CURVE_POINTS = 400
+EVENTS = "recorded events"
+WHISKER: dict[str, Any] = {"color": "black", "linewidth": 0.8, "capsize": 2}
+MARK: dict[str, Any] = {"color": "black", "linestyle": "", "markersize": 4, "zorder": 5}
+HOLLOW = MARK | {"markerfacecolor": "white"}
+# what the paper prints, by the claim that says so: C2 is what is left of the time
+PRINTED = {claim.id: claim.expect for claim in load_claims()}
+# in words, what a reading means by the metrics
+TIMES = {"received": "since the node's queue", "stamp": "since the camera's stamp"}
+ERROR_BARS = {
+    "windows": f"lowest, highest {WINDOW_REQUESTS} requests",
+    "running": "lowest, highest running ratio",
+}
+REQUESTS = {"own_requests": "of clients", "all_requests": "of clients and neighbours"}
+BOOSTS = {"per_update": "boost per update", "per_object": "boost per stored object"}
 
 Row = Mapping[str, Any]
+Seeds = Sequence[Mapping[str, Columns]]
 
 
 def save(evaluation: Path, name: str) -> None:
-    """Draws a figure of an evaluation into its folder ``figures``, as SVG, PNG and PDF. Raises
-    OSError if a file cannot be written.
+    """Draws a figure of an evaluation as wide as a page into its folder ``figures``, and as wide
+    as a column into ``figures/column``, as SVG, PNG and PDF. Raises OSError if a file cannot be
+    written.
     """
-    figures.save(_kept_makers(evaluation)[name](), evaluation / "figures", name, FORMATS)
+    for folder, width_in in (("figures", PAGE_IN), ("figures/column", COLUMN_IN)):
+        figure = _kept_makers(evaluation, width_in)[name]()
+        figures.save_all({name: figure}, evaluation / folder, FORMATS)
 
 
-@lru_cache(maxsize=1)
-def _kept_makers(evaluation: Path) -> dict[str, Callable[[], Figure]]:
+@lru_cache(maxsize=2)
+def _kept_makers(evaluation: Path, width_in: float) -> dict[str, Callable[[], Figure]]:
     """What draws each figure: a process that draws several reads the tables once."""
-    return _makers(evaluation)
+    return _makers(evaluation, width_in)
 
 
 def of_evaluation(
@@ -66,132 +88,384 @@ def of_evaluation(
     return {name: make() for name, make in _makers(evaluation, width_in).items()}
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What is drawn, and how.
+
+    Parameters
+    ----------
+    tables : mapping of str to sequence
+        By scenario, of each seed the tables by name.
+    reading : str
+        The name of the reading.
+    definitions : Definitions
+        What it means by the metrics.
+    footer : str
+        Names the runs.
+    width_in : float
+        Of the figure.
+    """
+
+    tables: figure_tables.Tables
+    reading: str
+    definitions: Definitions
+    footer: str
+    width_in: float
+
+    def of_width(self, width_in: float) -> "Shown":
+        """The same in another width."""
+        return replace(self, width_in=width_in)
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether it stands in a column."""
+        return drawing.is_narrow(self.width_in)
+
+    def style(self) -> Any:
+        """The style in which it is drawn: with small text in a column."""
+        return drawing.in_small_style() if self.is_narrow else drawing.in_style()
+
+    def panels(
+        self, rows: int, columns: int, height_in: float, **options: Any
+    ) -> tuple[Figure, Any]:
+        """A figure with panels of about this height in a column; a page's are a quarter taller."""
+        figure = Figure(figsize=(self.width_in, rows * height_in * (1 if self.is_narrow else 1.25)))
+        return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+    def finish(self, figure: Figure, title: str, shows: str) -> Figure:
+        """The legend below; above, which reading and how many seeds, and what it ``shows``."""
+        seeds = len(self.tables[CASE])
+        note = f"reading {self.reading}, {seeds} seed{'s' * (seeds > 1)}: {shows}"
+        drawing.finish(figure, title, self.footer, figure.axes, note=note)
+        return figure
+
+    def frames(self, scenario: str) -> Columns:
+        """The frames of all seeds; ``received_ns`` is when their time begins."""
+        frames = concat([tables["frames"] for tables in self.tables[scenario]])
+        if self.definitions.time == "stamp":
+            frames = frames.assign(received_ns=frames["stamp_ns"])
+        return frames
+
+    def lookups(self, scenario: str, of_images: bool, **where: str) -> list[Columns]:
+        """Of each seed the look-ups of images, or of objects, that count as requests."""
+        if of_images and self.definitions.image_reuse == "own_requests":
+            where["requester"] = "client"
+        of_seeds = [tables["lookups"] for tables in self.tables[scenario]]
+        return [
+            rows.rows((rows["kind"] == "image") == of_images).where(**where) for rows in of_seeds
+        ]
+
+    def bars(self, scenario: str, of_images: bool) -> dict[str, tuple[float, float, float]]:
+        """By placement the mean reuse, and the lowest and highest ratio, all means over seeds."""
+        ratios_of = {
+            "windows": genie_metrics.windowed_reuse,
+            "running": genie_metrics.running_reuse,
+        }
+        ratios = ratios_of[self.definitions.error_bars]
+        bars = {}
+        for placement in PLACES:
+            of_seeds = [
+                rows
+                for rows in self.lookups(scenario, of_images, placement=placement)
+                if rows["requests"].sum()
+            ]
+            if of_seeds:
+                means = [np.mean([*genie_metrics.reuse(rows).values()]) for rows in of_seeds]
+                extremes = [ratios(rows)["ratio"] for rows in of_seeds]
+                low, high = (
+                    float(np.mean([end(values) for values in extremes if len(values)] or means))
+                    for end in (np.min, np.max)
+                )
+                bars[placement] = float(np.mean(means)), low, high
+        return bars
+
+
 def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callable[[], Figure]]:
-    """What draws each figure."""
+    """What draws each figure of an evaluation."""
+    worth = provenance.read_json(evaluation / "quality.json")
+    return makers_of(shown_of(evaluation, width_in or PAGE_IN), worth)
+
+
+def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> Shown:
+    """The runs of an evaluation's first reading, as it means the metrics. Raises ``UserError``."""
     tables = figure_tables.read(evaluation)
     first = provenance.read_json(evaluation / "readings.json")[0]
-    seeds = len(tables[CASE])
-    footer = f"genie-sim reproduce, {first['name']}: {', '.join(first['settings'])}, {seeds} seeds"
-    frames = {TITLES[name]: _pooled(tables[name], "frames") for name in (*HO, *HE)}
-    lookups = {WRAPPED[name]: _pooled(tables[name], "lookups") for name in (*HO, *HE)}
-    one_seed = {TITLES[name]: tables[name][0]["lookups"] for name in (*HO, *HE)}
-    drawing: dict[str, Any] = {"methods": METHODS, "footer": footer, "width_in": width_in}
-    of_first = drawing | {"footer": f"{footer}; the first seed"}
-    page_in = width_in or PAGE_IN
-    worth = provenance.read_json(evaluation / "quality.json")
+    meant = {metric: first["metrics"][metric]["definition"] for metric in CHOICES}
+    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"]]
+    footer = ", ".join([*parts, f"{len(tables[CASE])} seeds"])
+    return Shown(tables, first["name"], Definitions(**meant), footer, width_in)
+
+
+def makers_of(shown: Shown, worth: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure; ``worth``: the answer quality as ``quality`` makes it."""
     return {
-        "latency_cdf": partial(latency_cdf, frames, of="answered", **drawing),
-        "latency_cdf_of_published": partial(latency_cdf, frames, **drawing),
-        "image_reuse": partial(figures.image_reuse, lookups, **drawing),
-        "object_reuse": partial(figures.object_reuse, lookups, **drawing),
-        "confidence_boost": partial(figures.confidence_boost, one_seed, **of_first),
-        "case_study": partial(_case_study, tables[CASE], footer, page_in),
-        "worth": partial(_worth, worth, footer, page_in),
+        "latency_cdf": partial(_response_times, shown, "answered"),
+        "latency_cdf_of_published": partial(_response_times, shown, "published"),
+        "image_reuse": partial(_reuse, shown, of_images=True),
+        "object_reuse": partial(_reuse, shown, of_images=False),
+        "confidence_boost": partial(_boosts, shown),
+        "case_study": partial(_case_study, shown),
+        "worth": partial(_worth, shown, worth),
     }
 
 
-def _side_by_side(width_in: float, height_in: float, **options: Any) -> tuple[Figure, Any, Any]:
-    """A figure with two panels of a height; one below the other in a column."""
-    rows = 2 if is_narrow(width_in) else 1
-    figure = Figure(figsize=(width_in, rows * height_in), layout="constrained")
-    first, second = figure.subplots(rows, 3 - rows, **options)
-    return figure, first, second
-
-
-@in_style()
-def _case_study(seeds: Sequence[Mapping[str, Columns]], footer: str, width_in: float) -> Figure:
-    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
-    events: the running ratio hits / requests.
+def _response_times(shown: Shown, of: str) -> Figure:
+    """Response times of L, R and DG, a row of panels a cluster (paper: Fig. "cdf-time"). Of the
+    answered frames as in the paper; of the published ones with the fresh results, too.
     """
-    figure, left, right = _side_by_side(width_in, 2.8)
-    figure.set_label(
-        f"Vision-assisted driving: car2 has no cameras\n{footer}; reuse: the first seed"
-    )
-    objects, images = OBJECTS_LINE | {"marker": ""}, IMAGES_LINE | {"marker": ""}
-    genie = _pooled(seeds, "frames").where(method="genie")
-    for car, label, drawing in (
-        ("car2", "car2, no cameras", objects),
-        ("car1", "car1, cameras", images),
-    ):
-        values = frame_metrics.response_ms(genie.where(car=car), "first")
-        ordered = np.sort(values[~np.isnan(values)])
-        left.plot(ordered, np.arange(1, len(ordered) + 1) / len(ordered), label=label, **drawing)
-    left.axvline(41.0, color="black", linewidth=0.9, linestyle="--", label="41 ms (24 frames/s)")
-    left.set_xlabel("response time, first answer [ms]")
-    left.set_ylabel("share of frames")
-    lookups = seeds[0]["lookups"]
-    of_image = lookups["kind"] == "image"
-    for events, label, drawing in (
-        (lookups.rows(~of_image).where(genie="car2/genie"), "objects, car2 (no cameras)", objects),
-        (lookups.rows(of_image).where(genie="car1/genie"), "images, car1 (cameras)", images),
-    ):
-        ratios = genie_metrics.running_reuse(events)["ratio"]
-        right.plot(np.arange(1, len(ratios) + 1), ratios, label=label, **drawing)
-    right.set_xlabel("events (messages looked up)")
-    right.set_ylabel("running hits / requests")
-    right.set_ylim(0, 1.02)
-    right.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
-    for axis in (left, right):
-        axis.legend(loc="upper center", bbox_to_anchor=(0.5, -0.24), ncols=1)
-    letter_panels(figure)
-    return figure
+    frames = {scenario: shown.frames(scenario) for scenario in ALL}
+    means = {scenario: _mean_times(of_scenario) for scenario, of_scenario in frames.items()}
+    low, high = latency_cdf.limits_ms(frames.values())
+    low = min(low, *(0.8 * _improved_ms(of_scenario) for of_scenario in means.values()))
+    best = min(ALL, key=lambda name: means[name]["genie"] / max(means[name].values()))
+    with shown.style():
+        figure, grid = shown.panels(2, 3, 1.18, sharex=True, sharey=True)
+        for row, (cluster, scenarios) in zip(grid, CLUSTERS.items(), strict=True):
+            for axis, cars, scenario in zip(row, CARS, scenarios, strict=True):
+                for curve in latency_cdf.curves_of([frames[scenario]], METHODS):
+                    if curve.answer == latency_cdf.ANSWERED:
+                        latency_cdf.draw(axis, curve, end_ms=high, of=of, label=curve.method)
+                    elif of == "published":
+                        latency_cdf.draw(axis, curve, end_ms=high, of=of, label=None)
+                if of == "published":
+                    look = latency_cdf.FRESH_LOOK | {"color": "0.4"}
+                    axis.plot([], [], label="fresh results", **look)
+                latency_cdf.draw_deadline(axis)
+                if of == "answered":
+                    _mark_times(axis, means[scenario], is_best=scenario == best)
+                axis.set_title(cars)
+                axis.set_ylim(0, 1.02)
+                drawing.logarithmic_x(axis, low, high, (1,) if shown.is_narrow else (1, 2, 5))
+                axis.set_xlabel("response time [ms]")
+                axis.set_ylabel(f"{cluster},\nshare of frames")
+                axis.label_outer()
+        shows = f"first answers {TIMES[shown.definitions.time]}, of {of} frames"
+        return shown.finish(figure, f"Response time, share of {of} frames", shows)
 
 
-@in_style()
-def _worth(rows: Sequence[Row], footer: str, width_in: float) -> Figure:
-    """Precision, recall and ghosts of what the consumer holds, for L, R and DG; ``rows`` as
+def _mean_times(frames: Columns) -> dict[str, float]:
+    """The mean time to the first answer [ms] under each method."""
+    return {
+        method.name: float(
+            np.nanmean(frame_metrics.response_ms(frames.where(method=method.name), "first"))
+        )
+        for method in METHODS
+    }
+
+
+def _improved_ms(means: Mapping[str, float]) -> float:
+    """The mean time of Genie that is the paper's average improvement below L and R."""
+    local, remote, _ = (means[method.name] for method in METHODS)
+    return (1 - PRINTED["C1"]) * 2 / (1 / local + 1 / remote)
+
+
+def _mark_times(axis: Axes, means: Mapping[str, float], is_best: bool) -> None:
+    """The mean of Genie, and where the paper's improvements put it: the average over L and R, and
+    the best one of all in the panel that ``is_best``.
+    """
+    overhead_ms = PRINTED["C27"]
+    line: dict[str, Any] = {"color": "0.35", "linewidth": 0.9, "linestyle": ":"}
+    axis.axvline(overhead_ms, label=f"paper: overhead {overhead_ms:g} ms", **line)
+    axis.plot(means["genie"], 0.5, marker="D", label="mean of DG here", **MARK)
+    label = f"paper: {percent_text(PRINTED['C1'])} below L and R"
+    axis.plot(_improved_ms(means), 0.5, marker="D", label=label, **HOLLOW)
+    if is_best:
+        label = f"paper: at best {percent_text(1 - PRINTED['C2'])} below"
+        best_ms = PRINTED["C2"] * max(means.values())
+        axis.plot(best_ms, 0.75, marker="v", label=label, **HOLLOW)
+
+
+def _reuse(shown: Shown, of_images: bool) -> Figure:
+    """Image or object reuse of local and of remote Genies, a panel a cluster (paper: Figs.
+    "reuse-img", "reuse-obj"). Bars are means over Genies and seeds; error bars are the lowest and
+    the highest ratio, means over seeds.
+    """
+    what = "image reuse" if of_images else "object reuse"
+    bars = {scenario: shown.bars(scenario, of_images) for scenario in ALL}
+    means = {kind: _mean_bar(shown, kind) for kind in (True, False)}
+    with shown.style():
+        figure, grid = shown.panels(1, 2, 1.5, sharey=True)
+        for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
+            for side, (placement, place) in enumerate(reversed(PLACES.items())):
+                look: dict[str, Any] = {**style.PLACEMENT_BARS[placement], "label": place}
+                for x, scenario in enumerate(scenarios):
+                    if placement in bars[scenario]:
+                        _bar(axis, x + 0.4 * (side - 0.5), bars[scenario][placement], look)
+                        look["label"] = None
+            _reuse_marks(axis, what, means[of_images], means[True])
+            axis.set_xticks(range(3), CARS)
+            axis.set_title(cluster)
+            axis.grid(axis="x", visible=False)
+            axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
+            axis.set_ylabel(what)
+            axis.label_outer()
+        grid[0, 0].set_ylim(0, min(1.1 * grid[0, 0].get_ylim()[1], 1.08))
+        label = ERROR_BARS[shown.definitions.error_bars]
+        grid[0, 0].errorbar([], [], yerr=[], label=label, **WHISKER)
+        requests = (
+            f"requests {REQUESTS[shown.definitions.image_reuse]}" if of_images else "requests"
+        )
+        shows = f"hits / {requests}"
+        return shown.finish(figure, f"{what.capitalize()} of local and remote Genies", shows)
+
+
+def _reuse_marks(axis: Axes, what: str, mean: float, image_mean: float) -> None:
+    """Lines at the mean of all bars here, and at what the paper prints."""
+    average, most, times = (PRINTED[claim] for claim in ("C11", "C12", "C13"))
+    lines: dict[str, tuple[float, Any]] = {
+        f"mean of the bars, {percent_text(mean, 2)}": (mean, "-")
+    }
+    if what == "image reuse":
+        label = f"paper: a fourth of {percent_text(average)}"
+        lines[label] = (average / times, "--")
+    else:
+        lines[f"paper: mean {percent_text(average)}"] = (average, "--")
+        lines[f"paper: highest {percent_text(most)}"] = (most, ":")
+        lines[f"paper: {times:g} × image reuse"] = (times * image_mean, style.DASH_DOT)
+    for label, (y, dashes) in lines.items():
+        axis.axhline(y, color="black", linewidth=0.9, linestyle=dashes, label=label)
+
+
+def _mean_bar(shown: Shown, of_images: bool) -> float:
+    """The mean of the twelve bars."""
+    bars = [shown.bars(scenario, of_images) for scenario in ALL]
+    return float(np.mean([mean for places in bars for mean, _, _ in places.values()]))
+
+
+def _bar(axis: Axes, x: float, bar: tuple[float, float, float], look: Mapping[str, Any]) -> None:
+    """One bar with its error bar, and its number [%] above both."""
+    mean, low, high = bar
+    axis.bar(x, mean, 0.36, edgecolor="black", linewidth=0.6, **look)
+    ends = [[max(mean - low, 0)], [max(high - mean, 0)]]
+    axis.errorbar(x, mean, yerr=ends, **WHISKER)
+    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6}
+    above: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "bottom"}
+    axis.annotate(f"{100 * mean:.2g}", (x, max(mean, high)), (0, 2), bbox=box, **above)
+
+
+def _boosts(shown: Shown) -> Figure:
+    """The confidence boost over the events of the object maps, remote and local, a panel a cluster
+    (paper: Fig. "boost"): means over seeds, as far as all of them go.
+    """
+    with shown.style():
+        figure, grid = shown.panels(1, 2, 1.6, sharex=True, sharey=True)
+        for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
+            for placement, place in PLACES.items():
+                for number, (cars, scenario) in enumerate(zip(CARS, scenarios, strict=True)):
+                    curve = _boost_curve(shown, scenario, placement)
+                    if curve is not None:
+                        look = CAR_LINES[cars] | PLACE_LINES[placement]
+                        look |= {"markersize": 3, "markevery": (0.08 + 0.06 * number, 0.25)}
+                        axis.plot(*curve, label=f"{place}, {cars}", **look)
+            axis.set_title(cluster)
+            axis.set_xlabel(EVENTS)
+            axis.set_ylabel("confidence boost")
+            axis.label_outer()
+        grid[0, 0].set_xlim(0, None)
+        grid[0, 0].set_ylim(0, 1.05 * grid[0, 0].get_ylim()[1])
+        shows = f"{BOOSTS[shown.definitions.boost]} so far"
+        return shown.finish(figure, "Confidence boost of remote and local Genies", shows)
+
+
+def _boost_curve(shown: Shown, scenario: str, placement: str) -> tuple[Any, Any] | None:
+    """How many events, and the boost after them; ``None`` where no seed has one."""
+    per_object = shown.definitions.boost == "per_object"
+    curves = [
+        (curve["events"], curve["boost"])
+        for rows in shown.lookups(scenario, False, placement=placement)
+        if len(curve := genie_metrics.boost_over_events(rows, per_object))
+    ]
+    return _mean_curve(curves) if curves else None
+
+
+def _mean_curve(curves: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
+    """The mean of curves, where all of them are."""
+    first = max(x[0] for x, _ in curves)
+    last = max(min(x[-1] for x, _ in curves), first)
+    places = np.unique(np.linspace(first, last, CURVE_POINTS).astype(np.int64))
+    return places, np.mean([np.interp(places, x, y) for x, y in curves], axis=0)
+
+
+def _case_study(shown: Shown) -> Figure:
+    """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
+    events, hits / requests so far: means over seeds.
+    """
+    without: dict[str, Any] = {"color": "0.1", "linewidth": 1.4}
+    cameras: dict[str, Any] = {"color": "0.55", "linewidth": 1.4, "linestyle": style.DASHED}
+    with shown.style():
+        figure, grid = shown.panels(1, 2, 1.6)
+        times, reuse = grid[0]
+        genie = shown.frames(CASE).where(method="genie")
+        for car, look in (("car2", without), ("car1", cameras)):
+            values = frame_metrics.response_ms(genie.where(car=car), "first")
+            ordered = np.sort(values[~np.isnan(values)])
+            share = np.arange(1, len(ordered) + 1) / len(ordered)
+            places = style.thinned(len(ordered), CURVE_POINTS)
+            what = "car 2, no cameras" if car == "car2" else "car 1, cameras"
+            times.plot(ordered[places], share[places], label=what, **look)
+        most_ms = PRINTED["C29"]
+        label = f"paper: under {most_ms:g} ms"
+        times.axvline(most_ms, color="black", linewidth=0.9, linestyle="--", label=label)
+        times.set_xlim(0, None)
+        times.set_xlabel("response time [ms]")
+        times.set_ylabel("share of answered frames")
+        for of_images, car, label, look in (
+            (False, "car2", "object reuse, car 2", without | {"linestyle": style.DASH_DOT}),
+            (True, "car1", "image reuse, car 1", cameras | {"linestyle": style.DOTTED}),
+        ):
+            curves = list(_running_reuse(shown.lookups(CASE, of_images, genie=f"{car}/genie")))
+            if curves:
+                reuse.plot(*_mean_curve(curves), label=label, **look)
+        reuse.set_xlim(0, None)
+        reuse.set_xlabel(EVENTS)
+        reuse.set_ylabel("hits / requests so far")
+        reuse.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
+        for axis in (times, reuse):
+            axis.set_ylim(0, 1.02)
+        times.set_title("response times")
+        reuse.set_title("reuse")
+        shows = f"first answers {TIMES[shown.definitions.time]}"
+        return shown.finish(figure, "Vision-assisted driving: car2 has no cameras", shows)
+
+
+def _running_reuse(seeds: Sequence[Columns]) -> Iterator[tuple[Any, Any]]:
+    """Of each seed the events so far and the running ratio."""
+    for rows in seeds:
+        ratios = genie_metrics.running_reuse(rows)["ratio"]
+        if len(ratios):
+            yield np.arange(1, len(ratios) + 1), ratios
+
+
+def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
+    """Precision, recall and false objects of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
     """
-    figure = Figure(figsize=(width_in, 2.6), layout="constrained")
-    figure.set_label(
-        f"What the consumer holds at each instant, against KITTI's labels (drive 0005)\n{footer}"
-    )
     names = {
         "object_precision": "precision",
-        "object_recall_static": "recall, static",
-        "object_recall_moving": "recall, moving",
-        "ghost_share": "ghosts",
+        "object_recall_static": "recall,\nstatic",
+        "object_recall_moving": "recall,\nmoving",
+        "ghost_share": METRICS["ghost_share"].title,
     }
     by_method = {(row["method"], row["name"]): row for row in rows}
-    axis = figure.subplots()
     styles = style.method_styles([method.name for method in METHODS])
-    for place, method in enumerate(METHODS):
-        for x, name in enumerate(names):
-            row = by_method.get((method.name, name))
-            if row is not None:
-                mean, low, high = (row[key] for key in ("value", "low", "high"))
-                label = method.title if x == 0 else None
-                at = x + 0.27 * (place - 1)
-                drawing = style.method_bar(styles[place]) | {"label": label}
-                axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.7, **drawing)
-                axis.errorbar(
-                    at,
-                    mean,
-                    yerr=[[mean - low], [high - mean]],
-                    color="black",
-                    linewidth=1,
-                    capsize=3,
-                )
-    space = "\n" if is_narrow(width_in) else " "
-    axis.set_xticks(range(len(names)), [name.replace(" ", space) for name in names.values()])
-    axis.grid(axis="x", visible=False)
-    axis.set_ylabel("share of objects")
-    axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
-    figure.legend(loc="outside lower center", ncols=3)
-    return figure
-
-
-def _pooled(seeds: Sequence[Mapping[str, Columns]], table: str) -> Columns:
-    """All seeds in one table; each seed's Genies are Genies of their own, so bars are means over
-    Genies and seeds.
-    """
-    parts = []
-    for number, tables in enumerate(seeds):
-        part = tables[table]
-        if "genie" in part.names:
-            genies = part["genie"]
-            part = part.assign(
-                genie=Text.of(genies.codes, [f"{genie}#{number}" for genie in genies.names])
-            )
-        parts.append(part)
-    return concat(parts)
+    with shown.style():
+        figure, grid = shown.panels(1, 1, 1.6)
+        axis = grid[0, 0]
+        for place, (look_number, method) in enumerate(zip(styles, METHODS, strict=True)):
+            look = style.method_bar(look_number) | {"label": method.title}
+            for x, name in enumerate(names):
+                row = by_method.get((method.name, name))
+                if row is not None:
+                    mean, low, high = (row[key] for key in ("value", "low", "high"))
+                    at = x + 0.27 * (place - 1)
+                    axis.bar(at, mean, 0.25, edgecolor="black", linewidth=0.6, **look)
+                    ends = [[mean - low], [high - mean]]
+                    axis.errorbar(at, mean, yerr=ends, **WHISKER)
+                    look["label"] = None
+        axis.set_xticks(range(len(names)), list(names.values()))
+        axis.set_ylim(0, 1.02)
+        axis.grid(axis="x", visible=False)
+        axis.set_ylabel("share of objects")
+        axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
+        title = "What the consumer holds at each instant, against KITTI's labels (drive 0005)"
+        return shown.finish(figure, title, "what the consumer holds, with 95 % intervals")

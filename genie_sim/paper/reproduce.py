@@ -318,7 +318,7 @@ def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
             values = plain.of(scenario, fact)
             if not np.isnan(values).all():
                 found.append(_metric(scenario, fact, values[~np.isnan(values)]))
-    for answer in ("first", "fresh"):
+    for answer in ("first", "result"):
         average = np.mean(list(improvements(evidence, answer).values()), axis=0)
         name = meant(f"improvement_{answer}_answer", evidence.definitions)
         found.append(_metric("all", Fact(name), average))

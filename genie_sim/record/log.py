@@ -187,7 +187,9 @@ class Log:
                 self._agreement.close()
 
     def _frame(self, header: Header) -> OpenFrame | None:
-        """The row of a frame, taken out of the table if it is there already."""
+        """The row of a frame, taken out of the table if it is there already; ``None`` for what is
+        no frame, and for one of the warm-up.
+        """
         if type(header) is not Header:  # of a car whose clock is wrong
             header = header.original
         frame = self._open.get(header)
@@ -201,8 +203,8 @@ class Log:
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
         frame = self._frame(header)
-        assert frame is not None, "every frame is published first"
-        frame.received_ns = now_ns
+        if frame is not None:
+            frame.received_ns = now_ns
 
     def carried(self, column: str, message: Message) -> None:
         """A message about a frame was on the wire of the car's link; ``column`` is ``bytes_up`` or
@@ -350,9 +352,9 @@ class Log:
             self._lookups.append(row)
         if placement == "car" and lookup.requester == "client":
             frame = self._frame(lookup.header)
-            assert frame is not None, "every frame is published first"
-            frame.image_hit = hit
-            frame.coalesced = lookup.outcome == "coalesced"
+            if frame is not None:
+                frame.image_hit = hit
+                frame.coalesced = lookup.outcome == "coalesced"
 
     def _note_object_lookups(
         self, placement: Placement, genie: str, lookups: ObjectLookups, now_ns: int

@@ -3,7 +3,8 @@
 A field is annotated with its type, its unit and what it means; ``| None`` marks a column that may
 be null, and the class's docstring tells what one row is. ``SCHEMAS`` is the one list of all tables.
 Rows are measurements (instants, counts, names); latencies and ratios are computed from them later,
-in ``analysis.metrics``. A value that is not known is ``None``.
+in ``analysis.metrics``. A value that is not known is ``None``. Frames that are taken during the
+warm-up of a scenario have no rows, nor has what was over before its end.
 """
 
 from collections.abc import Mapping
@@ -154,7 +155,9 @@ class ResourceRow(NamedTuple):
     dropped: Annotated[int, "messages", "lost or pushed out so far"]
     bytes: Annotated[int | None, "B", "carried so far; null: neither a link nor a cell"]
     queue_ns: Annotated[int, "ns", "time waited so far, summed over the messages"]
-    queue_max: Annotated[Int32, "messages", "that have waited at a time so far"]
+    queue_max: Annotated[
+        Int32, "messages", "that have waited at a time so far, since the end of the warm-up"
+    ]
 
 
 class PoseRow(NamedTuple):
@@ -339,7 +342,8 @@ class AttackRow(NamedTuple):
 
 
 class HostRow(NamedTuple):
-    """One row per method and host: what it has used until the end of the run. Cars and edges on
+    """One row per method and host: what it has used from the end of the warm-up until the end of
+    the run. Cars and edges on
     which the method runs nothing at all have none.
     """
 
@@ -358,6 +362,12 @@ class HostRow(NamedTuple):
     bytes_down: Annotated[int, "B", "sent to a car by its edges; 0 for edges"]
     transfer_ns: Annotated[int, "ns", "time its interface sent or received; 0 for edges"]
     tail_ns: Annotated[int, "ns", "time its interface stayed awake between transfers"]
+    begin_ns: Annotated[
+        int,
+        "ns",
+        "since when that is: a car from its start, an edge always, neither before the end of the "
+        "warm-up",
+    ]
 
 
 class PowerRow(NamedTuple):
@@ -379,19 +389,21 @@ class PowerRow(NamedTuple):
     high: Annotated[float, "W", "upper end of its range"]
 
 
-FRAMES = Schema.of_rows("frames", FrameRow, sorted_by=("method", "car", "stream", "frame"))
-LOOKUPS = Schema.of_rows("lookups", LookupRow)
-LOOKS = Schema.of_rows("looks", LookRow)
-RESOURCES = Schema.of_rows("resources", ResourceRow)
-POSES = Schema.of_rows("poses", PoseRow)
-OBJECTS = Schema.of_rows("objects", ObjectRow)
-ANSWERS = Schema.of_rows("answers", AnswerRow)
-HELD = Schema.of_rows("held", HeldRow)
-HELD_OBJECTS = Schema.of_rows("held_objects", HeldObjectRow)
-STEPS = Schema.of_rows("steps", StepRow)
+FRAMES = Schema.of_rows(
+    "frames", FrameRow, instant="stamp_ns", sorted_by=("method", "car", "stream", "frame")
+)
+LOOKUPS = Schema.of_rows("lookups", LookupRow, instant="stamp_ns")
+LOOKS = Schema.of_rows("looks", LookRow, instant="stamp_ns")
+RESOURCES = Schema.of_rows("resources", ResourceRow, instant="t_ns")
+POSES = Schema.of_rows("poses", PoseRow, instant="stamp_ns")
+OBJECTS = Schema.of_rows("objects", ObjectRow)  # what was known before still is
+ANSWERS = Schema.of_rows("answers", AnswerRow, instant="stamp_ns")
+HELD = Schema.of_rows("held", HeldRow, instant="stamp_ns")
+HELD_OBJECTS = Schema.of_rows("held_objects", HeldObjectRow, instant="end_ns")
+STEPS = Schema.of_rows("steps", StepRow, instant="stamp_ns")
 HOSTS = Schema.of_rows("hosts", HostRow)
-FAULTS = Schema.of_rows("faults", FaultRow)
-ATTACKS = Schema.of_rows("attacks", AttackRow)
+FAULTS = Schema.of_rows("faults", FaultRow, instant="end_ns")
+ATTACKS = Schema.of_rows("attacks", AttackRow, instant="end_ns")
 POWER = Schema.of_rows("power", PowerRow)
 SCHEMAS: Mapping[str, Schema] = {
     schema.name: schema

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded, read_text
+from genie_sim.base.units import duration_ns, duration_text
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
@@ -128,6 +129,11 @@ class Run:
         return int(self.facts["scenario"]["seed"])
 
     @property
+    def warm_up_ns(self) -> int:
+        """From when on it counts [ns]."""
+        return duration_ns(self.facts["scenario"].get("warm_up", "0 s"))
+
+    @property
     def methods(self) -> Sequence[MethodInfo]:
         """The methods that ran, in the order of the scenario."""
         return [MethodInfo(**method) for method in self.facts["methods"]]
@@ -136,7 +142,12 @@ class Run:
     def footer(self) -> str:
         """Which run it is, below a figure."""
         which = f"{self.name}, run {self.run_id}, seed {self.seed}"
-        return ", ".join(filter(None, [self.label, which, self.warning]))
+        return ", ".join(filter(None, [self.label, which, self.warm_up, self.warning]))
+
+    @property
+    def warm_up(self) -> str:
+        """Says what is not counted; empty if all is."""
+        return f"without the first {duration_text(self.warm_up_ns)}" if self.warm_up_ns else ""
 
     @property
     def warning(self) -> str:

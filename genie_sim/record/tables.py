@@ -59,17 +59,21 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Schema:
-    """A table's name, what one row of it is, its columns, and by which of them it is sorted (none:
-    rows keep the order in which they were added).
+    """A table's name, what one row of it is, its columns, by which of them it is sorted (none: rows
+    keep the order in which they were added), and the one whose instant [ns] tells whether a row is
+    after the warm-up (empty: all rows count).
     """
 
     name: str
     description: str
     columns: tuple[Column, ...]
     sorted_by: tuple[str, ...] = ()
+    instant: str = ""
 
     @classmethod
-    def of_rows(cls, name: str, row: type, sorted_by: tuple[str, ...] = ()) -> "Schema":
+    def of_rows(
+        cls, name: str, row: type, *, instant: str = "", sorted_by: tuple[str, ...] = ()
+    ) -> "Schema":
         """Returns the schema of a class whose instances are rows: its docstring tells what a row
         is, and a field ``Annotated[type, unit, description]`` is a column.
         """
@@ -77,7 +81,8 @@ class Schema:
         columns = [
             _column(field, hint) for field, hint in hints.items() if get_origin(hint) is Annotated
         ]
-        return cls(name, " ".join((row.__doc__ or "").split()), tuple(columns), sorted_by)
+        meaning = " ".join((row.__doc__ or "").split())
+        return cls(name, meaning, tuple(columns), sorted_by, instant)
 
     def arrow(self) -> "pa.Schema":
         """Types, with unit and description beside each column."""
@@ -250,6 +255,7 @@ class Table:
         self._width = len(schema.columns)
         self._room = _ROWS_AT_ONCE * self._width  # for new values
         self._rows = 0
+        self._warm_up_ns = 0
         self._spill = spill
         self._spilled = 0
         self._writer: pq.ParquetWriter | None = None
@@ -259,21 +265,39 @@ class Table:
     def __len__(self) -> int:
         return self._spilled + self._rows + len(self._new) // self._width
 
+    def leave_out(self, warm_up_ns: int) -> None:
+        """From now on rows whose instant is before the end of the warm-up are not added; those
+        without one are.
+        """
+        self._warm_up_ns = warm_up_ns if self.schema.instant else 0
+
+    def _counted(self, values: Sequence[Value]) -> list[Value]:
+        """Returns the rows that are added of those given."""
+        place = [column.name for column in self.schema.columns].index(self.schema.instant)
+        counted: list[Value] = []
+        for begin in range(0, len(values), self._width):
+            instant_ns = values[begin + place]
+            if instant_ns is None or instant_ns >= self._warm_up_ns:  # type: ignore[operator]
+                counted += values[begin : begin + self._width]
+        return counted
+
     def append(self, row: Sequence[Value]) -> None:
         """Adds a row; its values are in the order of the columns."""
-        self._new += row
+        self._new += self._counted(row) if self._warm_up_ns else row
         if len(self._new) >= self._room:
             self._store(self._room)
 
     def extend(self, values: Sequence[Value]) -> None:
         """Adds rows; their values stand one after the other, in the order of the columns."""
-        self._new += values
+        self._new += self._counted(values) if self._warm_up_ns else values
         while len(self._new) >= self._room:
             self._store(self._room)
 
     def extend_columns(self, columns: Columns) -> None:
         """Adds the rows of a table with the same columns, as ``read`` or ``columns`` gives them."""
         self._store()
+        if self._warm_up_ns:
+            columns = columns.rows(~(columns.floats(self.schema.instant) < self._warm_up_ns))
         begin, count = 0, len(columns)
         while begin < count:
             end = min(begin + ROWS_PER_GROUP - self._rows % ROWS_PER_GROUP, count)

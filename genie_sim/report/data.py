@@ -14,7 +14,7 @@ from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles, thinned
-from genie_sim.analysis.summary import energy_note
+from genie_sim.analysis.summary import about_laws, energy_note
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
 from genie_sim.base.units import NS_PER_S
@@ -70,7 +70,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "energy_note": energy_note(
             [run.tables], {method.name: method.title for method in run.methods}
         ),
-        "notes": list(dict.fromkeys(notes)),
+        "notes": list(filter(None, dict.fromkeys([*notes, about_laws(run)]))),
     }
 
 
@@ -146,6 +146,7 @@ def _about(run: "Run") -> dict[str, Any]:
         "seed": scenario["seed"],
         "model": scenario["model"],
         "seconds": round(last_instant_ns(run) / NS_PER_S, 3),
+        "warm_up": run.warm_up,
         "cars": cars,
         "edges": edges,
         "how_many": _how_many(run),
@@ -313,7 +314,7 @@ def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
     if run.facts["scenario"].get("fleet"):
         notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
     width_ns = max(MIN_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
-    edges_ns = np.arange(0, end_ns + width_ns, width_ns, dtype=np.float64)
+    edges_ns = np.arange(run.warm_up_ns, end_ns + width_ns, width_ns, dtype=np.float64)
     middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
     groups = (
         (method, kind, samples)

@@ -153,15 +153,15 @@ function showReadings() {
 }
 
 function showAnswers() {
-  const [first, fresh] = DATA.improvement, titles = (methods) => methods.map((one) => one.title).join(" and ");
-  byId("answers-lead").replaceChildren(...(first && fresh ? [`Mean improvement of ${titles(METHODS.filter((one) => !one.baseline))} over ` +
+  const [first, result] = DATA.improvement, titles = (methods) => methods.map((one) => one.title).join(" and ");
+  byId("answers-lead").replaceChildren(...(first && result ? [`Mean improvement of ${titles(METHODS.filter((one) => !one.baseline))} over ` +
     `${titles(METHODS.filter((one) => one.baseline))}, six scenarios: `, strong(withInterval(first, percent)),
-  " by the first answer, ", strong(withInterval(fresh, percent)), " by the fresh result."] : []));
+  " by the first answer, ", strong(withInterval(result, percent)), " by the result."] : []));
   byId("measure").replaceChildren(...DATA.answers.map((one, i) => option(i, one.title)));
   const render = () => {
     const { title, unit, scenarios, methods, ...found } = DATA.answers[Number(byId("measure").value)], text = (value) => asText(value, unit);
     const over = title.startsWith("Improvement") ? "over " : "", names = scenarios.map(scenarioText), format = unit === "1" ? percent : (value) => digits(value);
-    const answers = ["first", "fresh"], named = { first: "first answer", fresh: "fresh result" };
+    const answers = ["first", "result"], named = { first: "first answer", result: "result" };
     byId("answer-charts").replaceChildren();
     const all = answers.flatMap((answer) => methods.flatMap((method) => found[answer][method])).filter((one) => one && isNumber(one[0]));
     const most = Math.max(...all.map((one) => one[2] ?? one[0]), 0) * 1.02;

@@ -47,7 +47,8 @@ def fleet_data(run: "Run", notes: list[str]) -> dict[str, Any] | None:
     end_ns = int(run.tables["frames"]["stamp_ns"].max())
     cells = area.columns * area.rows * len(run.methods)
     step_ns = max(NS_PER_S, -(-end_ns // max(min(MAX_INSTANTS, MAX_VALUES // cells), 2)))
-    instants_ns = np.arange(0, end_ns + step_ns + 1, step_ns, dtype=np.int64)  # two at least
+    # two at least
+    instants_ns = np.arange(run.warm_up_ns, end_ns + step_ns + 1, step_ns, dtype=np.int64)
     if not len(run.tables["poses"]):
         notes.append("The map has no cars: the run holds no poses; 'record' must name them.")
     return {
@@ -121,7 +122,7 @@ def _loads(run: "Run", instants_ns: "Instants", suffix: str) -> Iterator[dict[st
     of_kind = resources.rows(np.isin(resources["resource"].codes, codes))
     for where, samples in _by_cell(run, of_kind, "resource"):
         worked_ns = np.interp(instants_ns, *running_use(samples))
-        yield {**where, "values": _shares(np.diff(worked_ns, prepend=0.0) / lengths_ns)}
+        yield {**where, "values": _shares(np.diff(worked_ns, prepend=worked_ns[0]) / lengths_ns)}
 
 
 def _reuse(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:

@@ -69,9 +69,9 @@ def replay_data(
         notes.append("There is no replay: the run holds no poses.")
         return None
     last_ns = last_instant_ns(run)
-    begin_ns = min(max(start_ns, 0), int(poses["stamp_ns"].max()))
+    begin_ns = min(max(start_ns, run.warm_up_ns), int(poses["stamp_ns"].max()))
     end_ns = _end_ns(run, begin_ns)
-    if begin_ns > 0 or end_ns < last_ns:
+    if begin_ns > run.warm_up_ns or end_ns < last_ns:
         notes.append(
             f"The replay and the stories cover every frame from {begin_ns / NS_PER_S:.1f} s to "
             f"{end_ns / NS_PER_S:.1f} s of {last_ns / NS_PER_S:.1f} s: "

@@ -145,7 +145,7 @@ function showReplay() {
   for (const canvas of ["camera", "camera-b"]) byId(canvas).parentElement.hidden = !(run.judges || run.pictures);
   byId("camera-of").parentElement.hidden = !(run.judges || run.pictures);
   byId("camera-of").append(...run.cars.flatMap((entry, place) => (entry.cameras ? [option(place, entry.name)] : [])));
-  byId("difference-about").textContent = run.judges ? "False or missed objects, over all cars" : "Mean age of what the cars hold";
+  byId("difference-about").textContent = run.judges ? "False or missed objects, over all cars" : "Mean age of the cars' newest answers";
   byId("attribution").textContent = run.pictures?.attribution ?? "";
   byId("which-stream").append(...run.streams.map((one, i) => option(i, `${one.car} ${one.name}`)));
   pair.forEach((_, side) => {

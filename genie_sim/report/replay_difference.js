@@ -1,5 +1,5 @@
 // Where two methods differ: how many of the objects that cars hold or should hold are wrong or missed under each, over
-// time, and the moments at which these numbers lie farthest apart. Where the truth is not known, the age of what cars hold.
+// time, and the moments at which these numbers lie farthest apart. Where the truth is not known, the age of the cars' newest answers.
 
 const SAMPLES = 600;
 const MOST_MOMENTS = 8;

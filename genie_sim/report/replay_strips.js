@@ -1,4 +1,4 @@
-// Two views on one axis of time: a lane for each method, with the age of what each car holds, and below every frame of
+// Two views on one axis of time: a lane for each method, with the age of each car's newest answer, and below every frame of
 // every camera under one method.
 
 const CELL_PX = 6;      // a frame in the strip is at least about that broad

@@ -8,7 +8,7 @@ function showNow(run, t) {
   table(byId("now"), null, ["", ...run.methods.map((one) => methodKey(one.name))], cars.map((car, place) => [car.name, ...run.methods.map((method) => {
     const held = holding(run, method, place, t);
     if (held === null) return make("td", {}, "nothing yet");
-    return make("td", {}, countOf(held.objects), ghosts(method.judged[place], t), make("small", {}, `${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
+    return make("td", {}, countOf(held.objects), ghosts(method.judged[place], t), make("small", {}, `answer ${held.age < 1e6 ? `${Math.round(held.age / 1000)} ms` : `${(held.age / 1e6).toFixed(1)} s`} old`),
       make("small", {}, `${held.source === "map" ? "object map" : words(held.source)}${held.fresh ? ", fresh" : ""}`));
   })]));
   const truth = run.methods.some((one) => one.judged.some(Boolean)) ? " False objects: held in its field of view at its last frame, but not there." : "";

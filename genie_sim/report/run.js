@@ -12,7 +12,7 @@ function showAbout() {
     car.edge || "none", car.link || "none", car.route, [car.cameras ? "cameras" : "no cameras", car.genie ? "a Genie" : "no Genie"].join(", ")]));
   table(byId("edges"), "Edges", ["edge", "computer"], ABOUT.edges.map((edge) => [edge.name, edge.device]));
   byId("yaml").textContent = ABOUT.yaml;
-  showFrame("one run", { run: ABOUT.run_id, seed: ABOUT.seed, simulated: `${ABOUT.seconds.toFixed(2)} s`,
+  showFrame("one run", { run: ABOUT.run_id, seed: ABOUT.seed, simulated: `${ABOUT.seconds.toFixed(2)} s`, ...(ABOUT.warm_up ? { counted: ABOUT.warm_up } : {}),
     cars: ABOUT.how_many.cars.toLocaleString("en"), edges: ABOUT.how_many.edges ?? "not counted", "cameras per car": ABOUT.cameras.length,
     frames: `${frames.toLocaleString("en")} under each method`, model: ABOUT.model, similarity: ABOUT.similarity,
     eviction: ABOUT.eviction, "confidence rule": ABOUT.rule, "C_T": ABOUT.threshold, "on a miss": ABOUT.miss_policy },

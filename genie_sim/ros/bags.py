@@ -11,37 +11,47 @@ import contextlib
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.progress import Progress
+from genie_sim.base.units import NS_PER_S
 from genie_sim.core.geometry import Array, Geodetic, rigid, transform
-from genie_sim.core.messages import Box, Detection
+from genie_sim.core.messages import Detection
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
 from genie_sim.data.placement import HALF_DEPTH_M, Placement
 from genie_sim.data.trace import Trace, TraceFrame, checked, detection, trace_frame
-from genie_sim.data.world_table import in_range, is_origin
+from genie_sim.data.trace_report import tell_frames, tell_network
 from genie_sim.ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
-from genie_sim.ros.tf import Trajectory, TransformTree, rotation
-from genie_sim.ros.typestore import stamp_ns as header_stamp_ns
+from genie_sim.ros.surroundings import (
+    FIX,
+    IMU,
+    KINDS,
+    BagDetection,
+    Stamps,
+    Surroundings,
+    is_lost,
+    match_images,
+    read_surroundings,
+)
+from genie_sim.ros.tf import Trajectory
 from genie_sim.ros.typestore import typestore
 
 if TYPE_CHECKING:
     from genie_sim.data.detector import ImageDetector
 
 IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
-POINTS, FIX, IMU = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
-TRANSFORMS, CAMERA_INFO = (
-    ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"),
-    "sensor_msgs/msg/CameraInfo",
-)
+POINTS = "sensor_msgs/msg/PointCloud2"
 ARRAYS = (OBJECTS, "vision_msgs/msg/Detection2DArray")
+DEPTH = ("16UC1", "16SC1", "32FC1", "mono16")  # encodings of distances, at which nobody looks
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
@@ -51,26 +61,18 @@ Topics = Mapping[str, str]
 PlaceOf = Callable[[str, int], Array | None]
 
 
-class BagDetection(NamedTuple):
-    """An object that the bag's own detector has found; ``location`` [m] if it is given in an
-    absolute frame.
+class BagTopics(NamedTuple):
+    """Which of several sensors of a kind to take; ``None``: the first that has what is needed.
+
+    ``imu`` and ``fix`` say where the car is, ``lidar`` places objects.
     """
 
-    label: str
-    score: float
-    box: Box
-    location: tuple[float, float, float] | None = None
+    imu: str | None = None
+    fix: str | None = None
+    lidar: str | None = None
 
 
-@dataclass
-class Surroundings:
-    """What a bag says beside its pictures."""
-
-    frames: TransformTree = field(default_factory=TransformTree)
-    intrinsics: dict[str, Array] = field(default_factory=dict)  # by topic of the camera_info
-    fixes: list[tuple[int, Geodetic, str]] = field(default_factory=list)
-    turns: list[tuple[int, Array, str]] = field(default_factory=list)
-    detections: dict[int, tuple[BagDetection, ...]] = field(default_factory=dict)  # by stamp
+ANY_TOPICS = BagTopics()
 
 
 def perceive_bag(
@@ -82,6 +84,9 @@ def perceive_bag(
     origin: Geodetic | None = None,
     min_score: float = 0.3,
     progress: Progress | None = None,
+    sensors: BagTopics = ANY_TOPICS,
+    classes: Mapping[str, str] = {},
+    report: ImportReport | None = None,
 ) -> Trace:
     """The trace of a bag. Either ``detector`` looks at its pictures, or ``detections`` names a
     topic of the bag. Raises UserError.
@@ -103,45 +108,96 @@ def perceive_bag(
         Objects with a lower score are left out.
     progress : callable, optional
         Gets the number of pictures that are done, and of all.
+    sensors : BagTopics
+        Which of several sensors to take.
+    classes : mapping
+        The classes of labels of ``detections`` that have other names.
+    report : ImportReport, optional
+        Is told what was read, left out and chosen.
     """
     path = Path(path)
+    report, stamps = report or ImportReport(path), Stamps()
     with _opened(path) as reader:
         topics = {connection.topic: connection.msgtype for connection in reader.connections}
         if detections is not None:
             _check_topic(path, detections, topics, ARRAYS)
-        around = _surroundings(path, reader, detections)
-        selected = _cameras(path, cameras, topics, around.intrinsics)
-        origin, place_of = _places(path, around, origin)
+        for topic, kind in zip(sensors, (IMU, FIX, POINTS), strict=True):
+            if topic is not None:
+                _check_topic(path, topic, topics, (kind,))
+        beside = [
+            connection
+            for connection in reader.connections
+            if connection.msgtype in KINDS or connection.topic == detections
+        ]
+        around = read_surroundings(
+            path,
+            _messages(path, reader, beside),
+            stamps,
+            report,
+            fix=sensors.fix,
+            imu=sensors.imu,
+            classes=classes,
+        )
+        selected = _cameras(path, reader, cameras, topics, around=around, report=report)
+        origin, place_of = _places(path, around, origin, report)
+        if detections is not None:
+            match_images(detections, around, _image_stamps(path, reader, selected), report)
         scans = sorted(topic for topic, kind in topics.items() if kind == POINTS)
+        scan = sensors.lidar or next(iter(scans), None)
+        if scan is not None:
+            report.choose("lidar", scan, scans, "--lidar")
         total = sum(
             connection.msgcount
             for connection in reader.connections
             if connection.topic in selected.values()
         )
-        perception = _Perception(path, selected, around, place_of=place_of, detector=detector)
+        perception = _Perception(
+            path, selected, around, place_of=place_of, detector=detector, report=report
+        )
         frames: dict[str, list[TraceFrame]] = {}
-        pictures = _pictures(path, reader, selected, scans[:1])
-        for done, (camera, image, cloud) in enumerate(pictures, start=1):
-            frame = perception.frame(camera, image, cloud, min_score)
-            if frame is not None:
-                frames.setdefault(camera, []).append(frame)
+        shown = _pictures(path, reader, selected, scan, stamps)
+        for done, one in enumerate(shown, start=1):
+            frame = perception.frame(one, min_score)
+            if frame is None:
+                report.leave_out("images taken where the position is not known")
+            else:
+                frames.setdefault(one.camera, []).append(frame)
             if progress is not None:
                 progress(done, total, "")
+    stamps.tell(report)
     if not frames:
-        raise UserError(f"{path}: no image was taken where the car's position is known")
+        raise UserError(
+            f"{path}: no image was taken where the car's position is known: "
+            f"{perception.when(around)}"
+        )
+    by_camera = _numbered(path, frames, report)
+    tell_network(report, detector)
+    tell_frames(report, by_camera)
     detected_by: dict[str, Any] = {"detector": detections}
     if detector is not None:
         detected_by = {"detector": detector.name, "weights_sha256": detector.sha256}
     provenance = {
         "data": f"bag {path.name}",
         "bag_sha256": _digest(path),
-        "parameters": {"cameras": dict(selected), "scans": scans[:1]},
+        "parameters": {"cameras": dict(selected), "scans": [scan] if scan else []},
+        "import": report.facts(),
         **detected_by,
     }
-    return Trace(path.stem, origin, _numbered(path, frames), provenance)
+    return Trace(path.stem, origin, by_camera, provenance)
 
 
-@dataclass(frozen=True)
+class _Shown(NamedTuple):
+    """One picture of a bag: its camera, when it was taken, the message, and the scan taken with
+    it, or ``None``.
+    """
+
+    camera: str
+    stamp_ns: int
+    image: Any
+    cloud: Any
+
+
+@dataclass
 class _Perception:
     """What is needed to perceive one picture of a bag."""
 
@@ -150,21 +206,26 @@ class _Perception:
     around: Surroundings
     place_of: PlaceOf
     detector: "ImageDetector | None"
+    report: ImportReport
+    first_ns: int = 0
+    last_ns: int = 0
 
-    def frame(self, camera: str, image: Any, cloud: Any, min_score: float) -> TraceFrame | None:
+    def frame(self, shown: _Shown, min_score: float) -> TraceFrame | None:
         """One picture perceived; ``None`` if nobody knows where it was taken. Its stamp is still
-        the bag's, and it has no number yet. ``cloud`` is the scan taken with it, or ``None``.
+        the bag's, and it has no number yet.
         """
+        camera, stamp_ns, image, _ = shown
         topic = self.topics[camera]
-        stamp_ns = header_stamp_ns(image.header)
+        self.first_ns, self.last_ns = self.first_ns or stamp_ns, stamp_ns
         world_SE3_camera = self.place_of(image.header.frame_id, stamp_ns)
         if world_SE3_camera is None:
             return None
         pixels = _picture(self.path, topic, image)
         size = (pixels.shape[1], pixels.shape[0])
-        intrinsics = self.around.intrinsics[_info_topic(topic)]
-        placement = self._placement(image, cloud, intrinsics, size)
-        found: Iterable[BagDetection] = self.around.detections.get(stamp_ns, ())
+        bag_camera = self.around.cameras[_info_topic(topic)]
+        intrinsics = bag_camera.of_picture(topic, size, self.report)
+        placement = self._placement(shown, intrinsics, size)
+        found: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
         if self.detector is not None:
             found = (BagDetection(*detection) for detection in self.detector.detect(pixels))
         return trace_frame(
@@ -183,20 +244,36 @@ class _Perception:
             ],
         )
 
+    def _of_bag(self, frame_id: str, stamp_ns: int) -> Iterable[BagDetection]:
+        """What the bag's own detector has found in a picture; of several cameras only in its."""
+        array = self.around.detections.get(stamp_ns)
+        if array is None or (len(self.topics) > 1 and array.frame_id not in ("", frame_id)):
+            return ()
+        return array.objects
+
     def _placement(
-        self, image: Any, cloud: Any, intrinsics: Array, size: tuple[int, int]
+        self, shown: _Shown, intrinsics: Array, size: tuple[int, int]
     ) -> Placement | None:
         """Places the objects of a picture by the scan taken with it; ``None`` without one.
         ``intrinsics`` and ``size`` are the camera's matrix and the picture's width and height [px].
         """
-        if cloud is None:
+        if shown.cloud is None:
             return None
         camera_SE3_laser = self.around.frames.find(
-            image.header.frame_id, cloud.header.frame_id, header_stamp_ns(image.header)
+            shown.image.header.frame_id, shown.cloud.header.frame_id, shown.stamp_ns
         )
         if camera_SE3_laser is None:
+            self.report.leave_out("scans that no transform joins with the camera")
             return None
-        return Placement(intrinsics, size, camera_SE3_laser, _points(self.path, cloud))
+        return Placement(intrinsics, size, camera_SE3_laser, _points(self.path, shown.cloud))
+
+    def when(self, around: Surroundings) -> str:
+        """When there are pictures and when positions."""
+        images = f"images from {self.first_ns / 1e9:.3f} to {self.last_ns / 1e9:.3f} s"
+        stamps_ns = [entry[0] for entry in around.fixes]
+        if not stamps_ns:
+            return images
+        return f"{images}, fixes from {min(stamps_ns) / 1e9:.3f} to {max(stamps_ns) / 1e9:.3f} s"
 
 
 def _placed(found: BagDetection, placement: Placement | None, world_SE3_camera: Array) -> Detection:
@@ -210,14 +287,20 @@ def _placed(found: BagDetection, placement: Placement | None, world_SE3_camera: 
     return detection(found.label, found.score, found.box, location=location, method=method)
 
 
-def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[Geodetic, PlaceOf]:
+def _places(
+    path: Path, around: Surroundings, origin: Geodetic | None, report: ImportReport | None = None
+) -> tuple[Geodetic, PlaceOf]:
     """The trace's origin, and a function of a frame of the car and an instant that returns
     ``world_SE3_frame``, or ``None`` where it is not known. Raises UserError.
     """
     frames, fixes, turns = around.frames, around.fixes, around.turns
     if origin is None and fixes:
         origin = fixes[0][1]
+    worlds = [name for name in ABSOLUTE_FRAMES if name in frames.names()]
     if origin is not None and fixes and turns:
+        if report is not None:
+            sources = ["fixes and turns", *[f"transforms from {name}" for name in worlds]]
+            report.choose("position", sources[0], sources)
         imu = turns[0][2]
         antenna = frames.find(imu, fixes[0][2], turns[0][0])
         lever = np.zeros(3) if antenna is None else antenna[:3, 3]
@@ -225,6 +308,8 @@ def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[
         track = Trajectory(_rig_poses(positions, turns, lever))
 
         def on_the_track(frame_id: str, stamp_ns: int) -> Array | None:
+            if is_lost(around, stamp_ns):
+                return None
             imu_SE3_frame = frames.find(imu, frame_id, stamp_ns)
             world_SE3_imu = track.at(stamp_ns)
             if imu_SE3_frame is None or world_SE3_imu is None:
@@ -232,11 +317,13 @@ def _places(path: Path, around: Surroundings, origin: Geodetic | None) -> tuple[
             return world_SE3_imu @ imu_SE3_frame
 
         return origin, on_the_track
-    names = frames.names()
-    world = next((name for name in ABSOLUTE_FRAMES if name in names), None)
+    world = next(iter(worlds), None)
     if world is None:
+        no_imu = IMU
+        if fixes and around.unknown_headings:
+            no_imu = f"{IMU} that says its orientation, so that the heading is not known"
         raise UserError(
-            f"{path}: where is the car? No {FIX} with {IMU}, and no transform from map or world"
+            f"{path}: where is the car? No {FIX} with {no_imu}, and no transform from map or world"
         )
     if origin is None:
         raise UserError(f"{path}: no {FIX}: say with --origin where the frame {world!r} lies")
@@ -283,121 +370,81 @@ def _readable(path: Path) -> contextlib.AbstractContextManager[None]:
     return as_user_error(f"{path}: cannot be read as a bag", Exception, most=MAX_REASON)
 
 
-def _surroundings(path: Path, reader: Any, detections: str | None) -> Surroundings:
-    """Reads all that is no picture and no scan."""
-    around = Surroundings()
-    kinds = (*TRANSFORMS, CAMERA_INFO, FIX, IMU)
-    chosen = [
-        connection
-        for connection in reader.connections
-        if connection.msgtype in kinds or connection.topic == detections
-    ]
-    for connection, _, message in _messages(path, reader, chosen):
-        kind, where = connection.msgtype, f"{path}: {connection.topic}"
-        if kind in TRANSFORMS:
-            is_static = connection.topic.endswith("static")
-            for entry in message.transforms:
-                _add_transform(where, around.frames, entry, is_static)
-        elif kind == CAMERA_INFO:
-            around.intrinsics[connection.topic] = _intrinsics(where, message)
-        elif kind == FIX:
-            fix = (message.latitude, message.longitude, message.altitude)
-            if is_origin(fix):
-                around.fixes.append((header_stamp_ns(message.header), fix, message.header.frame_id))
-        elif kind == IMU:
-            turn = rotation(message.orientation)
-            if turn is not None:
-                stamp_ns = header_stamp_ns(message.header)
-                around.turns.append((stamp_ns, turn, message.header.frame_id))
-        else:
-            objects = tuple(_objects(message, kind))
-            for found in objects:
-                if not in_range((found.score, *found.box, *(found.location or ()))):
-                    raise UserError(
-                        f"{where}: an object whose score, box or place is no number in range"
-                    )
-            around.detections[header_stamp_ns(message.header)] = objects
-    return around
-
-
-def _add_transform(where: str, frames: TransformTree, entry: Any, is_static: bool) -> None:
-    """Adds a transform of the bag. Raises UserError for one that is no place and turn."""
-    translation = entry.transform.translation
-    place = (translation.x, translation.y, translation.z)
-    turn = rotation(entry.transform.rotation)
-    parent, child = entry.header.frame_id, entry.child_frame_id
-    if turn is None or not in_range(place):
-        raise UserError(f"{where}: a transform to {child!r} that is no place and turn")
-    if is_static:
-        frames.add_static(parent, child, rigid(turn, place))
-    else:
-        frames.add_moving(parent, child, header_stamp_ns(entry.header), rigid(turn, place))
-
-
-def _intrinsics(where: str, message: Any) -> Array:
-    """The matrix (3, 3) of a camera [px]: that of rectified pictures, if there is one. Raises
-    UserError.
-    """
-    # the fields have capitals in ROS 1
-    projection = np.array(message.P if hasattr(message, "P") else message.p).reshape(3, 4)
-    camera = np.array(message.K if hasattr(message, "K") else message.k).reshape(3, 3)
-    intrinsics: Array = projection[:, :3] if projection[0, 0] else camera
-    if not (np.isfinite(intrinsics).all() and intrinsics.diagonal().min() > 0):
-        raise UserError(f"{where}: no intrinsics of a camera")
-    return intrinsics
-
-
-def _objects(message: Any, kind: str) -> Iterator[BagDetection]:
-    """The objects of an array of detections. Locations count in ``map`` and ``world`` only."""
-    if kind == OBJECTS:
-        for entry in message.objects:
-            frame = entry.space_frame or entry.header.frame_id or message.header.frame_id
-            position = entry.pose.position
-            location = (position.x, position.y, position.z)
-            has_place = frame.strip("/") in ABSOLUTE_FRAMES and any(location)
-            left, top = float(entry.x), float(entry.y)
-            yield BagDetection(
-                label=entry.label,
-                score=float(entry.score),
-                box=(left, top, float(entry.x + entry.width), float(entry.y + entry.height)),
-                location=location if has_place else None,
-            )
-        return
-    for entry in message.detections:
-        if len(entry.results):
-            # what the versions of vision_msgs call differently
-            guesses = (getattr(result, "hypothesis", result) for result in entry.results)
-            best = max(guesses, key=lambda guess: guess.score)
-            center = getattr(entry.bbox.center, "position", entry.bbox.center)
-            half_x, half_y = entry.bbox.size_x / 2, entry.bbox.size_y / 2
-            yield BagDetection(
-                label=str(best.class_id if hasattr(best, "class_id") else best.id),
-                score=float(best.score),
-                box=(center.x - half_x, center.y - half_y, center.x + half_x, center.y + half_y),
-            )
-
-
 def _cameras(
-    path: Path, cameras: Sequence[str], topics: Mapping[str, str], intrinsics: Mapping[str, Array]
+    path: Path,
+    reader: Any,
+    cameras: Sequence[str],
+    topics: Mapping[str, str],
+    *,
+    around: Surroundings,
+    report: ImportReport,
 ) -> Topics:
     """Image topics by the camera's name."""
     images = sorted(topic for topic, kind in topics.items() if kind in IMAGES)
     selected: dict[str, str] = {}
-    for choice in cameras or [topic for topic in images if _info_topic(topic) in intrinsics]:
+    for choice in cameras:
         name, _, topic = choice.rpartition("=")
         _check_topic(path, topic, topics, IMAGES)
-        if _info_topic(topic) not in intrinsics:
+        if _info_topic(topic) not in around.cameras:
             raise UserError(f"{path}: {topic}: no {_info_topic(topic)} says what the camera sees")
-        name = name or _camera_topic(topic).strip("/").rpartition("/")[2] or "camera"
-        if name in selected and cameras:
+        if _is_depth(path, reader, topic):
+            raise UserError(f"{path}: {topic}: holds distances, not a picture for a detector")
+        name = name or _names([topic])[topic]
+        if name in selected:
             raise UserError(
                 f"{path}: two cameras are called {name!r}; give other names, as in left={topic}"
             )
-        selected.setdefault(name, topic)  # of raw and compressed the raw one: it comes first
-    if not selected:
-        names = ", ".join(sorted(topics))
-        raise UserError(f"{path}: no image topic with a camera_info beside it; topics: {names}")
-    return selected
+        selected[name] = topic
+    if cameras:
+        return selected
+    of_camera: dict[str, list[str]] = {}
+    for topic in images:
+        if _info_topic(topic) not in around.cameras:
+            report.leave_out(f"topic {topic}: no camera_info")
+        elif _is_depth(path, reader, topic):
+            report.leave_out(f"topic {topic}: distances, no picture")
+        else:
+            of_camera.setdefault(_camera_topic(topic), []).append(topic)
+    for same in of_camera.values():  # the raw one comes before the compressed one
+        report.choose("images", same[0], same, "--topic")
+    names = _names([same[0] for same in of_camera.values()])
+    if not names:
+        listed = ", ".join(sorted(topics))
+        raise UserError(f"{path}: no image topic with a camera_info beside it; topics: {listed}")
+    return {name: topic for topic, name in names.items()}
+
+
+def _names(topics: Sequence[str]) -> dict[str, str]:
+    """What cameras are called, by topic: the last part of its name, or, where several would have
+    one name, all parts.
+    """
+    parts = {topic: _camera_topic(topic).strip("/").split("/") for topic in topics}
+    last = [names[-1] for names in parts.values()]
+    return {
+        topic: (names[-1] if last.count(names[-1]) == 1 else "_".join(names)) or "camera"
+        for topic, names in parts.items()
+    }
+
+
+def _is_depth(path: Path, reader: Any, topic: str) -> bool:
+    """Whether the first image of a topic holds distances."""
+    chosen = [connection for connection in reader.connections if connection.topic == topic]
+    for _, _, message in _messages(path, reader, chosen):
+        kind = str(getattr(message, "encoding", getattr(message, "format", "")))
+        return "compressedDepth" in kind or kind.partition(";")[0].strip() in DEPTH
+    return False
+
+
+def _image_stamps(path: Path, reader: Any, selected: Topics) -> list[int]:
+    """The stamps of the images, in order; their pixels are not looked at."""
+    chosen = [one for one in reader.connections if one.topic in selected.values()]
+    stamps_ns = []
+    with _readable(path):
+        for _, at_ns, raw in reader.messages(chosen) if chosen else ():
+            # Behind 4 bytes (ROS 1: a number; ROS 2: how it is encoded) seconds and nanoseconds.
+            seconds, nanoseconds = np.frombuffer(bytes(raw[4:12]), "<u4").tolist()
+            stamps_ns.append(seconds * NS_PER_S + nanoseconds or at_ns)
+    return sorted(stamps_ns)
 
 
 def _camera_topic(topic: str) -> str:
@@ -418,42 +465,43 @@ def _check_topic(path: Path, topic: str, topics: Mapping[str, str], kinds: Seque
 
 
 def _pictures(
-    path: Path, reader: Any, selected: Topics, scans: Sequence[str]
-) -> Iterator[tuple[str, Any, Any]]:
+    path: Path, reader: Any, selected: Topics, scan: str | None, stamps: Stamps
+) -> Iterator[_Shown]:
     """Each image with its camera's name and the scan nearest in time (``None``: there is none
     near).
     """
     names = {topic: name for name, topic in selected.items()}
-    waiting: deque[tuple[int, str, Any]] = deque()
-    recent: deque[Any] = deque(maxlen=8)
+    waiting: deque[tuple[int, _Shown]] = deque()
+    recent: deque[tuple[int, Any]] = deque(maxlen=8)
     chosen = [
         connection
         for connection in reader.connections
-        if connection.topic in names or connection.topic in scans
+        if connection.topic in names or connection.topic == scan
     ]
 
-    def nearest_scan(image: Any) -> Any:
-        stamp_ns = header_stamp_ns(image.header)
-        by_distance = sorted(recent, key=lambda scan: abs(header_stamp_ns(scan.header) - stamp_ns))
-        for scan in by_distance[:1]:
-            if abs(header_stamp_ns(scan.header) - stamp_ns) <= SCAN_WITHIN_NS:
-                return scan
-        return None
+    def with_scan(shown: _Shown) -> _Shown:
+        by_distance = sorted(recent, key=lambda scan: abs(scan[0] - shown.stamp_ns))
+        for scan_ns, cloud in by_distance[:1]:
+            if abs(scan_ns - shown.stamp_ns) <= SCAN_WITHIN_NS:
+                return shown._replace(cloud=cloud)
+        return shown
 
     for connection, at_ns, message in _messages(path, reader, chosen):
-        if connection.topic in names:
-            waiting.append((at_ns, names[connection.topic], message))
+        topic = connection.topic
+        stamp_ns = stamps.of(topic, message.header, at_ns)
+        if topic in names:
+            waiting.append((at_ns, _Shown(names[topic], stamp_ns, message, None)))
         else:
-            recent.append(message)
-        newest_ns = header_stamp_ns(recent[-1].header) if recent else 0
+            recent.append((stamp_ns, message))
+        newest_ns = recent[-1][0] if recent else 0
         while waiting:
-            since_ns, camera, image = waiting[0]
-            if scans and newest_ns < header_stamp_ns(image.header) and at_ns - since_ns < WAIT_NS:
+            since_ns, shown = waiting[0]
+            if scan and newest_ns < shown.stamp_ns and at_ns - since_ns < WAIT_NS:
                 break
             waiting.popleft()
-            yield camera, image, nearest_scan(image)
-    for _, camera, image in waiting:
-        yield camera, image, nearest_scan(image)
+            yield with_scan(shown)
+    for _, shown in waiting:
+        yield with_scan(shown)
 
 
 def _picture(path: Path, topic: str, message: Any) -> np.ndarray:
@@ -498,17 +546,23 @@ def _points(path: Path, cloud: Any) -> Array:
 
 
 def _numbered(
-    path: Path, frames: Mapping[str, list[TraceFrame]]
+    path: Path, frames: Mapping[str, list[TraceFrame]], report: ImportReport
 ) -> dict[str, tuple[TraceFrame, ...]]:
-    """Frames with numbers for each camera, and stamps that begin with the first one's. Raises
-    UserError.
+    """Frames in order of time with numbers for each camera, and stamps that begin with the first
+    one's. Raises UserError.
     """
     first_ns = min(frame.stamp_ns for of_camera in frames.values() for frame in of_camera)
-    numbered = [
-        replace(frame, index=index, stamp_ns=frame.stamp_ns - first_ns)
-        for of_camera in frames.values()
-        for index, frame in enumerate(of_camera)
-    ]
+    numbered = []
+    for camera, of_camera in frames.items():
+        early = sum(after.stamp_ns < before.stamp_ns for before, after in pairwise(of_camera))
+        if early:
+            report.warn(f"{camera}: {early:,} images are earlier than the one before: sorted")
+        by_stamp = {frame.stamp_ns: frame for frame in of_camera}
+        report.dropped("images", len(by_stamp), len(of_camera), "the stamp of another")
+        numbered += [
+            replace(by_stamp[stamp_ns], index=index, stamp_ns=stamp_ns - first_ns)
+            for index, stamp_ns in enumerate(sorted(by_stamp))
+        ]
     return checked(path, numbered)
 
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import chain
 from typing import Any, Literal
 
@@ -12,7 +11,6 @@ from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Encoding, Frame
-from genie_sim.data.detector_laws import detector_laws
 from genie_sim.data.source import Drive, Frames
 from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS, checked_method
 from genie_sim.scenario.faults import timed
@@ -37,7 +35,9 @@ class Prepared:
     """A scenario with every car and edge of its fleet, and everything it names: its open frame
     source, devices by name, and each car's drive by its name.
 
-    ``encoded`` is what the drives are after their pictures were sent, by encoding and car;
+    ``encoded`` is what the drives are after their pictures were sent, by encoding and car; ``laws``
+    are those of the detector that looked at the drives, measured on other drives, or the assumed
+    ones;
     ``facts`` are plain data, everything that decides the outcome of a run, with the scenario as it
     is written.
     """
@@ -48,15 +48,18 @@ class Prepared:
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
     facts: Mapping[str, Any]
+    laws: DetectorLaws
 
-    @cached_property
-    def laws(self) -> DetectorLaws:
-        """The laws of the detector that looked at the drives, measured on other drives; the assumed
-        ones where none are known.
-        """
-        traces = [about for about in self.frames.provenance().values() if "detector" in about]
-        detectors = {str(about["detector"]) for about in traces}
-        return detector_laws(detectors, {str(about.get("drive")) for about in traces})
+
+def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as it tells, and these
+    drives.
+    """
+    traces = [about for about in frames.provenance().values() if "detector" in about]
+    return (
+        {str(about["detector"]) for about in traces},
+        {str(about.get("drive")) for about in traces},
+    )
 
 
 def method(entry: MethodEntry) -> Method:
@@ -100,6 +103,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
         codec=_codec(prepared, settings.image_encoding),
         interfaces=_interfaces(scenario),
+        warm_up_ns=scenario.warm_up_ns,
         places={car.name: _place(scenario, car, prepared.drives[car.name]) for car in cars},
     )
 

@@ -8,6 +8,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
+from genie_sim.data import detector_laws
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import build, own_classes
@@ -78,6 +79,7 @@ def prepare_with_frames(
         drives=drives,
         encoded=encoded,
         facts=facts(scenario, used, frames, encoded),
+        laws=detector_laws.detector_laws(*build.looked_at(frames)),
     )
 
 
@@ -145,6 +147,9 @@ def facts(
         }
         if features:
             found["features"] = features
+    laws = detector_laws.facts(*build.looked_at(frames))
+    if laws is not None:
+        found["laws"] = laws
     if scenario.fleet is not None:
         from genie_sim.worlds.town.source import TownDrives
 

@@ -9,9 +9,10 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol
 
+from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
-from genie_sim.base.units import NS_PER_S
+from genie_sim.base.units import NS_PER_S, duration_text
 from genie_sim.core.monitor import Samples
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.map_accuracy import MapAccuracy
@@ -26,6 +27,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World
 
@@ -143,6 +145,8 @@ def simulate_method(
     if "resources" not in scenario.record:
         samples = "none"
     setup = build.setup(prepared, entry)
+    for table in tables.values():
+        table.leave_out(scenario.warm_up_ns)
     judge = make_judge(prepared, entry.name, setup, tables, earlier_hosts=earlier_hosts)
     agreement = None
     if "answers" in scenario.record:
@@ -160,6 +164,7 @@ def simulate_method(
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
         world = World(setup, build.method(entry), log)
+        check_warm_up(scenario, world.last_frame_ns)
         if observer is not None:
             observer.before(entry.name, world)
         world.run(_progress_of(log, progress))
@@ -168,6 +173,15 @@ def simulate_method(
         hosts = set(world.network.graphs)
         world.dismantle()
     return hosts
+
+
+def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
+    """Raises ``UserError`` if the warm-up is longer than the run."""
+    if scenario.warm_up_ns > last_frame_ns:
+        raise UserError(
+            f"{scenario.name}: warm_up: {duration_text(scenario.warm_up_ns)} leaves nothing to "
+            f"count: the last frame is taken at {last_frame_ns / NS_PER_S:.1f} s"
+        )
 
 
 def _progress_of(log: Log, progress: Progress) -> Callable[[int, int], None]:

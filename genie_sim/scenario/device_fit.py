@@ -1,4 +1,4 @@
-"""This machine as a device: measured latencies become a device profile, with the law of its service
+"""A computer as a device: measured latencies become a device profile, with the law of its service
 times fitted.
 
 The law is that of ``profiles.ServiceTime``, X = median (loc + (1 - loc) exp(sigma Z)). Its median
@@ -6,9 +6,10 @@ is the measured one; loc and sigma are those whose quantiles come closest to the
 the logarithm, so that the tail counts.
 """
 
-import csv
+import math
 import os
 import platform
+import re
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,14 +21,24 @@ import numpy.typing as npt
 import yaml
 
 from genie_sim.base import units
-from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.paths import atomic_write, read_text
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.import_report import ImportReport
+from genie_sim.base.paths import atomic_write
 from genie_sim.base.progress import Progress
+from genie_sim.base.tables import UNITS, FileColumn, Table, is_number, title_of, with_point
+from genie_sim.scenario import benchmark_logs
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
 MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
+# Of latencies that others measured: what is so much slower than the median, at the beginning and in
+# at most this share, is a warm-up.
+WARM_UP_FACTOR, MOST_WARM_UP = 3.0, 0.2
+USUAL_MS = (1.0, 10_000.0)  # the median of a detector whose unit nobody tells
+LATENCY = re.compile(r"latency|latencies", re.ASCII)
+LARGE_GAP, FAR_MEAN = 0.2, 1.5  # of a law that is not like what was measured
+ASSUMED_CORES = 4
 PICTURE = (375, 1242, 3)  # KITTI's
 SHARES = np.arange(0.01, 1.0, 0.01)
 
@@ -37,12 +48,14 @@ Times = npt.NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """Latencies [ns] of one model, in the order in which they were measured, and where they come
-    from.
+    from. ``here``: on this machine; ``tag``: as in device profiles.
     """
 
     model: str
     latencies_ns: Times
     source: str
+    here: bool = True
+    tag: str = "M"
 
 
 class Fit(NamedTuple):
@@ -106,38 +119,167 @@ def measure(
     return Measurement(model or detector.name, np.array(latencies, dtype=np.float64), source)
 
 
-def from_csv(path: Path, model: str) -> Measurement:
-    """Latencies [ms] in the first column that holds numbers; a first line of names may be there.
+def from_table(
+    path: Path,
+    model: str,
+    report: ImportReport,
+    column: str | None = None,
+    unit: str | None = None,
+) -> Measurement:
+    """Latencies that somebody else measured, in a column of a table (CSV or Parquet), or in a file
+    of ``trtexec --exportTimes`` (``.json``).
 
-    Raises UserError, naming the line, for anything that is no time.
+    Raises UserError where it is not clear which column that is or what its unit is, and, naming the
+    line, for anything that is no time. Slow runs at the beginning are left out as a warm-up, unless
+    ``report`` accepts them.
+
+    Parameters
+    ----------
+    path : the file
+    model : what it was that took so long
+    report : is told what was read
+    column : its title; ``None``: the only one that holds latencies
+    unit : of its values, such as ``ms``; ``None``: as its title says, else milliseconds
     """
-    with as_user_error(f"{path}: not a CSV file", csv.Error):
-        rows = list(csv.reader(read_text(path).splitlines()))
-    filled = [
-        (number, [*map(_number, row)])
-        for number, row in enumerate(rows, start=1)
-        if "".join(row).strip()
-    ]
-    if filled and all(value is None for value in filled[0][1]):
-        del filled[0]  # names
-    column = (
-        next((i for i, value in enumerate(filled[0][1]) if value is not None), 0) if filled else 0
-    )
-    latencies_ms = []
-    for number, values in filled:
-        if column >= len(values) or not (value := values[column]) or not 0 < value < 1e9:
-            raise UserError(
-                f"{path}: line {number}: no latency in milliseconds in "
-                f"{','.join(rows[number - 1])[:60]!r}"
-            )
-        latencies_ms.append(value)
-    if len(latencies_ms) < MIN_LATENCIES:
-        raise UserError(f"{path}: {len(latencies_ms)} latencies, expected at least {MIN_LATENCIES}")
+    if path.suffix == ".json":
+        title, latencies = benchmark_logs.trtexec_times(path, column, report)
+        own = "ms"
+    else:
+        table = Table(path)
+        index = _column_of(table, column)
+        title = table.titles[index] if table.titles else ""
+        kind = title_of(title).unit
+        own = kind if UNITS.get(kind, ("",))[0] == "time" else ""
+        latencies = _latencies(table, index)
+        if len(table.titles) > 1:
+            report.choose("column", title, table.titles, "--column")
+    if unit is not None and own and UNITS[own] != UNITS[unit]:
+        raise UserError(f"{path}: --unit {unit}: the title {title!r} says {own}")
+    factor_ns = UNITS[unit or own or "ms"][1]
+    if len(latencies) < MIN_LATENCIES:
+        raise UserError(f"{path}: {len(latencies)} latencies, expected at least {MIN_LATENCIES}")
+    _check_latencies(path, title, latencies)
+    median_ms = float(np.median(latencies)) * factor_ns / units.NS_PER_MS
+    if not (unit or own) and not USUAL_MS[0] <= median_ms <= USUAL_MS[1]:
+        raise UserError(
+            f"{path}: has no unit, and {median_ms:g} ms would be an odd median for a detector: "
+            "say with --unit whether these are s, ms, us or ns"
+        )
+    report.read(f"latencies{f' of column {title!r}' if title else ''}", len(latencies))
+    report.span("latency", (min(latencies), max(latencies)), unit or own or "ms (assumed)")
     return Measurement(
         model,
-        np.array(latencies_ms) * units.NS_PER_MS,
-        f"{len(latencies_ms)} latencies from {path.name}",
+        _without_warm_up(np.array(latencies) * factor_ns, report),
+        f"{len(latencies)} latencies from {path.name}",
+        here=False,
+        tag="S",
     )
+
+
+def _latencies(table: Table, index: int) -> list[float]:
+    """The numbers of a column. Raises UserError for one that is no time."""
+    number, latencies = FileColumn("latency", highest=1e15), []
+    for where, (cell,) in table.cells([index]):
+        try:
+            latencies.append(number.value(with_point(cell)))
+        except ValueError:
+            latencies.append(0.0)
+        if latencies[-1] <= 0:
+            raise UserError(f"{where}: no latency in {short_repr(cell)}")
+    return latencies
+
+
+def _column_of(table: Table, name: str | None) -> int:
+    """Which column holds the latencies. Raises UserError where that is not clear."""
+    titles = list(table.titles)
+    _, first = next(table.cells(list(range(table.columns))), ("", []))
+    if name is not None:
+        if titles.count(name) != 1:
+            raise UserError(f"{table.path}: --column: {unknown('column', name, titles)}")
+        return titles.index(name)
+    numeric = [index for index, cell in enumerate(first) if is_number(cell)]
+    if not titles:
+        if len(numeric) > 1:
+            raise UserError(
+                f"{table.path}: has {len(numeric)} columns of numbers and no header: "
+                "name the latencies in one, such as latency_ms"
+            )
+        return (numeric or [0])[0]
+    parts = [title_of(title) for title in titles]
+    in_time = [index for index in numeric if UNITS.get(parts[index].unit, ("",))[0] == "time"]
+    called = [index for index in numeric if LATENCY.search(parts[index].stem)]
+    for among in (called, in_time, numeric):
+        if len(among) == 1:
+            return among[0]
+        if among:
+            some = ", ".join(short_repr(titles[index]) for index in among)
+            raise UserError(f"{table.path}: which column holds latencies, {some}? Say --column")
+    return 0
+
+
+def _check_latencies(path: Path, title: str, latencies: Sequence[float]) -> None:
+    """Raises UserError for numbers of rows."""
+    if (np.diff(latencies) == 1).all():
+        raise UserError(
+            f"{path}: column {title!r} counts from {latencies[0]:g} to {latencies[-1]:g}: these "
+            "are numbers of runs, not latencies"
+        )
+
+
+def _without_warm_up(latencies_ns: Times, report: ImportReport) -> Times:
+    """The latencies without the slow ones at the beginning."""
+    slow = latencies_ns > WARM_UP_FACTOR * np.median(latencies_ns)
+    first = int(np.argmin(slow))  # that is not slow
+    if not first or first > len(latencies_ns) * MOST_WARM_UP:
+        return latencies_ns
+    slowest_ms = float(latencies_ns[:first].max()) / units.NS_PER_MS
+    text = f"the first {first} runs take up to {slowest_ms:.4g} ms: a warm-up"
+    if report.accept:
+        report.warn(f"{text}, kept by --accept")
+        return latencies_ns
+    report.warn(f"{text}, left out; --accept keeps them")
+    report.leave_out("latencies of the warm-up", first)
+    return latencies_ns[first:]
+
+
+def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:
+    """Warns of a law that is not like what was measured."""
+    loc, sigma = fitted.loc, fitted.sigma
+    mean_ns = fitted.median_ns * (loc + (1 - loc) * float(np.exp(min(sigma**2 / 2, 50.0))))
+    real_ns = float(np.mean(measured.latencies_ns))
+    if fitted.gap > LARGE_GAP or not 1 / FAR_MEAN < mean_ns / real_ns < FAR_MEAN:
+        report.warn(
+            f"the law does not fit: its mean is {mean_ns / units.NS_PER_MS:.4g} ms, that of the "
+            f"latencies {real_ns / units.NS_PER_MS:.4g} ms, and the largest gap between the "
+            f"distributions {fitted.gap:.2f}. Are there several kinds of runs?"
+        )
+
+
+def of_trtexec(path: Path, model: str, summary: benchmark_logs.Summary) -> tuple[Measurement, Fit]:
+    """The log-normal law through the median and a percentile of trtexec's summary."""
+    within = f"{100 * summary.share:g} % within {summary.percentile_ms:g} ms"
+    source = (
+        f"summary of trtexec in {path.name}: median {summary.median_ms:g} ms, {within}; "
+        "log-normal, which is assumed"
+    )
+    return _given(model, round(summary.median_ms * units.NS_PER_MS), summary.sigma, source)
+
+
+def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
+    """The log-normal law of a mean and a standard deviation, where nothing else is known."""
+    sigma = math.sqrt(math.log1p((sd_ns / mean_ns) ** 2))
+    median_ns = round(mean_ns * math.exp(-(sigma**2) / 2))
+    source = (
+        f"given: mean {units.duration_text(mean_ns)}, standard deviation "
+        f"{units.duration_text(sd_ns)}; log-normal, which is assumed"
+    )
+    return _given(model, median_ns, sigma, source)
+
+
+def _given(model: str, median_ns: int, sigma: float, source: str) -> tuple[Measurement, Fit]:
+    none = np.array([], dtype=np.float64)
+    fitted = Fit(median_ns, loc=0.0, sigma=round(sigma, 4), gap=0.0, p95=1.0, p99=1.0, runs=0)
+    return Measurement(model, none, source, here=False, tag="D"), fitted
 
 
 def fit(latencies_ns: Times) -> Fit:
@@ -177,28 +319,51 @@ def fit(latencies_ns: Times) -> Fit:
     )
 
 
-def write(path: Path, measured: Measurement, fitted: Fit) -> DeviceProfile:
+def write(
+    path: Path,
+    measured: Measurement,
+    fitted: Fit,
+    cores: int | None = None,
+    board: benchmark_logs.Board | None = None,
+) -> DeviceProfile:
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
     Reads it back.
+
+    Parameters
+    ----------
+    path : the file
+    measured, fitted : the model's latencies and their law
+    cores : of the device; ``None``: those of ``board``, or of this machine if it was measured
+        here, else assumed
+    board : what tegrastats told of the device
     """
     spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
-    source = f"{measured.source}; {fitted}"
+    source = f"{measured.source}; {fitted}" if fitted.runs else measured.source
     model: dict[str, Any] = {
         "median": units.duration_text(fitted.median_ns),
-        "tag": "M",
+        "tag": measured.tag,
         "source": measured.source,
     }
+    if cores is not None:
+        count = {"value": cores, "tag": "S", "source": "given"}
+    elif board is not None:
+        source_of = f"tegrastats, {board.lines} lines"
+        count = {"value": board.cores, "tag": "S", "source": source_of}
+    elif measured.here:
+        count = {
+            "value": os.cpu_count() or 1,
+            "tag": "M",
+            "source": "processors of the machine that wrote this file",
+        }
+    else:
+        count = {"value": ASSUMED_CORES, "tag": "A", "source": "assumed: nobody gave them"}
     assumed = "not measured apart: as measured in one condition"
     profile = {
         "name": path.stem,
         "title": f"Measurement: {platform.node() or platform.machine()}"
-        if "profile:" in measured.source
+        if measured.here
         else path.stem,
-        "cores": {
-            "value": os.cpu_count() or 1,
-            "tag": "M",
-            "source": "processors of the machine that wrote this file",
-        },
+        "cores": count,
         "hop": {
             "small": {"value": "0.3 ms", "tag": "A", "source": "a small message on a Jetson"},
             "per_megabyte": {
@@ -217,11 +382,23 @@ def write(path: Path, measured: Measurement, fitted: Fit) -> DeviceProfile:
         },
         "spreads": {
             "isolated": {**spread, "tag": "A", "source": assumed},
-            "default": {**spread, "tag": "M", "source": source},
+            "default": {**spread, "tag": measured.tag, "source": source},
             "loaded": {**spread, "tag": "A", "source": assumed},
         },
         "models": {measured.model: model},
     }
+    if board is not None and board.power is not None:
+        source_of = f"least squares over {board.lines} lines of tegrastats; range: two errors"
+        profile["power"] = {
+            name: {
+                "value": f"{watts:.3f} W",
+                "low": f"{max(watts - 2 * error, 0.0):.3f} W",
+                "high": f"{watts + 2 * error:.3f} W",
+                "tag": "D",
+                "source": source_of,
+            }
+            for name, (watts, error) in board.power.items()
+        }
     heading = (
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. "
         "Written by genie-sim profile.\n"
@@ -231,11 +408,3 @@ def write(path: Path, measured: Measurement, fitted: Fit) -> DeviceProfile:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_text(text, encoding="utf-8")
         return load_profile(partial)
-
-
-def _number(cell: str) -> float | None:
-    try:
-        value = float(cell)
-    except ValueError:
-        return None
-    return value if np.isfinite(value) else None

@@ -110,12 +110,17 @@ class Scenario(MethodSettings):
     first trace. Cars on two drives share one map."""
 
     cameras: Annotated[tuple[Camera, ...], NotEmpty()] = FOUR_CAMERAS
-    """The streams of every car. By default KITTI's two colour and two grey cameras, 25 ms apart;
-    the two recorded ones stand for all four."""
+    """The streams of every car. By default the paper's four, KITTI's two colour and two grey
+    cameras, 25 ms apart, for which the two recorded ones stand; real ones are those that the
+    recording has: `02` and `03`, and `00` and `01` where it was made with them."""
 
     start_jitter_ns: int = 100 * units.NS_PER_MS
     """Every car starts up to this much later, drawn uniformly. Assumed; it keeps cars from running
     in step."""
+
+    warm_up_ns: int = 0
+    """How long caches and maps fill before anything counts: frames that are taken earlier are
+    simulated, but in no table and no metric."""
 
     edges: tuple[Edge, ...] = ()
     """The edge servers."""

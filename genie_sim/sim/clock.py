@@ -239,6 +239,11 @@ class Occupancy:
         """How many have waited at a time; who is taken at once has not waited."""
         return max(self._most, self._count if self._clock.now > self._since_ns else 0)
 
+    def forget_most(self) -> None:
+        """The most at a time is that from now on."""
+        self._change(0)
+        self._most = 0
+
     def enter(self) -> None:
         """One more waits."""
         self._change(1)

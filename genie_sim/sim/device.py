@@ -2,11 +2,14 @@
 
 import math
 
-import numpy as np
 import simpy
 
+from genie_sim.base.seeds import Draws
+from genie_sim.core.header import Header
+from genie_sim.core.messages import Message
 from genie_sim.core.monitor import SpanLabel
 from genie_sim.sim.clock import Clock, Occupancy, Steps
+from genie_sim.sim.draw_keys import frame_key, message_key
 from genie_sim.sim.service import Device
 
 
@@ -148,7 +151,7 @@ class Processor:
 
 class Host:
     """A car's board or an edge server: one accelerator, the cores of its CPU, and how long a
-    message hop takes.
+    message hop takes. A frame's times on it are the same under every method.
 
     Parameters
     ----------
@@ -158,27 +161,19 @@ class Host:
         The car's or edge's name.
     device : Device
         The service-time laws.
-    accelerator_rng, cpu_rng : Generator
-        Draw the times of detections and of a Genie's messages.
+    seed : int
+        The root of its random numbers.
     """
 
-    def __init__(
-        self,
-        clock: Clock,
-        name: str,
-        device: Device,
-        *,
-        accelerator_rng: np.random.Generator,
-        cpu_rng: np.random.Generator,
-    ) -> None:
+    def __init__(self, clock: Clock, name: str, device: Device, *, seed: int) -> None:
         self.clock = clock
         self.name = name
         self.device = device
         self.accelerator = Processor(clock, f"{name}.accelerator", "accelerator")
         self.cpu = Processor(clock, f"{name}.cpu", "cpu", device.cores)
         self._hops_ns: dict[int, int] = {}  # by the message's size
-        self._detector_times = device.detector_time.draws(accelerator_rng)
-        self._message_times = device.message_time.draws(cpu_rng)
+        self._detections = Draws(seed, name, "accelerator")
+        self._messages = Draws(seed, name, "cpu")
 
     @property
     def is_stalled(self) -> bool:
@@ -192,16 +187,19 @@ class Host:
             hop_ns = self._hops_ns[size_bytes] = self.device.hop.of(size_bytes)
         return hop_ns
 
-    def infer(self, label: SpanLabel) -> Steps:
+    def infer(self, header: Header, label: SpanLabel) -> Steps:
         """Runs the detector on one image."""
-        return self.accelerator.serve(next(self._detector_times), label)
+        return self.accelerator.serve(self.detection_ns(header), label)
 
-    def batch_ns(self, pictures: int) -> int:
-        """Draws how long the detector takes for so many images at once [ns]."""
-        return round(next(self._detector_times) * self.device.batch_factor(pictures))
+    def detection_ns(self, header: Header, pictures: int = 1) -> int:
+        """How long the detector takes for so many images at once, of which this is the first
+        [ns].
+        """
+        alone_ns = self.device.detector_time.at(self._detections.normal(frame_key(header)))
+        return round(alone_ns * self.device.batch_factor(pictures))
 
     def mean_batch_ns(self, pictures: int) -> float:
-        """The mean of that [ns]."""
+        """The mean time for so many images at once [ns]."""
         return self.device.detector_time.mean_ns * self.device.batch_factor(pictures)
 
     def compute_key(self, name: str, label: SpanLabel) -> Steps:
@@ -209,6 +207,7 @@ class Host:
         processor, service_ns = self.device.keys[name]
         return (self.cpu if processor == "cpu" else self.accelerator).serve(service_ns, label)
 
-    def serve_message(self, label: SpanLabel) -> Steps:
-        """Handles one message of a Genie."""
-        return self.cpu.serve(next(self._message_times), label)
+    def serve_message(self, topic: str, message: Message, sender: str, label: SpanLabel) -> Steps:
+        """Handles one message of a Genie: on which topic it came, and from which node."""
+        z = self._messages.normal(message_key(topic, message, sender))
+        return self.cpu.serve(self.device.message_time.at(z), label)

@@ -127,7 +127,7 @@ class Coder(Node):
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
 
-    def work(self, message: Message) -> Steps:
+    def work(self, topic: str, message: Message, sender: str) -> Steps:
         raw = self._codec.in_memory(message)
         service_ns = round(raw.size_bytes / MEGABYTE * self._per_megabyte_ns)
         return self.host.cpu.serve(service_ns, self.work_label)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Protocol, runtime_che
 
 import numpy as np
 
+from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
 from genie_sim.sim.forgeries import Forgeries
@@ -115,6 +116,11 @@ class AffectedNetwork(Protocol):
     @property
     def forgeries(self) -> Forgeries:
         """Gets the ground truth of attacks."""
+
+    def draws(self, *names: str) -> Draws:
+        """The random numbers of these names, by key: that of a key is the same under every
+        method.
+        """
 
     def stream(self, *names: str) -> np.random.Generator:
         """The random generator of these names: the same under every method."""

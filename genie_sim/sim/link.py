@@ -11,6 +11,7 @@ from genie_sim.sim.clock import Clock, Newest, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
+from genie_sim.sim.link_models.message_random import MessageRandom
 from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
@@ -33,6 +34,7 @@ class Transfer:
     flow: Hashable
     size_bytes: int
     message: Message | None = None
+    host: str = ""  # that it goes to
     deliver: Deliver | None = None
     arguments: Arguments = ()
     carried: OnMessage | None = None
@@ -85,6 +87,7 @@ class Link:
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
         self._sender = sender
+        self._random: MessageRandom | None = getattr(sender, "random", None)
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
@@ -122,7 +125,9 @@ class Link:
         message: Message,
         deliver: Deliver,
         arguments: Arguments = (),
+        *,
         carried: OnMessage | None = None,
+        host: str = "",
     ) -> None:
         """Queues a message.
 
@@ -138,13 +143,16 @@ class Link:
             See ``deliver``.
         carried : callable or None
             Called with the message when it was on the wire, whether it arrives or is lost.
+        host : str
+            The host that it goes to, or a node there.
         """
         self._queue(
             Transfer(
                 flow,
                 message.size_bytes,
                 message,
-                deliver,
+                host=host,
+                deliver=deliver,
                 arguments=arguments,
                 carried=carried,
                 path=self.clock.path,
@@ -176,6 +184,8 @@ class Link:
             self._on_wire = transfer
             clock.waited(transfer.path, self._queueing)
             path = clock.path
+            if self._random is not None:
+                self._random.begin(transfer.message, transfer.host)
             yield self._sender.sent(transfer.size_bytes)
             clock.waited(path, self._transport)
             self.sent_bytes += transfer.size_bytes
@@ -304,7 +314,9 @@ class Bridge(Subscriber):
             message = bent
         flow = (self.address, self._topic, message.header.frame_id)
         arguments = (message, sender, self._times_up)
-        self.link.send(flow, message, self.arrive, arguments, carried=self._carried)
+        self.link.send(
+            flow, message, self.arrive, arguments, carried=self._carried, host=self.address
+        )
 
     def arrive(self, message: Message, sender: str, times_up: int) -> None:
         """A message reaches the far end; it left when the connection was up for the ``times_up``-th

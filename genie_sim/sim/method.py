@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from genie_sim.base.seeds import Draws
 from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.core.messages import Effect, Message, Observation
 from genie_sim.core.rules import GenieRules
@@ -80,6 +81,8 @@ class HostContext:
         The rules of Genies on this host; ``None`` where the scenario wants none.
     stream : callable
         Returns a random generator by names, the same for this host under every method.
+    draws : callable
+        Returns the host's random numbers of these names, by key (``base.seeds.Draws``).
     records_changes : bool
         Whether observations are to name the objects of a map that changed.
     laws : DetectorLaws
@@ -95,6 +98,7 @@ class HostContext:
     has_edge: bool
     genie: GenieRules | None
     stream: Callable[..., np.random.Generator]
+    draws: Callable[..., Draws]
     records_changes: bool
     laws: DetectorLaws
     edges: tuple[str, ...]

@@ -11,6 +11,7 @@ import numpy as np
 
 from genie_sim.base import seeds
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.seeds import Draws
 from genie_sim.core.monitor import Monitor, Part, Resource
 from genie_sim.sim.bends import Bend, Border, Sense
 from genie_sim.sim.clock import Clock
@@ -31,8 +32,8 @@ class Network:
     """The hosts of a run with their ROS graphs, the links between them, and the cars' connections
     to their edges.
 
-    Random numbers come from streams named after car, device and link, so every method sees the same
-    ones.
+    Random numbers are named after car, device and link, and belong to frames or to time, so every
+    method sees the same ones.
 
     Parameters
     ----------
@@ -94,6 +95,12 @@ class Network:
             stream = self._streams[names] = seeds.stream(self._seed, *names)
         return stream
 
+    def draws(self, *names: str | int) -> Draws:
+        """The random numbers of these names, by key: that of a key is the same under every
+        method.
+        """
+        return Draws(self._seed, *names)
+
     def is_busy(self, *, stalled_too: bool) -> bool:
         """Whether a message is queued, handled or on its way anywhere; what waits on a host that
         stands still counts if it may go on (``stalled_too``).
@@ -109,13 +116,7 @@ class Network:
 
     def add_host(self, name: str, device: Device) -> Graph:
         """A new host with an empty graph."""
-        host = Host(
-            self.clock,
-            name,
-            device,
-            accelerator_rng=self.stream(name, "accelerator"),
-            cpu_rng=self.stream(name, "cpu"),
-        )
+        host = Host(self.clock, name, device, seed=self._seed)
         graph = Graph(host, self._queue_length, self.monitor.dropped)
         self.resources += [host.accelerator, host.cpu]
         self.graphs[name] = graph

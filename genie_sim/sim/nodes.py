@@ -38,8 +38,8 @@ class DetectorNode(Node):
 
     part = "inference"
 
-    def work(self, message: Message) -> Steps:
-        return self.host.infer(self.work_label)
+    def work(self, topic: str, message: Message, sender: str) -> Steps:
+        return self.host.infer(message.header, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         assert isinstance(message, Image)
@@ -98,22 +98,22 @@ class InterceptorNode(Node):
     def is_busy(self) -> bool:
         return self._timer_set or super().is_busy
 
-    def work(self, message: Message) -> Iterable[simpy.Event]:
+    def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
         if self._costs_nothing:
             return ()
         if self._key is not None and isinstance(message, Image):
-            return self._look_up(self._key)
+            return self._look_up(self._key, topic, message, sender)
         if self._pass_time_ns is not None:
             return self.host.cpu.serve(self._pass_time_ns, self.work_label)
-        return self.host.serve_message(self.work_label)
+        return self.host.serve_message(topic, message, sender, self.work_label)
 
-    def _look_up(self, key: str) -> Steps:
+    def _look_up(self, key: str, topic: str, message: Message, sender: str) -> Steps:
         """Computes the key of an image, searches the cache, then handles the message."""
         host, label = self.host, self.work_label
         yield from host.compute_key(key, label)
         if self._per_entry_ns:
             yield from host.cpu.serve(self._per_entry_ns * self.pure.cache_entries(), label)
-        yield from host.serve_message(label)
+        yield from host.serve_message(topic, message, sender, label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)
@@ -175,7 +175,8 @@ class InterceptorNode(Node):
         self._working[process] = (effect.message,)
         self.clock.path = path
         try:
-            yield from self.host.serve_message(self.work_label)
+            message = effect.message
+            yield from self.host.serve_message(effect.topic, message, self.name, self.work_label)
         except simpy.Interrupt:  # a crash
             return
         del self._working[process]

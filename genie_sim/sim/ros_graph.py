@@ -264,7 +264,7 @@ class Node(Subscriber):
         """As ``void``, but what the node has in memory stays."""
         self.void(where)
 
-    def work(self, message: Message) -> Iterable[simpy.Event]:
+    def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
         """What handling a message takes: the part of a process that waits for the devices."""
         raise NotImplementedError
 
@@ -283,7 +283,7 @@ class Node(Subscriber):
             self._working[thread] = (message,)
             clock.waited(path, self._queueing)
             try:
-                yield from self.work(message)
+                yield from self.work(topic, message, sender)
             except simpy.Interrupt:  # a crash
                 continue
             del self._working[thread]

@@ -3,12 +3,10 @@ another.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import exp
 from typing import Literal
-
-import numpy as np
 
 MEGABYTE = 10**6
 
@@ -23,31 +21,14 @@ class ServiceTime:
     loc: float
     sigma: float
 
-    def sample(self, rng: np.random.Generator) -> int:
-        """One service time in whole nanoseconds, at least 1. Takes exactly one normal draw."""
-        return self.at(float(rng.standard_normal()))
-
     def at(self, z: float) -> int:
-        """The time [ns] for a standard normal number."""
-        return log_normal_ns(self.median_ns, self.loc, self.sigma, z)
+        """The time [ns] for a standard normal number, at least 1."""
+        return max(1, round(self.median_ns * (self.loc + (1.0 - self.loc) * exp(self.sigma * z))))
 
     @property
     def mean_ns(self) -> float:
         """The law's mean: that of exp(sigma Z) is exp(sigma^2 / 2)."""
         return self.median_ns * (self.loc + (1.0 - self.loc) * math.exp(self.sigma**2 / 2))
-
-    def draws(self, rng: np.random.Generator) -> Iterator[int]:
-        """Endless service times [ns]."""
-        median_ns, loc, sigma = self.median_ns, self.loc, self.sigma
-        while True:
-            # several normal numbers at once are the same ones, and cost little more than one
-            normals = rng.standard_normal(16).tolist()
-            yield from [log_normal_ns(median_ns, loc, sigma, z) for z in normals]
-
-
-def log_normal_ns(median_ns: int, loc: float, sigma: float, z: float) -> int:
-    """The shifted log-normal time [ns] for a standard normal number, at least 1."""
-    return max(1, round(median_ns * (loc + (1.0 - loc) * exp(sigma * z))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -133,7 +133,7 @@ class BatchingDetectorNode(DetectorNode):
     def _run(self, batch: list[Picture]) -> Steps:
         clock, host = self.clock, self.host
         self._working[clock.active_process] = tuple(picture.message for picture in batch)
-        service_ns = host.batch_ns(len(batch))
+        service_ns = host.detection_ns(batch[0].message.header, len(batch))
         self._free_ns = clock.now + host.mean_batch_ns(len(batch))
         clock.path = batch[0].path
         yield from host.accelerator.serve(service_ns, self.work_label, pictures=len(batch))

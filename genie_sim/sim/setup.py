@@ -48,6 +48,8 @@ class Setup:
         Where each car is at a time [ns]: east and north [m].
     interfaces : mapping
         The network interface of each car that has one of a known kind.
+    warm_up_ns : int
+        From when on it counts what hosts, links and queues do.
     """
 
     seed: int
@@ -64,6 +66,7 @@ class Setup:
     codec: ImageCodec | None = None
     places: Mapping[str, Place] = field(default_factory=dict)
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
+    warm_up_ns: int = 0
 
     @property
     def blind_edges(self) -> set[str | None]:

@@ -27,6 +27,17 @@ SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight
 MAX_DRAIN_NS = 600 * NS_PER_S
 ONE_BY_ONE = Serving()
+# Of what a host has used, the counts that only grow.
+COUNTS = (
+    "accelerator_ns",
+    "cpu_ns",
+    "pictures",
+    "batches",
+    "bytes_up",
+    "bytes_down",
+    "transfer_ns",
+    "tail_ns",
+)
 Told = Callable[[int, int], None]  # the time now and at the end [ns]
 
 
@@ -59,6 +70,7 @@ class World:
         self._faults: list[simpy.Process] = []
         self._fault_spans: list[FaultSpan] = []
         self._uplinks: list[CarUplink] = []
+        self._used_before: dict[str, HostUsage] = {}  # the end of the warm-up
         self._build_edges()
         edge_resources = list(self.network.resources)
         for car in setup.cars:
@@ -82,7 +94,7 @@ class World:
             if not self.network.is_busy(stalled_too=may_go_on):
                 break
         self.monitor.sample(self._sampled, self.clock.now)
-        self.monitor.used(self._usage())
+        self.monitor.used(map(self._since_warm_up, self._usage()))
         self.monitor.failed(self._fault_spans)
         self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
@@ -100,10 +112,25 @@ class World:
         self._cameras.clear()
         self._faults.clear()
 
+    def _end_warm_up(self) -> None:
+        """From now on it counts what hosts, links and queues do."""
+        self._used_before = {usage.host: usage for usage in self._usage()}
+        for resource in self._sampled:
+            resource.occupancy.forget_most()
+
+    def _since_warm_up(self, usage: HostUsage) -> HostUsage:
+        """What a host has used, without what it had used before the end of the warm-up."""
+        before = self._used_before.get(usage.host)
+        if before is None:
+            return usage
+        used = {name: getattr(usage, name) - getattr(before, name) for name in COUNTS}
+        begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
+        return usage._replace(**used, begin_ns=begin_ns)
+
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""
         setup = self.setup
-        cars, uplinks = {car.name for car in setup.cars}, {}
+        starts_ns, uplinks = {car.name: car.route.start_ns for car in setup.cars}, {}
         for uplink in self._uplinks:
             bytes_up, bytes_down = uplink.bytes_carried()
             use = uplink.interface
@@ -118,7 +145,7 @@ class World:
             host, interface = graph.host, setup.interfaces.get(name)
             yield HostUsage(
                 host=name,
-                placement="car" if name in cars else "edge",
+                placement="car" if name in starts_ns else "edge",
                 device=host.device.name,
                 interface=None if interface is None else interface.name,
                 accelerator_ns=host.accelerator.busy_ns,
@@ -126,6 +153,7 @@ class World:
                 pictures=host.accelerator.completed,
                 batches=host.accelerator.jobs,
                 **uplinks.get(name, {}),
+                begin_ns=starts_ns.get(name, 0),
             )
 
     def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
@@ -142,9 +170,14 @@ class World:
         return []
 
     def _sample(self, progress: Told | None) -> Steps:
-        """The process that samples resources."""
+        """The process that samples resources, at the end of the warm-up, too."""
+        warm_up_ns = self.setup.warm_up_ns
+        if warm_up_ns % SAMPLE_NS:
+            yield self.clock.timeout(warm_up_ns % SAMPLE_NS)
         while True:
             now_ns = self.clock.now
+            if now_ns == warm_up_ns > 0:
+                self._end_warm_up()
             self.monitor.sample(self._sampled, now_ns)
             if progress is not None:
                 progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
@@ -216,6 +249,7 @@ class World:
             has_edge=has_edge,
             genie=self.setup.settings.genie if genie else None,
             stream=partial(self.network.stream, name),
+            draws=partial(self.network.draws, name),
             records_changes=self.monitor.wants_changes,
             laws=self.setup.laws,
             edges=self._edge_names,

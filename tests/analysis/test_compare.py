@@ -16,6 +16,7 @@ import genie_sim as gs
 from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
 from genie_sim.base.errors import UserError
+from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
@@ -128,6 +129,27 @@ def test_settings_are_compared_seed_by_seed(usual: list[Run], slower: list[Run])
     assert (found.difference, found.low, found.high) == pytest.approx(
         (np.mean(gaps), np.mean(gaps) - half, np.mean(gaps) + half), rel=1e-6
     )
+    others = [value - gap for value, gap in zip(values, gaps, strict=True)]
+    unpaired = np.var(values, ddof=1) + np.var(others, ddof=1)
+    assert found.variance_ratio == pytest.approx(np.var(gaps, ddof=1) / unpaired)
+
+
+def test_what_pairing_gained_stands_in_every_table(usual: list[Run], slower: list[Run]):
+    made = compare([*usual, *slower], ["remote"])
+    found = row(list(made.rows), "first_answer_mean", "remote")
+    assert found.variance_ratio is not None
+    text = number_text(round(found.variance_ratio, 2))
+    for table in ("markdown", "latex"):
+        written = compare_tables.text(made, table)
+        assert "variance ratio" in written and text in written, table
+    written = compare_tables.text(made, "csv")
+    assert "variance_ratio" in written and repr(found.variance_ratio)[:8] in written
+    assert "gains nothing" in compare_tables.about(made)
+    page = comparison.page(made)
+    assert "variance ratio" in page and f'"{text}"' in page
+    alone = compare(usual[:1], ["remote", "genie"])  # one seed: nobody knows
+    assert all(one.variance_ratio is None for one in alone.rows)
+    assert "variance ratio" not in compare_tables.text(alone, "markdown")
     found = row(list(made.rows), "streaming_f1", "remote")
     assert found.high is not None and found.high < 0, "a slower edge is less right"
     assert made.settings["scenario.edges[0].device"] == ["'quadro_rtx_4000'", "'jetson_tx2'"]

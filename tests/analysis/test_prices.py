@@ -333,9 +333,52 @@ def test_tables_without_hosts_have_no_prices():
     names = {metric.metric for metric in metrics.compute(made.methods, tables)}
     assert "energy_per_frame" not in names and "answered_share" in names
     hosts = Table(HOSTS)
-    hosts.append(HostRow("local", "car1", "car", "d", None, 5 * S, 0, 3, 3, 0, 0, 0, 0))
+    hosts.append(HostRow("local", "car1", "car", "d", None, 5 * S, 0, 3, 3, 0, 0, 0, 0, 0))
     power = Table(POWER)
     power.append(PowerRow("local", "device", "d", "idle", 1.0, 1.0, 1.0))
-    found = prices.ledger(hosts.columns(), power.columns(), 2 * S)
+    timed = prices.with_time(hosts.columns(), Columns.of(made.tables["frames"]))
+    found = prices.ledger(timed, power.columns())
     assert found.unknown == ("d",) and found.joules() is None
-    assert prices.duration_ns(Columns.of(made.tables["frames"])) == 1_931 * MS
+    assert timed["there_s"].tolist() == [1.931]
+
+
+LATE_S = 95
+
+
+def join(start_s: int) -> Run:
+    """Two cars that keep their accelerator and their 10 Mbit/s busy; the first starts so late."""
+    link = {"rate_up": "10 Mbit/s", "delay": "1 ms", "overhead": 0}
+    who = {"device": "jetson_tx2", "edge": "edge1", "link": link}
+    cars = [
+        {"name": "car1", **who, "route": {"start": f"{start_s} s"}},
+        {"name": "car2", **who},
+    ]
+    exact = devices()
+    slow = fixed_device("exact_car", detector="150 ms", hop="0 ms", per_megabyte="0 ms")
+    exact["jetson_tx2"] = replace(slow, power=CAR_POWER)
+    return run(["local", "remote"], cars=cars, of=exact)
+
+
+def test_a_car_costs_the_same_however_late_it_starts():
+    """Rates, use and energy of cars are those of the time in which they drive."""
+    together, apart = join(0), join(LATE_S)
+    of_cars = {"car1.accelerator", "car2.accelerator", "car1->edge1", "car2->edge1"}
+    of_cars |= {"edge1->car1", "edge1->car2", "car1.cpu", "car1/vision_darknet_detect"}
+    rates = {"bytes_up_rate", "bytes_down_rate", "fresh_answer_throughput"}
+    late = {one.row[:4]: one.value for one in apart.measured}
+    compared = 0
+    for one in together.measured:
+        of_host = one.component in of_cars and one.method == "local"
+        energy = one.metric.startswith("energy") and one.placement == "car"
+        if of_host or (one.method == "local" and (energy or one.metric in rates)):
+            assert late[one.row[:4]] == pytest.approx(one.value, rel=1e-9), one
+            compared += 1
+        if one.metric == "utilization" and one.component.endswith("->edge1"):
+            assert late[one.row[:4]] == pytest.approx(one.value, rel=0.01), one
+    assert compared > 25
+    busy = [
+        metric.value
+        for metric in apart.measured
+        if (metric.metric, metric.component) == ("utilization", "car1.accelerator")
+    ]
+    assert busy[0] > 0.95

@@ -75,6 +75,7 @@ def test_one_run(one: Run):
     for name, text in (
         ("terminal", screen.text(one, 80)),
         ("narrow terminal", screen.text(one, 50)),
+        ("terminal, all rows", screen.text(one, 80, ())),
         ("markdown", summary.markdown(one)),
         ("csv", summary.table(one, "csv")),
         ("markdown table", summary.table(one, "markdown")),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.analysis import attacks, correctness, metrics, outages, prices
+from genie_sim.analysis import attacks, correctness, metrics, outages, prices, resource_metrics
 from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
@@ -45,6 +45,7 @@ OF_VIEWS = {  # what else a view reads, by the metrics that it is for
     (*attacks.METRICS,): {"held": ()},
     (*outages.METRICS,): {"faults": ()},
     (*prices.METRICS,): ENERGY,
+    (*resource_metrics.METRICS,): ENERGY,
     ("first_answer_part", "fresh_answer_part"): {"frames": ("first_answer_ns", "fresh_answer_ns")},
     ("shared_share", "shared_right_share"): {"looks": ()},
     ("fault_recall", "fault_ghosts"): correctness.StreamingF1().columns_read(),

@@ -33,7 +33,8 @@ def test_the_header_says_what_was_run():
     """
     header = screen.header(run_of(TEN[:2], label="two edges"))
     assert header == (
-        "two edges (town): 3 cars, 1 edge, 1.98 s, 720 frames under each of 2 methods, seed 7"
+        "two edges (town): 3 cars, 1 edge, 1.98 s simulated, "
+        "720 frames under each of 2 methods, seed 7"
     )
 
 

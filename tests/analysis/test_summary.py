@@ -9,6 +9,7 @@ import pytest
 
 from genie_sim.analysis import metrics, renderers, screen, summary
 from genie_sim.analysis.registry import METRICS
+from genie_sim.base.errors import UserError
 from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run
 
@@ -30,6 +31,9 @@ def run_of(
     return Run("0123456789ab", facts, "", tables, metrics)
 
 
+PLACES = ("cars", "edges")
+
+
 def plain(*names: str) -> list[MethodInfo]:
     """Methods whose titles are their names."""
     return [MethodInfo(name, name, baseline=False) for name in names]
@@ -40,17 +44,53 @@ def row(text: str, label: str) -> list[str]:
     return line.removeprefix(label).split()
 
 
-def test_a_terminal_sees_every_method_and_the_busiest_device_of_each_kind(found):
-    text = screen.text(run_of(found))
+def test_a_terminal_shows_twelve_rows_at_most_and_all_or_some_on_request(found):
+    measured = [*found]
+    for method in ("local", "genie"):
+        measured += [
+            Metric(name, method, "all", "", 0.5, "1") for name in ("streaming_f1", "ghost_share")
+        ]
+    run = run_of(measured)
+    short, whole = screen.text(run, 100), screen.text(run, 100, ())
+    titles = [row.title for row in summary.short_table(run).rows]
+    assert titles == [
+        "first answer, mean [ms]",
+        "first answer within 33 ms [%]",
+        "fresh result, mean [ms]",
+        "frames with a fresh result [%]",
+        *(f"{what} reuse on {where} [%]" for what in ("image", "object") for where in PLACES),
+        *(f"confidence boost on {where}" for where in PLACES),
+        "streaming F1 [%]",
+        "false objects [%]",
+    ]
+    assert all(title in short and title in whole for title in titles)
+    more = len(summary.main_table(run).rows) - len(titles)
+    assert f"{more} more rows: genie-sim run --all" in short and "more rows" not in whole
+    chosen = screen.text(run, 100, ["first_answer_p99", "image_reuse"])
+    assert chosen.index("first answer, p99") < chosen.index("image reuse on cars")
+    assert "object reuse" not in chosen and "frames dropped" not in chosen
+    with pytest.raises(UserError, match="--metrics: unknown metric 'image_resue'"):
+        screen.text(run, 100, ["image_resue"])
+
+
+def test_rows_without_numbers_are_left_out_and_the_reason_is_told(found):
+    local = [metric for metric in found if metric.method == "local"]
+    text = " ".join(screen.text(run_of(local)).split())
+    assert "image reuse on" not in text and "false objects [%]" not in text
+    assert "no Genie's look-ups are recorded" in text and "are not known here" in text
+
+
+def test_all_rows_see_every_method_and_the_busiest_device_of_each_kind(found):
+    text = screen.text(run_of(found), 80, ())
     known = {(metric.metric, metric.method): metric.value for metric in found}
     methods = ("local", "remote", "genie")
-    assert text.splitlines()[2].split() == ["local", "(L)", "remote", "(R)", "Genie", "(DG)"]
+    assert "local (L)  remote (R)  Genie (DG)" in text.splitlines()[3]
     for label, metric in (
         ("first answer, mean [ms]", "first_answer_mean"),
         ("fresh result, mean [ms]", "fresh_answer_mean"),
     ):
         assert row(text, label)[-3:] == [f"{known[metric, method]:.3g}" for method in methods]
-    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 28
+    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 30
     assert text.index("first answer") < text.index("image reuse on cars") < text.index("busiest")
     assert "Times: from when a frame reaches the queue of its first ROS node." in " ".join(
         text.split()
@@ -70,7 +110,7 @@ def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format
     assert [row.title for row in table.rows] == [
         line[: len(row.title)]
         for line, row in zip(
-            screen.text(run_of(found), 200).splitlines()[3:], table.rows, strict=False
+            screen.text(run_of(found), 200, ()).splitlines()[3:], table.rows, strict=False
         )
     ]
     markdown = renderers.markdown(table).splitlines()
@@ -94,7 +134,7 @@ def test_every_latency_of_every_method_has_its_row(found):
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
 def test_the_tables_fit_the_window(found, width):
-    text = screen.text(run_of(found), width)
+    text = screen.text(run_of(found), width, ())
     assert max(map(len, text.splitlines())) <= width
     for words in ("within 33 ms", "dropped", "image reuse", "object reuse", "genie"):
         assert words in " ".join(text.lower().split()), words
@@ -169,8 +209,8 @@ def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
     ]
     run.append(Metric("utilization", "genie", "all", "edge1->edge2", 0.75, "1"))
     label = "busiest accelerator on edges [%]"
-    assert row(screen.text(run_of(run)), label) == ["59"]
-    assert row(screen.text(run_of(run)), "busiest link [%]") == ["75"]
+    whole = screen.text(run_of(run), 80, ())
+    assert row(whole, label) == ["59"] and row(whole, "busiest link [%]") == ["75"]
     text = markdown(run)
     assert "edge59.accelerator" in text and "edge10.accelerator" not in text
     # 61, without 12 shown and one that idles
@@ -220,7 +260,7 @@ def test_every_placement_method_and_component_has_its_own_number():
         Metric("streaming_f1", "local", "all", "zero_delay", 0.77, "1"),
         Metric("held_age", "genie", "all", "", 0.88, "s"),
     ]
-    text = screen.text(run_of(run))
+    text = screen.text(run_of(run), 80, ())
     assert row(text, "image reuse on cars [%]") == ["-", "11", "-"]
     assert row(text, "image reuse on edges [%]") == ["-", "22", "-"]
     assert row(text, "object reuse on cars [%]") == ["-", "33", "-"]

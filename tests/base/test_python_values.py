@@ -46,7 +46,11 @@ def test_a_value_is_what_it_stands_for(value: Any, expected: Any):
         assert [type(item) for item in found] == [type(item) for item in expected]
 
 
-@pytest.mark.parametrize("value", [object(), b"bytes", 1j, {"a": [lambda: 0]}], ids=repr)
+@pytest.mark.parametrize(
+    "value",
+    [object(), b"bytes", 1j, {"a": [lambda: 0]}],
+    ids=["object", "bytes", "complex", "function"],
+)
 def test_anything_else_is_refused_with_its_place_and_type(value: Any):
     with pytest.raises(UserError, match=r"^x(\.a\[0\])?: .* of type \w+: expected a number"):
         plain(value, "x")

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from genie_sim.base.seeds import stream
+from genie_sim.base.seeds import Draws, stream
 
 
 def numbers(*names: str | int, seed: int = 1) -> list[int]:
@@ -73,3 +73,37 @@ def test_the_numbers_stay_the_same_across_versions() -> None:
 def test_a_negative_seed_is_refused() -> None:
     with pytest.raises(ValueError, match="seed -1 is negative"):
         stream(-1, "car1")
+
+
+def test_the_number_of_a_key_depends_on_nothing_else() -> None:
+    draws = Draws(1, "car1", "accelerator")
+    first = draws.uniform("7 camera_02")
+    draws.uniform("8 camera_02")
+    assert draws.uniform("7 camera_02") == first
+    assert Draws(1, "car1", "accelerator").uniform("7 camera_02") == first
+    others = [
+        draws.uniform("7 camera_03"),
+        Draws(2, "car1", "accelerator").uniform("7 camera_02"),
+        Draws(1, "car1", "cpu").uniform("7 camera_02"),
+        Draws(1, "car1accelerator").uniform("7 camera_02"),
+        Draws(10**40, "car1").uniform("7 camera_02"),
+    ]
+    assert len({first, *others}) == 6
+    with pytest.raises(ValueError, match="seed -1 is negative"):
+        Draws(-1, "car1")
+
+
+def test_numbers_of_keys_have_their_distributions() -> None:
+    from scipy.stats import kstest
+
+    draws = Draws(3, "quantiles")
+    uniform = [draws.uniform(str(key)) for key in range(40_000)]
+    normal = [draws.normal(str(key)) for key in range(40_000)]
+    assert kstest(uniform, "uniform").pvalue > 0.01 and kstest(normal, "norm").pvalue > 0.01
+    assert min(uniform) > 0 and max(uniform) < 1
+    assert abs(np.corrcoef(normal[1:], normal[:-1])[0, 1]) < 4 / np.sqrt(40_000)
+
+
+def test_numbers_of_keys_stay_the_same_across_versions() -> None:
+    """Published results hang on them, too."""
+    assert Draws(1, "car1", "accelerator").uniform("7 camera_02") == 0.605250861573872

@@ -18,10 +18,11 @@ NO_PYTHON = "/no/such/python"
 
 def one_car(*stamps_ms: int, detection_ms: int) -> Fleet:
     """A car whose every hop takes 1 ms, every message 8 ms on a link, and every flight 2 ms."""
-    frames = [Frame("car1", "front", stamp_ms * MS, 910, 910) for stamp_ms in stamps_ms]
-    detections_ns = {"edge1": [detection_ms * MS] * len(frames)}
+    frames = [
+        Frame("car1", "front", stamp_ms * MS, 910, 910, detection_ms * MS) for stamp_ms in stamps_ms
+    ]
     hop = (MS, 0)
-    return Fleet({"car1": "edge1"}, [frames], detections_ns, hop, hop, MS, 2 * MS)
+    return Fleet({"car1": "edge1"}, [frames], hop, hop, MS, 2 * MS)
 
 
 def test_a_frame_takes_what_its_way_takes():
@@ -97,13 +98,6 @@ def test_a_command_is_measured_as_a_whole():
     assert 5 < spent.memory_mb < len(ballast) / 1e6
     with pytest.raises(UserError, match="bogus"):
         speed.genie_sim("bogus")
-
-
-def test_parts_are_named_as_the_page_explains_them():
-    assert speed.part("/home/genie_sim/x/genie_sim/core/node.py") == "`genie_sim.core`"
-    assert speed.part("/home/genie_sim/api.py") == "`genie_sim`"
-    assert speed.part("/v/lib/python3.11/site-packages/simpy/core.py") == "`simpy`"
-    assert speed.part("/usr/lib/python3.11/heapq.py") == "Python's library"
 
 
 def test_a_page_without_a_place_for_a_table_is_refused():

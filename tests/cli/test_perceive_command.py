@@ -132,6 +132,7 @@ def test_a_pair_of_real_cars(asked, capsys):
     assert main([*line, "--partner", "7", "--min-score", "0"]) == 0
     (first, usual), (_, chosen) = asked["pair"]
     assert first == (Path("/root"), "train/0012")
+    assert usual.pop("report").path == Path("/root") and chosen.pop("report")
     assert usual == {"partner": None, "min_score": v2v4real.LOWEST_SCORE}
     assert chosen == {"partner": 7, "min_score": 0.0}
     assert [path for (path, _), _ in asked["write"][:2]] == [

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import pytest
 
-from genie_sim.core.freshness.laws import ASSUMED
-from genie_sim.core.freshness.measure import PRIOR_FALSE_SHARE, PRIOR_LOOKS, SCORES, measured
+from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.freshness.measure import PRIOR_FALSE_SHARE, SCORES, counted, shrunk
 from genie_sim.core.messages import Look
 from tests.core.looks import look
 from tests.core.worlds import seen
+
+PRIOR_LOOKS = 20
+
+
+def measured(recordings: Iterable[Iterable[Look]]) -> DetectorLaws:
+    """The laws of these looks, where the assumed ones weigh as much as a few."""
+    return shrunk(counted(recordings), PRIOR_LOOKS)
 
 
 def test_a_measured_law_knows_a_good_detector_from_a_bad_one():

@@ -4,41 +4,103 @@ from __future__ import annotations
 
 import json
 from importlib import resources
+from types import SimpleNamespace
 
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from benchmarks import detector_laws as measuring
+from genie_sim.analysis import screen, summary
+from genie_sim.analysis.summary import about_laws
 from genie_sim.base import files
 from genie_sim.core.freshness.laws import ASSUMED
-from genie_sim.data.detector_laws import detector_laws
+from genie_sim.core.freshness.measure import LawCounts, shrunk, total
+from genie_sim.data.detector_laws import detector_laws, facts
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
+from genie_sim.report.data import page_data
 from genie_sim.runs.build import setup
+from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario
 
 SHIPPED = json.loads(
     (resources.files("genie_sim.data") / "detector_laws.json").read_text(encoding="utf-8")
 )
+COUNTS = {
+    (detector, drive): LawCounts(**counts)
+    for detector, drives in SHIPPED["counts"].items()
+    for drive, counts in drives.items()
+}
+WINDOW = "cars[0].route.window=[0 s, 1 s]"
 
 
-def test_a_detectors_laws_are_those_that_come_with_it():
+def test_laws_are_those_of_all_other_drives():
     laws = detector_laws({"pointrcnn"}, {"tracking/0003"})
-    assert laws.vehicles == tuple(SHIPPED["pointrcnn"]["vehicles"])
-    assert laws.firsts == tuple(SHIPPED["pointrcnn"]["firsts"])
+    others = [
+        counts for key, counts in COUNTS.items() if key[0] == "pointrcnn" and "0003" not in key[1]
+    ]
+    assert len(others) == 10
+    assert laws == shrunk(total(others), SHIPPED["prior_looks"])
+    assert laws != detector_laws({"pointrcnn"}, {"tracking/0005"})
+
+
+@given(st.sampled_from(sorted(COUNTS)), st.floats(0.1, 1e6), st.integers(1, 50))
+def test_laws_lie_between_what_was_counted_and_what_is_assumed(
+    key: tuple[str, str], prior_looks: float, times: int
+):
+    """The more was measured, the nearer they are to it."""
+    counts = COUNTS[key]
+    looks = counts.vehicle_looks[2]
+    assume(looks)
+    share = counts.vehicles_found[2] / looks
+    less, more = (
+        shrunk(total([counts] * count), prior_looks).vehicles[2] for count in (times, times + 1)
+    )
+    assert abs(more - share) <= abs(less - share) + 1e-12
+    assert min(share, ASSUMED.vehicles[2]) - 1e-12 <= less
+    assert less <= max(share, ASSUMED.vehicles[2]) + 1e-12
+
+
+def test_with_a_very_large_weight_they_are_the_assumed_ones():
+    laws = shrunk(COUNTS["yolox_nano", "2011_09_26/0005"], 1e12)
+    for found, assumed in zip(laws, ASSUMED, strict=True):
+        assert found == pytest.approx(assumed, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("detector", "drive", "text"),
+    [
+        ("pointrcnn", "tracking/0003", "on 10 other drives, shrunk towards assumed ones."),
+        ("nanodet_m", "tracking/0003", "on one other drive, shrunk towards assumed ones."),
+        ("yolox_nano", "2011_09_26/0005", "on this drive alone, so the assumed ones are used."),
+        ("mine:Detector", "x", "nowhere, so the assumed ones are used."),
+    ],
+)
+def test_one_line_says_what_they_rest_on(detector: str, drive: str, text: str):
+    run = SimpleNamespace(runs=[SimpleNamespace(facts={"laws": facts({detector}, {drive})})])
+    assert about_laws(run) == f"Laws of {detector}: measured {text}"
+    assert facts({detector, "other"}, {drive}) is None
+
+
+def test_a_run_says_so_in_its_results():
+    run = run_in_memory(load_scenario("street_1car_homo", [WINDOW, "methods=[local]"]))
+    said = "Laws of yolox_nano: measured on this drive alone"
+    assert said in summary.markdown(run) and said in str(page_data(run)["notes"])
+    assert "Laws of" not in screen.text(run)
 
 
 @pytest.mark.parametrize(
     ("detectors", "drives"),
     [
-        ({"pointrcnn"}, {"tracking/0003", "tracking/0000"}),
         ({"yolox_nano"}, {"2011_09_26/0005"}),
         ({"town"}, {"town/11"}),
         ({"mine:Detector"}, {"tracking/0003"}),
         ({"pointrcnn", "rrc"}, {"tracking/0003"}),
         (set(), set()),
     ],
-    ids=["measured there", "and there", "and in that town", "unknown", "two", "none"],
+    ids=["measured there", "and in that town", "unknown", "two", "none"],
 )
 def test_else_they_are_assumed(detectors, drives):
     assert detector_laws(detectors, drives) is ASSUMED
@@ -56,7 +118,7 @@ def test_maps_and_trackers_use_them_unless_told_to_assume():
     prepared = prepare(load_scenario("fleet_30", town))
     laws = [setup(prepared, entry).laws for entry in prepared.scenario.methods]
     assert laws[0] == laws[1] != ASSUMED
-    assert laws[0].vehicles == tuple(SHIPPED["town"]["vehicles"])
+    assert laws[0] == detector_laws({"town"}, {"town/1"})
     assert laws[2] is ASSUMED
 
 
@@ -71,14 +133,17 @@ def test_published_detections_give_the_shipped_laws(detector):
         kitti_folder(None)
     except Exception as error:
         pytest.skip(str(error))
-    assert measuring.recorded(detector, measuring.SEQUENCE, ("02",)) == SHIPPED[detector]
+    for drive in ("tracking/0000", "tracking/0017"):
+        counts = measuring.recorded(detector, drive, ("02",))[drive]
+        assert counts == SHIPPED["counts"][detector][drive]
 
 
 @pytest.mark.nightly
 def test_the_town_gives_the_shipped_laws():
-    assert measuring.town() == SHIPPED["town"]
+    assert measuring.town() == SHIPPED["counts"]["town"]
 
 
 def test_the_shipped_trace_gives_the_shipped_laws():
     trace = read_trace(files.find(files.TRACE, "kitti_0005"))
-    assert measuring.laws([trace], measuring.DRIVE, ("02", "03")) == SHIPPED["yolox_nano"]
+    counts = measuring.counts([trace], ("02", "03"))
+    assert counts == SHIPPED["counts"]["yolox_nano"][measuring.DRIVE]

@@ -11,7 +11,13 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.classes import ROAD_LABELS
 from genie_sim.data.detector import DETECTORS, Yolov8, make_detector
 from tests.kitti_folder import make_network
-from tests.made_up_networks import make_nanodet, make_yolov8
+from tests.made_up_networks import (
+    make_nanodet,
+    make_rtdetr,
+    make_yolov5,
+    make_yolov8,
+    make_yolov10,
+)
 
 
 class Conformance:
@@ -175,6 +181,178 @@ class TestYolov8(Conformance):
     def test_broken_names_are_refused_not_run(self, names):
         with pytest.raises(UserError, match=r"x.onnx: metadata: names"):
             Yolov8.labels_of(Path("x.onnx"), {"names": names})
+
+
+class TestYolov5(Conformance):
+    name, size, layout = "yolov5", (320, 320), "yolov5"
+
+    def network(self, folder):
+        return make_yolov5(folder / "yolov5.onnx")
+
+    def test_the_score_is_that_of_the_object_and_the_class(self, detector):
+        (car,) = detector.detect(self.picture((20, 11)))
+        assert car.score == pytest.approx(0.8, abs=0.01)
+        assert car.box == pytest.approx((124, 72, 204, 112), abs=0.5)
+
+
+class TestYolov10(Conformance):
+    name, size, layout = "yolov10", (320, 320), "yolov10"
+
+    def network(self, folder):
+        return make_yolov10(folder / "yolov10.onnx")
+
+    def test_a_box_is_given_by_its_corners(self, detector):
+        (car,) = detector.detect(self.picture((20, 11)))
+        assert car.box == pytest.approx((124, 72, 204, 112), abs=0.5)
+
+
+class TestRtDetr(Conformance):
+    name, size, layout = "rtdetr", (320, 320), "rtdetr"
+
+    def network(self, folder):
+        return make_rtdetr(folder / "rtdetr.onnx")
+
+    def test_places_are_shares_of_the_picture(self, detector):
+        (car,) = detector.detect(self.picture((20, 11)))
+        assert car.box == pytest.approx((124, 72, 204, 112), abs=0.5)
+
+
+def white_cell() -> np.ndarray:
+    """A picture of 320 x 320 with one white cell, where the made-up networks see a car."""
+    image = np.zeros((320, 320, 3), np.uint8)
+    image[88:96, 160:168] = 255
+    return image
+
+
+def test_another_layout_is_named(tmp_path):
+    yolov5 = make_yolov5(tmp_path / "a.onnx", more=False)
+    for name, path in (("yolov5", yolov5), ("yolov10", make_yolov10(tmp_path / "b.onnx"))):
+        message = f"is no yolov8 network: .*; --detector {name} has such an output"
+        with pytest.raises(UserError, match=message):
+            make_detector("yolov8", path)
+
+
+def external(path: Path, folder: Path) -> Path:
+    """The same network as ``torch.onnx.export`` writes it: all tensors in a file beside it."""
+    import onnx
+
+    target = folder / path.name
+    model = onnx.load(str(path))
+    onnx.save_model(
+        model,
+        str(target),
+        save_as_external_data=True,
+        all_tensors_to_one_file=True,
+        location=f"{path.name}.data",
+        size_threshold=0,
+    )
+    return target
+
+
+def test_tensors_in_a_file_beside_the_network_are_read(tmp_path):
+    folder = tmp_path / "export"
+    folder.mkdir()
+    whole = make_yolov8(tmp_path / "yolov8.onnx")
+    path = external(whole, folder)
+    split, same = make_detector("yolov8", path), make_detector("yolov8", whole)
+    assert split.detect(white_cell()) == same.detect(white_cell()) != []
+    data = folder / "yolov8.onnx.data"
+    before, content = split.sha256, bytearray(data.read_bytes())
+    content[-1] ^= 1
+    data.write_bytes(content)
+    assert make_detector("yolov8", path).sha256 != before, "the tensors decide what it sees"
+    data.write_bytes(content[:100])
+    with pytest.raises(UserError, match=r"yolov8.onnx: tensor .* are not in .*yolov8.onnx.data"):
+        make_detector("yolov8", path)
+    data.unlink()
+    with pytest.raises(UserError, match=r"yolov8.onnx.data, which is not there: copy it, too"):
+        make_detector("yolov8", path)
+    data.symlink_to("/etc/hostname")
+    with pytest.raises(UserError, match="must lie beside the network"):
+        make_detector("yolov8", path)
+
+
+@pytest.mark.parametrize("location", ["/etc/hostname", "../a.data", "", "b/c"])
+def test_tensors_elsewhere_are_refused(tmp_path, location):
+    import onnx
+
+    folder = tmp_path / "export"
+    folder.mkdir()
+    path = external(make_yolov8(tmp_path / "yolov8.onnx"), folder)
+    model = onnx.load(str(path), load_external_data=False)
+    for entry in model.graph.initializer[0].external_data:
+        if entry.key == "location":
+            entry.value = location
+    path.write_bytes(model.SerializeToString())
+    with pytest.raises(UserError, match="must lie beside the network"):
+        make_detector("yolov8", path)
+
+
+def test_a_network_of_half_precision_sees_the_same(tmp_path):
+    import onnx
+    from onnx import TensorProto, numpy_helper
+
+    whole = make_yolov8(tmp_path / "yolov8.onnx")
+    model = onnx.load(str(whole))
+    for tensor in model.graph.initializer:
+        if tensor.data_type == TensorProto.FLOAT:
+            array = numpy_helper.to_array(tensor).astype(np.float16)
+            tensor.CopyFrom(numpy_helper.from_array(array, tensor.name))
+    for value in (*model.graph.input, *model.graph.output):
+        value.type.tensor_type.elem_type = TensorProto.FLOAT16
+    onnx.save(model, str(tmp_path / "half.onnx"))
+    (car,) = make_detector("yolov8", tmp_path / "half.onnx").detect(white_cell())
+    (same,) = make_detector("yolov8", whole).detect(white_cell())
+    assert car.label == same.label and car.score == pytest.approx(same.score, abs=0.01)
+    assert car.box == pytest.approx(same.box, abs=1)
+
+
+def test_a_yolox_that_decodes_itself_is_recognised(tmp_path):
+    """The made-up network with its decoding behind it finds the same cars."""
+    import onnx
+    from onnx import helper, numpy_helper
+
+    raw = make_network(tmp_path / "yolox_nano.onnx")
+    plain = make_detector("yolox_nano", raw, (416, 416))
+    model = onnx.load(str(raw))
+    scale, shift = np.ones((2, 1, len(plain.cells), 85), np.float32)
+    scale[..., :4], shift[:] = plain.cell_strides, 0
+    shift[..., :2] = plain.cells
+    nodes = model.graph.node
+    nodes[-1].output[0] = "raw"
+    for name, array in (("scale", scale), ("shift", shift)):
+        model.graph.initializer.append(numpy_helper.from_array(array, name))
+    for name, values in (("two", [2]), ("four", [4]), ("all", [85]), ("from", [0]), ("last", [2])):
+        array = np.array(values, np.int64)
+        model.graph.initializer.append(numpy_helper.from_array(array, f"n_{name}"))
+    for name, begin, end in (("xy", "from", "two"), ("wh", "two", "four"), ("rest", "four", "all")):
+        inputs = ["shifted", f"n_{begin}", f"n_{end}", "n_last"]
+        nodes.append(helper.make_node("Slice", inputs, [name]))
+    nodes.insert(len(nodes) - 3, helper.make_node("Add", ["raw", "shift"], ["shifted"]))
+    nodes.append(helper.make_node("Exp", ["wh"], ["sides"]))
+    nodes.append(helper.make_node("Concat", ["xy", "sides", "rest"], ["decoded"], axis=2))
+    nodes.append(helper.make_node("Mul", ["decoded", "scale"], ["output"]))
+    onnx.save(model, str(tmp_path / "decoded.onnx"))
+    decoded = make_detector("yolox_nano", tmp_path / "decoded.onnx", (416, 416))
+    found, same = decoded.detect(white_cell()), plain.detect(white_cell())
+    assert [one.label for one in found] == [one.label for one in same] == ["car"]
+    assert found[0].box == pytest.approx(same[0].box, abs=0.01)
+    assert decoded.notes == ["yolox_nano: the network decodes its boxes itself"]
+    assert plain.notes == []
+
+
+def test_labels_of_a_network_are_counted_and_mapped(tmp_path):
+    path = make_yolov8(tmp_path / "a.onnx", labels=("car", "truck"))
+    model = path.read_bytes().replace(b"'car'", b"'van'")
+    path.write_bytes(model)
+    detector = make_detector("yolov8", path)
+    assert detector.unused == {"van": 0}
+    assert detector.detect(white_cell()) == [] and detector.unused == {"van": 1}
+    mapped = make_detector("yolov8", path, classes={"van": "car"})
+    assert [one.label for one in mapped.detect(white_cell())] == ["car"]
+    path.write_bytes(model.replace(b"'truck'", b"'lorry'"))
+    with pytest.raises(UserError, match=r"none of the network's classes \(van, lorry\) is of a ro"):
+        make_detector("yolov8", path)
 
 
 def test_a_network_for_one_picture_only_says_so(tmp_path):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings
@@ -160,6 +161,57 @@ def test_the_environment_says_where_drives_and_weights_are(street, monkeypatch):
     monkeypatch.setenv("GENIE_SIM_KITTI", str(root))
     monkeypatch.setenv("GENIE_SIM_WEIGHTS", str(weights))
     assert perceive(None, DriveFrames(DRIVE, ["02"], [1])).frames["02"][0].index == 1
+
+
+def with_sizes(root, size):
+    path = root / DATE / "calib_cam_to_cam.txt"
+    lines = [f"S_rect_{camera}: {size[0]:e} {size[1]:e}\n" for camera in ("02", "03")]
+    path.write_text(path.read_text() + "".join(lines))
+
+
+@pytest.mark.parametrize("halved", [range(3), range(1)])
+def test_smaller_pictures_see_the_same_places(tmp_path, street, halved):
+    """All at half the size, or only the first."""
+    root, weights = tmp_path / "small", street[1]
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image[96:104, 320:328] = 255
+    across, up = np.meshgrid(np.arange(-2, 2, 0.1), np.arange(-2.0, 2, 0.1))
+    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
+    folder = make_drive(root, image=image, scan=surface)
+    with_sizes(root, (WIDTH, HEIGHT))
+    whole = perceived(root, weights)
+    for index in halved:
+        for camera in ("02", "03"):
+            small = cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA)
+            cv2.imwrite(str(folder / f"image_{camera}/data/{index:010d}.png"), small)
+    report = ImportReport(root)
+    trace = perceived(root, weights, report=report)
+    for frame, same in zip(trace.frames["02"], whole.frames["02"], strict=True):
+        assert frame.horizontal_fov_rad == same.horizontal_fov_rad
+        (car,), (there,) = frame.detections, same.detections
+        assert car.location == pytest.approx(there.location, abs=0.05)
+    size = f"{WIDTH // 2}x{HEIGHT // 2}"
+    assert f"{len(halved)} pictures of 02 have {size} pixels" in report.warnings[0]
+    assert trace.provenance["import"]["warnings"] == report.warnings
+
+
+def test_pictures_that_were_cut_are_refused(tmp_path, street):
+    make_drive(tmp_path / "cut")
+    with_sizes(tmp_path / "cut", (1242, 500))
+    with pytest.raises(UserError, match=r"0000000000.png: has 640x192 pixels; the calibration is"):
+        perceived(tmp_path / "cut", street[1])
+
+
+def test_each_frame_is_read_whatever_its_ending(tmp_path, street):
+    folder, report = make_drive(tmp_path / "mixed"), ImportReport("mixed")
+    data = folder / "image_02" / "data"
+    black = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    for index in (0, 1):
+        cv2.imwrite(str(data / f"{index:010d}.jpg"), black)
+    (data / "0000000001.png").unlink()
+    trace = perceived(tmp_path / "mixed", street[1], report=report)
+    assert [frame.index for frame in trace.frames["02"]] == [0, 1, 2]
+    assert report.left_out["JPEG images of 02 that are there as PNG, too"] == 1
 
 
 def test_a_part_of_the_drive_keeps_its_stamps(street):

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data.pose_import import Sensor, import_recordings, write_recordings
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth_table import read_truth_table
@@ -184,7 +185,7 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
             "line 5: time_s: b has no pose at 1000.27; the nearest is at 1000.25",
         ),
         ({"detections": DETECTIONS + "a,1000,car,1,1,1.5\n"}, "line 5: score: .* from 0 to 1"),
-        ({"detections": DETECTIONS + "a,1000, ,1,1,1\n"}, "line 5: label: must be 1 to 100"),
+        ({"detections": DETECTIONS + "a,1000, ,1,1,1\n"}, "line 5: label: is empty"),
         ({"truth": TRUTH + "1002,o,tram,1,1\n"}, "truth.csv: line 6: label: unknown class 'tram'"),
         ({"truth": TRUTH + "1001,bus 7,bus,1,1\n"}, "line 6: time_s: 1001 must be at least"),
         ({"truth": TRUTH + "1002,bus 7,person,1,1\n"}, "label: object 'bus 7' was a car, not a p"),
@@ -210,7 +211,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     good = tmp_path / "poses.csv"
     good.write_text(POSES)
     for name, content, message in (
-        ("a.txt", b"x", "must end in .csv or .parquet"),
+        ("a.txt", b"x", "column 'time_s' is missing; the file has 'x'"),
         ("a.csv", b"car\xff,time_s\n", "not a readable CSV file"),
         ("a.parquet", b"PAR1 nonsense", "not a readable Parquet file"),
     ):
@@ -264,3 +265,68 @@ def test_a_row_of_a_parquet_table_is_named_by_its_number(tmp_path):
     pq.write_table(pa.table({"car": ["a", "a"], **columns, "heading_deg": [0.0, 0.0]}), path)
     with pytest.raises(UserError, match=r"poses.parquet: row 2\b"):
         import_recordings(path, None)
+
+
+def drive(speed_mps: float, count: int = 30, heading_deg: float = 0.0, factor: float = 1.0) -> str:
+    rows = [f"{k / 10},{k / 10 * speed_mps * factor:.9f},0,{heading_deg}" for k in range(count)]
+    return "\n".join(["time_s,east_m,north_m,heading_deg", *rows]) + "\n"
+
+
+AHEAD = "time_s,label,east_m,north_m,score\n0,{label},{east},0,0.9\n0.1,{label},{east},0,0.9\n"
+
+
+@pytest.mark.parametrize(
+    ("poses", "detections", "message"),
+    [
+        (drive(1500), AHEAD.format(label="car", east=20), "steps are faster than 100 m/s"),
+        (drive(10, factor=1e-5), AHEAD.format(label="car", east=20), "are places in degrees"),
+        (
+            "time_s,east_m,north_m,heading_deg\n"
+            + "".join(f"{k / 10},0,{k},1.5708\n" for k in range(9)),
+            AHEAD.format(label="car", east=20),
+            "heading_deg fits the way driven as radians",
+        ),
+        (drive(10), AHEAD.format(label="Car", east=20), "2 of 2 detections have labels that are"),
+        (drive(10), AHEAD.format(label="car", east=900), "all 2 detections are 899 m or more"),
+    ],
+)
+def test_what_cannot_be_is_refused_unless_accepted(tmp_path, poses, detections, message):
+    files = tmp_path / "poses.csv", tmp_path / "detections.csv"
+    for path, text in zip(files, (poses, detections), strict=True):
+        path.write_text(text)
+    with pytest.raises(UserError, match=message):
+        import_recordings(*files)
+    report = ImportReport("x", accept=True)
+    import_recordings(*files, report=report)
+    assert any(message in line for line in report.lines())
+
+
+def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):
+    files = tmp_path / "poses.csv", tmp_path / "detections.csv"
+    files[0].write_text(drive(10))
+    files[1].write_text(AHEAD.format(label="vehicle.car", east=20) + "0,cone,1,1,0.5\n")
+    report, classes = ImportReport("x"), {"vehicle.car": "car", "cone": "none"}
+    (recording,) = import_recordings(*files, classes=classes, report=report).values()
+    found = [d.label for frame in recording.trace.frames["sensor"] for d in frame.detections]
+    assert found == ["car", "car"] and report.unused == {"none": 1}
+
+
+def test_the_report_is_told_and_kept(run_cli, tmp_path):
+    rows = drive(10, 40, heading_deg=90).splitlines()
+    (tmp_path / "poses.csv").write_text("\n".join(rows[:11] + rows[31:] + rows[12:14]))
+    (tmp_path / "detections.csv").write_text(AHEAD.format(label="car", east=20) + "0,tram,9,1,1\n")
+    done = run_cli("import", "poses.csv", "detections.csv", "--out", "t")
+    assert done.returncode == 0, done.stderr
+    told = [line.strip() for line in done.stdout.splitlines()[1:]]
+    assert told == [
+        "read: 22 poses, 2 detections",
+        "labels not used: tram (1); --map LABEL=CLASS takes them for a class",
+        "ranges: times 0 to 3.9 s, east 0 to 39 m, north 0 to 0 m, detections 19 to 20 m away",
+        "ways: car1: 3.9 s at 5.38 Hz, path 39 m, top speed 10 m/s",
+        "warning: car1: 1 poses are earlier than the one before: sorted by time_s",
+        "warning: car1: a gap of 1.8 s",
+        "warning: car1: heading_deg is 90 degrees beside the way driven: it counts "
+        "counter-clockwise from east; a compass bearing does not",
+    ]
+    kept = read_trace(tmp_path / "t" / "car1.parquet").provenance["import"]
+    assert kept["labels_not_used"] == {"tram": 1} and len(kept["warnings"]) == 3

@@ -12,7 +12,6 @@ METRICS = {
     "recall [%]": ("object_recall", 100),
     "first answer, p95 [ms]": ("first_answer_p95", 1),
     "energy per frame [J]": ("energy_per_frame", 1),
-    "energy per right object [J]": ("energy_per_right", 1),
 }
 METHODS = {"remote": "remote", "Genie": "genie", "recommended Genie": "recommended"}
 

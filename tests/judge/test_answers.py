@@ -182,7 +182,7 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     ).all()
     f1 = {one.method: one.value for one in made.measured if one.metric == "result_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
-    told = " ".join(screen.text(made).split())
+    told = " ".join(screen.text(made, 80, ()).split())
     assert "proxy F1, first answer" in told and "Proxy, and cache hits: against the" in told
     assert "wrong cache hits [%]" in summary.markdown(made)
 

@@ -7,18 +7,19 @@ from typing import Any
 
 import pytest
 
+from genie_sim.core.messages import Header
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache, RndLRU, SimLRU
 from genie_sim.methods.similarity import LocalAndRemote, at_least, share
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK
 
 
-class Draws:
-    """A generator that gives what it is told."""
+class Fixed:
+    """Draws that are what it is told."""
 
     def __init__(self, value: float) -> None:
         self.value = value
 
-    def random(self) -> float:
+    def uniform(self, key: str) -> float:
         return self.value
 
 
@@ -36,18 +37,18 @@ class Draws:
 )
 def test_the_nearer_the_likelier(monkeypatch: Any, distance: float, draw: float, hit: bool):
     """With probability 1 - distance / radius, here of a radius of 2."""
-    rng: Any = Draws(draw)
-    cache = RandomNearestCache(None, 2.0, rng)
+    draws: Any = Fixed(draw)
+    cache = RandomNearestCache(None, 2.0, draws)
     near = [(2.0 * distance, "stored")]
     monkeypatch.setattr(cache, "near", lambda key, count, now_ns, reach: near[:count])
-    asked: Any = "asked"
+    asked: Any = SimpleNamespace(header=Header(1, "front", "car1"))
     assert cache.choose(asked, 5) == ("stored" if hit else None)
 
 
 def test_a_key_at_no_distance_is_a_hit_even_where_the_radius_is_zero(monkeypatch: Any):
-    rng: Any = Draws(0.5)
-    cache = RandomNearestCache(None, 0.0, rng)
-    asked: Any = "asked"
+    draws: Any = Fixed(0.5)
+    cache = RandomNearestCache(None, 0.0, draws)
+    asked: Any = SimpleNamespace(header=Header(1, "front", "car1"))
     monkeypatch.setattr(cache, "near", lambda *_: [(0.0, "stored")])
     assert cache.choose(asked, 5) == "stored"
     monkeypatch.setattr(cache, "near", lambda *_: [])
@@ -68,7 +69,8 @@ def test_settings_at_their_borders():
 def host(**other: Any) -> Any:
     rules = SimpleNamespace(car_capacity="small", capacity="large")
     about = {"gets_images": True, "has_edge": True, "genie": rules, "name": "car1"}
-    return SimpleNamespace(**{**about, **other, "stream": lambda name: name})
+    drawn = {"stream": lambda name: name, "draws": lambda name: name}
+    return SimpleNamespace(**{**about, **other, **drawn})
 
 
 def test_what_runs_on_a_car():

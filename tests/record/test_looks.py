@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim.analysis import metrics
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
+from genie_sim.paper.facts import Fact, facts_of
 from genie_sim.record.log import Log
 from genie_sim.record.records import new_tables
 from genie_sim.runs.folder import run_in_memory
@@ -185,9 +185,14 @@ def test_metrics_are_those_of_the_columns(run: Any):
     assert value["fresh_answered_share", "genie"] <= value["recent_share", "genie"]
 
 
-def test_the_papers_definition_counts_cached_answers_as_fresh(run: Any):
-    as_paper = metrics.compute(run.methods, {"frames": run.frames}, fresh="answer")
-    share = {one.method: one.value for one in as_paper if one.metric == "fresh_answered_share"}
+def test_the_paper_s_facts_count_cached_answers_as_results(run: Any):
+    tables = (run.tables[name] for name in ("frames", "lookups", "resources"))
+    facts = facts_of(*tables)
+    share = {
+        method: facts[Fact("result_answered_share", method)]
+        for method in ("local", "remote", "genie")
+    }
+    assert not any("fresh" in fact.metric for fact in facts)
     by_method = run.frames.groupby("method", observed=True)["result_answer_ns"]
     assert share == pytest.approx((by_method.count() / by_method.size()).to_dict())
     own = {one.method: one.value for one in run.measured if one.metric == "fresh_answered_share"}

@@ -146,7 +146,7 @@ def test_a_claim_of_section_v_has_its_sentence_and_its_figure(page):
     assert {name for one in by_id.values() for name in one["figures"]} <= figures
 
 
-def test_first_and_fresh_answers_are_those_of_the_metrics(page):
+def test_first_answers_and_results_are_those_of_the_metrics(page):
     rows = json.loads((PAPER / "metrics.json").read_text())
     metrics = {
         (one["scenario"], one["metric"], one["method"], one["component"]): one
@@ -154,7 +154,7 @@ def test_first_and_fresh_answers_are_those_of_the_metrics(page):
         if one["reading"] == "street"
     }
     mean = embedded(page)["answers"][0]
-    for answer in ("first", "fresh"):
+    for answer in ("first", "result"):
         for place, scenario in enumerate(mean["scenarios"]):
             found = metrics[scenario, f"{answer}_answer_mean", "genie", ""]
             assert mean[answer]["genie"][place] == [found["value"], found["low"], found["high"]]

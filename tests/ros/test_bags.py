@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -11,13 +12,15 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.core.geometry import inverse, rigid, rotation_from_rpy
 from genie_sim.data.trace import Trace, read_trace, write_trace
 
 pytest.importorskip("rosbags", reason="needs rosbags: pip install 'genie-sim[ros]'")
 
 
-from genie_sim.ros.bags import Surroundings, _picture, _places, perceive_bag
+from genie_sim.ros.bags import BagTopics, _picture, _places, perceive_bag
+from genie_sim.ros.surroundings import Surroundings
 from tests.ros.bag_files import (
     CAMERA,
     IMAGE,
@@ -302,3 +305,152 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
             assert (one.location is None) == (other.location is None)
             if one.location is not None:
                 assert one.location == pytest.approx(other.location, abs=0.005)
+
+
+def changed(path: Path, topic: str, change: Callable[[int, Any], None]) -> Path:
+    """The street; ``change`` gets the number of each message of a topic, and the message."""
+    bag = street(path)
+    for number, one in enumerate(one for one in bag.messages if topic in one[1]):
+        change(number, one[3])
+    return bag.write()
+
+
+def invalid_imu(number: int, message: Any) -> None:
+    message.orientation_covariance[0] = -1
+
+
+def no_fix(number: int, message: Any) -> None:
+    if number == 0:
+        message.status.status, message.latitude, message.longitude = -1, 0.0, 0.0
+
+
+def no_altitude(number: int, message: Any) -> None:
+    if number != 1:
+        message.altitude = math.nan
+
+
+def no_stamp(number: int, message: Any) -> None:
+    message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+
+def test_an_imu_that_knows_no_orientation_gives_no_heading(tmp_path: Path):
+    path = changed(tmp_path / "a.mcap", "oxts/imu", invalid_imu)
+    with pytest.raises(UserError, match="Imu that says its orientation, so that the heading is"):
+        perceive_bag(path, detections=OBJECTS)
+
+
+def test_a_frame_without_a_fix_is_left_out(tmp_path: Path):
+    path, report = changed(tmp_path / "a.mcap", "gps/fix", no_fix), ImportReport("a")
+    trace = perceive_bag(path, detections=OBJECTS, origin=ORIGIN, report=report)
+    assert [round(frame.pose.east_m) for frame in trace.frames[CAMERA]] == [2, 3]
+    assert report.left_out["images taken where the position is not known"] == 1
+    assert report.left_out["fixes of /kitti/oxts/gps/fix without a position"] == 1
+
+
+def test_a_fix_without_an_altitude_has_that_of_the_fix_before(tmp_path: Path):
+    path, report = changed(tmp_path / "a.mcap", "gps/fix", no_altitude), ImportReport("a")
+    trace = perceive_bag(path, detections=OBJECTS, report=report)
+    assert [round(frame.pose.up_m, 3) for frame in trace.frames[CAMERA]] == [0.8] * 3
+    assert "2 fixes have no altitude" in " ".join(report.warnings)
+
+
+def test_a_stamp_of_zero_is_the_time_of_the_recording(tmp_path: Path):
+    path, report = changed(tmp_path / "a.mcap", "image_raw", no_stamp), ImportReport("a")
+    trace = perceive_bag(path, detections=OBJECTS, report=report)
+    same = perceive_bag(street(tmp_path / "b.mcap").write(), detections=OBJECTS)
+    assert trace.digest == same.digest
+    assert f"{IMAGE}: 3 stamps are 0: the time of the recording is taken" in report.warnings
+
+
+def test_intrinsics_are_those_of_the_pictures_size(tmp_path: Path):
+    """At half the size a camera sees the same angle; another shape is refused."""
+
+    def half(number: int, message: Any) -> None:
+        message.height, message.width, message.step = 180, 320, 960
+        message.data = np.zeros(180 * 960, np.uint8)
+
+    path, report = changed(tmp_path / "a.mcap", "image_raw", half), ImportReport("a")
+    trace = perceive_bag(path, detections=OBJECTS, report=report)
+    same = perceive_bag(street(tmp_path / "b.mcap").write(), detections=OBJECTS)
+    assert trace.frames[CAMERA][0].horizontal_fov_rad == same.frames[CAMERA][0].horizontal_fov_rad
+    assert "pictures of 320x180, camera_info of 640x360" in report.warnings[0]
+
+    def cut(number: int, message: Any) -> None:
+        message.height, message.data = 180, message.data[: 180 * message.step]
+
+    with pytest.raises(UserError, match="another shape, so nobody knows what was cut off"):
+        perceive_bag(changed(tmp_path / "c.mcap", "image_raw", cut), detections=OBJECTS)
+
+
+def with_camera(path: Path, base: str, encoding: str = "bgr8") -> Path:
+    """The street, with a second camera at ``base``."""
+    bag = street(path)
+    for at_ns, name, kind, message in list(bag.messages):
+        if "camera_info" in name:
+            bag.messages.append((at_ns, f"{base}/camera_info", kind, message))
+        if "image_raw" in name:
+            fields = vars(message) | {"encoding": encoding}
+            bag.messages.append((at_ns, f"{base}/image_raw", kind, type(message)(**fields)))
+    return bag.write()
+
+
+def test_two_cameras_of_one_name_are_both_read(tmp_path: Path):
+    path = with_camera(tmp_path / "a.mcap", f"/rear/{CAMERA}")
+    trace = perceive_bag(path, detections=OBJECTS)
+    assert sorted(trace.frames) == [f"kitti_{CAMERA}", f"rear_{CAMERA}"]
+    assert [len(frames) for frames in trace.frames.values()] == [3, 3]
+
+
+def test_distances_are_no_pictures(tmp_path: Path):
+    path, report = with_camera(tmp_path / "a.mcap", "/depth", "16UC1"), ImportReport("a")
+    assert list(perceive_bag(path, detections=OBJECTS, report=report).frames) == [CAMERA]
+    assert report.left_out["topic /depth/image_raw: distances, no picture"] == 1
+    with pytest.raises(UserError, match="/depth/image_raw: holds distances, not a picture"):
+        perceive_bag(path, cameras=["/depth/image_raw"], detections=OBJECTS)
+
+
+def test_detections_with_stamps_of_their_own_are_told(tmp_path: Path):
+    """Each comes 30 ms after its image; if that is accepted it counts for the image before."""
+
+    def late(number: int, message: Any) -> None:
+        message.header.stamp.nanosec += 30_000_000
+
+    path, report = changed(tmp_path / "a.mcap", "objects", late), ImportReport("a", accept=True)
+    with pytest.raises(UserError, match=r"3 of 3 arrays have the stamp of no image .*30 ms away"):
+        perceive_bag(path, detections=OBJECTS)
+    trace = perceive_bag(path, detections=OBJECTS, report=report)
+    same = perceive_bag(street(tmp_path / "b.mcap").write(), detections=OBJECTS)
+    assert trace.digest == same.digest
+
+
+def test_which_of_two_imus_is_taken_is_told_and_chosen(tmp_path: Path):
+    """The other one, of a car that looks north; both lack nothing."""
+    bag, quarter = street(tmp_path / "a.mcap"), math.sqrt(0.5)
+    for at_ns, name, kind, message in list(bag.messages):
+        if name == "/kitti/oxts/imu":
+            turn = type(message.orientation)(x=0.0, y=0.0, z=quarter, w=quarter)
+            other = type(message)(**(vars(message) | {"orientation": turn}))
+            bag.messages.append((at_ns, "/other/imu", kind, other))
+    path, report = bag.write(), ImportReport("a")
+    heading = perceive_bag(path, detections=OBJECTS, report=report).frames[CAMERA][0].pose[3]
+    assert heading == pytest.approx(0.0, abs=1e-3)
+    assert report.chosen == ["imu: /kitti/oxts/imu, not /other/imu (--imu)"]
+    sensors = BagTopics(imu="/other/imu")
+    trace = perceive_bag(path, detections=OBJECTS, sensors=sensors)
+    assert trace.frames[CAMERA][0].pose[3] == pytest.approx(math.pi / 2, abs=1e-3)
+    with pytest.raises(UserError, match="unknown topic '/no/imu'"):
+        perceive_bag(path, detections=OBJECTS, sensors=BagTopics(imu="/no/imu"))
+
+
+def test_labels_of_a_bag_that_are_no_classes_are_told_and_mapped(tmp_path: Path):
+    def relabel(number: int, message: Any) -> None:
+        message.objects[0].label = "7"
+
+    path, report = changed(tmp_path / "a.mcap", "objects", relabel), ImportReport("a")
+    trace = perceive_bag(path, detections=OBJECTS, report=report)
+    assert report.unused == {"7": 3}
+    assert [d.label for d in trace.frames[CAMERA][0].detections] == ["person"]
+    mapped = perceive_bag(path, detections=OBJECTS, classes={"7": "car"})
+    same = perceive_bag(street(tmp_path / "b.mcap").write(), detections=OBJECTS)
+    assert mapped.digest == same.digest
+    assert mapped.provenance["import"]["read"][f"images of {CAMERA}"] == 3

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.runs.build import detector_time
 from genie_sim.scenario import device_fit
@@ -20,7 +21,7 @@ from tests.kitti_folder import make_network
 def drawn(median_ms, loc, sigma, count=5000, seed=1):
     law = ServiceTime(round(median_ms * NS_PER_MS), loc, sigma)
     rng = np.random.default_rng(seed)
-    return np.array([law.sample(rng) for _ in range(count)], dtype=float)
+    return np.array([law.at(z) for z in rng.standard_normal(count)], dtype=float)
 
 
 @pytest.mark.parametrize(("loc", "sigma"), [(0.85, 0.6), (0.6, 0.5), (0.8, 0.85)])
@@ -147,7 +148,7 @@ def test_a_profile_has_the_machines_processors(tmp_path, monkeypatch, processors
     [
         ("", "0 latencies, expected at least 20"),
         ("12.5\n" * 19, "19 latencies, expected at least 20"),
-        ("latency\n" + "12.5\n" * 30 + "soon\n", "line 32: no latency in milliseconds in 'soon'"),
+        ("latency\n" + "12.5\n" * 30 + "soon\n", "line 32: no latency in 'soon'"),
         ("12.5\n" * 30 + "-3\n", "line 31"),
         ("12.5\n" * 30 + "nan\n", "line 31"),
         ("latency\nunit\n12.5\n", "line 2"),
@@ -157,7 +158,102 @@ def test_what_is_no_latency_is_named(tmp_path, text, message):
     path = tmp_path / "times.csv"
     path.write_text(text)
     with pytest.raises(UserError, match=rf"times.csv: {message}"):
-        device_fit.from_csv(path, "yolo")
+        device_fit.from_table(path, "yolo", ImportReport(path))
+
+
+def table(path, titles: str, *columns) -> ImportReport:
+    rows = zip(*columns, strict=True)
+    path.write_text("\n".join([titles, *(";".join(map(str, row)) for row in rows)]))
+    return ImportReport(path)
+
+
+def spread(median: float, count: int = 40) -> list[float]:
+    return [round(median * (0.9 + 0.2 * k / (count - 1)), 6) for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ("titles", "column", "unit", "median"),
+    [
+        ("iteration;latency_ms", None, None, 50.0),
+        ("iteration;Latency [us]", None, None, 50_000.0),
+        ("frame;inference (s)", None, None, 0.05),
+        ("stamp_ms;GPU latency (ms)", None, None, 50.0),
+        ("a;b", "b", "ns", 50e6),
+        ("b_s;b", "b", None, 50.0),
+    ],
+)
+def test_the_named_column_is_read_in_its_unit(tmp_path, titles, column, unit, median):
+    path = tmp_path / "times.csv"
+    report = table(path, titles, range(1, 41), spread(median))
+    measured = device_fit.from_table(path, "m", report, column, unit)
+    assert np.median(measured.latencies_ns) == pytest.approx(50e6)
+    assert measured.tag != "M" and not measured.here
+    assert report.counts[f"latencies of column {titles.partition(';')[2]!r}"] == 40
+
+
+@pytest.mark.parametrize(
+    ("titles", "median", "message"),
+    [
+        ("pre_ms;post_ms", 5, "which column holds latencies, 'pre_ms', 'post_ms'"),
+        ("a;b", 5, "which column holds latencies, 'a', 'b'"),
+        ("frame;latency", 0.05, "0.05 ms would be an odd median for a detector: say with --unit"),
+        ("name;run", 50, "which column"),
+    ],
+)
+def test_what_may_be_another_column_is_asked(tmp_path, titles, median, message):
+    path = tmp_path / "times.csv"
+    report = table(path, titles, range(1, 41), spread(median))
+    with pytest.raises(UserError, match=message):
+        device_fit.from_table(path, "m", report)
+
+
+def test_numbers_of_runs_are_no_latencies(tmp_path):
+    path = tmp_path / "times.csv"
+    path.write_text("\n".join(["run", *map(str, range(1, 41))]))
+    with pytest.raises(UserError, match="counts from 1 to 40"):
+        device_fit.from_table(path, "m", ImportReport(path))
+
+
+@pytest.mark.parametrize("accept", [False, True])
+def test_a_warm_up_is_told_and_left_out(tmp_path, accept):
+    path = tmp_path / "times.csv"
+    path.write_text("\n".join(map(str, [2500.0, 900.0, 300.0, *spread(20)])))
+    report = ImportReport(path, accept)
+    measured = device_fit.from_table(path, "m", report)
+    assert len(measured.latencies_ns) == (43 if accept else 40)
+    assert "the first 3 runs take up to 2500 ms: a warm-up" in report.lines()[-1]
+
+
+def test_a_law_that_does_not_fit_is_told_in_words():
+    latencies = np.repeat([10e6, 30e6], 100)
+    measured, report = device_fit.Measurement("m", latencies, "made up"), ImportReport("x")
+    device_fit.check_fit(measured, device_fit.fit(latencies), report)
+    assert "the law does not fit: its mean is" in report.lines()[0]
+
+
+def test_a_device_of_a_mean_and_a_deviation_has_both(run_cli, tmp_path):
+    figures = ("--mean", "45ms", "--sd", "5 ms", "--model", "yolo", "--cores", "8")
+    done = run_cli("profile", *figures, "--out", "board.yaml")
+    assert done.returncode == 0, done.stderr
+    device = load_profile(tmp_path / "board.yaml")
+    draws = np.array(
+        [detector_time(device, "yolo").sample(np.random.default_rng(k)) for k in range(20_000)]
+    )
+    assert draws.mean() == pytest.approx(45e6, rel=0.005)
+    assert draws.std() == pytest.approx(5e6, rel=0.03)
+    assert (device.cores.value, device.models["yolo"].tag) == (8, "D")
+    refused = run_cli("profile", "--mean", "45 ms", "--out", "b.yaml")
+    assert refused.returncode == 1 and "--mean needs --model" in refused.stderr
+    refused = run_cli("profile", "--mean", "45", "--model", "a", "--out", "b.yaml")
+    assert refused.returncode == 1 and refused.stderr.startswith("genie-sim: --mean: ")
+
+
+def test_latencies_of_others_claim_no_machine(run_cli, tmp_path):
+    (tmp_path / "a.csv").write_text("\n".join(map(str, spread(20))))
+    assert run_cli("profile", "--csv", "a.csv", "--out", "a.yaml").returncode == 0
+    device = load_profile(tmp_path / "a.yaml")
+    assert device.cores.tag == "A" and device.spreads.default.tag == "S"
+    assert device.models["a"].tag == "S"
 
 
 def test_one_source_of_latencies_is_asked_for(run_cli):

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from genie_sim.base.seeds import Draws
 from genie_sim.sim.link_models.fields import NormalField
+
+VALUES = Draws(1)
 
 
 @pytest.mark.parametrize(("east_m", "north_m"), [(10.0, 3.0), (-20.0, 17.5), (320.0, 4.0)])
 def test_a_field_is_continuous_across_the_lines_of_its_grid(east_m: float, north_m: float):
-    field = NormalField(lambda column, row: np.random.default_rng([column % 7, row % 7]), 10.0)
+    field = NormalField(lambda column, row: VALUES.normal(f"{column % 7} {row % 7}"), 10.0)
     step_m = 1e-6
     before, after = (field.at(east_m + step, north_m) for step in (-step_m, step_m))
     assert before == pytest.approx(after, abs=1e-4)
@@ -19,7 +22,7 @@ def test_a_field_is_continuous_across_the_lines_of_its_grid(east_m: float, north
 
 
 def test_values_have_unit_variance_everywhere():
-    field = NormalField(lambda column, row: np.random.default_rng([column % 97, row % 97]), 1.0)
+    field = NormalField(lambda column, row: VALUES.normal(f"{column % 97} {row % 97}"), 1.0)
     values = [field.at(3.0 * i + 0.5, 3.0 * j + 0.25) for i in range(60) for j in range(60)]
     assert np.mean(values) == pytest.approx(0.0, abs=0.06)
     assert np.var(values) == pytest.approx(1.0, abs=0.08)

@@ -10,7 +10,8 @@ import pytest
 
 from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
-from genie_sim.base.seeds import stream
+from genie_sim.base.import_report import ImportReport
+from genie_sim.base.seeds import Draws, stream
 from genie_sim.runs import build
 from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_models import LinkEnds, recording
@@ -32,7 +33,7 @@ def write(path: Path, **columns) -> str:
 
 def sender(trace: RecordedLink, ends: LinkEnds = UP, seed: int = 1, place=(0.0, 0.0)):
     air = SimpleNamespace(
-        clock=None, stream=lambda *names: stream(seed, *names), place=lambda car: place
+        clock=None, draws=lambda *names: Draws(seed, *names), place=lambda car: place
     )
     return TraceRadio(trace, air).sender(ends)  # type: ignore[arg-type]
 
@@ -207,32 +208,83 @@ IRISH = (
         ),
         ("mtu", MTU, {"t_ns": [0, 3 * S], "up_bps": [15_200_000, 13_400_000]}),
         ("irish", IRISH, {"t_ns": [0, 3 * S], "down_bps": [1_000_000, 2_500_000]}),
-        ("mahimahi", "5\n100\n101\n350\n", {"t_ns": [0, 100 * MS, 200 * MS, 300 * MS]}),
+        (
+            "mahimahi",  # until 400 ms
+            "5\n100\n101\n350\n400\n",
+            {
+                "t_ns": [0, 100 * MS, 200 * MS, 300 * MS],
+                "up_bps": [240_000, 120_000, 0, 240_000],
+            },
+        ),
+        ("mahimahi", "1\n", {"t_ns": [0], "up_bps": [12_000_000]}),
+        (
+            "mahimahi",  # three parts of 250/3 ms, of 2, 1 and 2 packets
+            "0\n83\n84\n250\n250\n",
+            {
+                "t_ns": [0, 83_333_333, 166_666_667],
+                "up_bps": [288_000, 144_000, 288_000],
+            },
+        ),
     ],
 )
-def test_formats(format: str, text: str, columns: dict):
-    imported = IMPORTERS[format]("file", text, "down" if format == "irish" else "up")
-    if format == "mahimahi":
-        columns["up_bps"] = [240_000, 120_000, 0, 120_000]
-    assert imported == columns
+def test_formats(tmp_path, format: str, text: str, columns: dict):
+    path = tmp_path / "file.txt"
+    path.write_text(text)
+    report = ImportReport(path)
+    assert IMPORTERS[format](path, "down" if format == "irish" else "up", report) == columns
+
+
+def test_a_trace_of_mahimahi_begins_again_after_its_last_time(tmp_path):
+    """What is sent in ten seconds of replay is what Mahimahi would send: 4 packets in 350 ms."""
+    path = tmp_path / "file.trace"
+    path.write_text("5\n100\n101\n350\n")
+    columns = IMPORTERS["mahimahi"](path, "up", ImportReport(path))
+    steps = Steps(columns["t_ns"], columns["up_bps"], loops=True)
+    assert steps.period_ns == pytest.approx(350 * MS, abs=2)
+    bits = steps._sums[-1] / S
+    assert bits == pytest.approx(4 * 12_000, rel=1e-5)
+
+
+def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
+    header, _, rows = CICV5G.partition("\n")
+    (tmp_path / "rounded.txt").write_text(header + f"\n{rows.splitlines()[0]}" * 31)
+    ran = run_cli("links", "import", "rounded.txt", "--format", "cicv5g", "--out", "a.parquet")
+    assert ran.returncode == 1 and "31 messages have only 1 times: rounded" in ran.stderr
+    options = ("--format", "cicv5g", "--out", "a.parquet", "--accept")
+    ran = run_cli("links", "import", "rounded.txt", *options)
+    assert ran.returncode == 0 and "warning: pub_time(ms): 31 messages" in ran.stdout
+    told = recording.read(str(tmp_path / "a.parquet")).about["import"]
+    assert told["left_out"] == {"messages sent in the millisecond of another": 30}
 
 
 @pytest.mark.parametrize(
     ("format", "text", "message"),
     [
-        ("csv", "time,up_mbps\n0,1\n", "column time_s: missing; it has 'time, up_mbps'"),
+        ("csv", "time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit"),
         ("csv", "time_s\n0\n", "needs a column of up_mbps, down_mbps, rtt_ms"),
-        ("csv", "time_s,up_mbps\n0,fast\n", "line 2: column up_mbps: must be a number, not 'fast'"),
-        ("csv", "time_s,up_mbps\n0\n", "line 2: column up_mbps: missing"),
-        ("csv", "time_s,up_mbps\n0,-1\n", "line 2: column up_mbps: must be at least 0, not -1"),
+        (
+            "csv",
+            "time_s,up_mbps\n0,fast\n",
+            "line 2: up_mbps: must be a number, not 'fast'",
+        ),
+        ("csv", "time_s,up_mbps\n0\n", "line 2: has 1 values, the header 2"),
+        (
+            "csv",
+            "time_s,up_mbps\n0,-1\n",
+            "line 2: up_mbps: must be a number of at least 0, not '-1'",
+        ),
         ("csv", "time_s,up_mbps\n0,0\n1,0\n", "column up_bps: no rate is above 0"),
-        ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: column time_s: must be more than 1 of"),
+        ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: time_s: must be more than 1 of"),
         ("csv", "time_s,up_mbps\n", "has no rows"),
-        ("csv", "", "column time_s: missing; it has 'none'"),
-        ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "column Time: must be a time such as 'Thu Aug 11"),
+        ("csv", "", "column 'time_s' is missing; the file has none"),
+        ("mtu", "Time,RATE(MBit/s)\nnoon,1\n", "line 2: Time: must be a time such as 'Thu Aug 11"),
+        ("mahimahi", "0.5\n", "line 1: must be a whole number of milliseconds, not '0.5'"),
+        ("csv", "time_s,up_mbps\n0,15000000\n", "up: at most 1.5e+07 Mbit/s, which no link has"),
+        ("csv", "time_s,rtt_ms\n0,0.02\n1,0.03\n", "rtt: at most 0.03 ms, which no link has"),
         ("mahimahi", "7\n3\n", "line 2: 3 ms is before 7 ms"),
+        ("mahimahi", "1\n999999999999\n", "the last packet leaves at 1e+12 ms, must be above 0"),
         ("mahimahi", "x\n", "line 1: must be a number, not 'x'"),
-        ("cicv5g", "pub_time(ms)\n0\n", "column delay(ms): missing"),
+        ("cicv5g", "pub_time(ms)\n0\n", "column 'delay_ms' is missing"),
     ],
 )
 def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):
@@ -246,7 +298,11 @@ def test_an_imported_drive_is_replayed(run_cli, tmp_path):
     (tmp_path / "drive.csv").write_text(CSV)
     ran = run_cli("import", "link", "drive.csv", "--out", "drive.parquet", "--licence", "CC0")
     assert ran.returncode == 0, ran.stderr
-    assert ran.stdout == "drive.parquet: 3 rows, 2.5 s: up_bps, down_bps, rtt_ns\n"
+    assert ran.stdout.splitlines() == [
+        "drive.parquet: 3 rows, 2.5 s: up_bps, down_bps, rtt_ns",
+        "  read: 3 rows",
+        "  ranges: up 0 to 20 Mbit/s, down 40 to 50 Mbit/s, rtt 20 to 30.5 ms",
+    ]
     drive = recording.read(str(tmp_path / "drive.parquet"))
     assert drive.about["licence"] == "CC0" and len(drive.about["sha256"]) == 64
     assert drive.columns["t_ns"][0] == 0

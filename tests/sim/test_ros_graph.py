@@ -42,7 +42,7 @@ class Clerk(Node):
         super().__init__(*arguments, **settings)
         self.done: list[tuple[int, int, str]] = []
 
-    def work(self, message):
+    def work(self, topic, message, sender):
         yield self.clock.timeout(WORK_NS)
 
     def handle(self, topic: str, message, sender: str) -> None:
@@ -64,16 +64,8 @@ def office(name: str = "car1", clock: Clock | None = None, **settings) -> Graph:
     """An empty graph of a host on which each message takes ``HOP_NS`` to the next node."""
     clock = clock if clock is not None else Clock()
     device = fixed_device(name, detector="1 ms", hop=f"{HOP_NS} ns", per_megabyte="0 ms")
-    rng = np.random.default_rng(1)
     return Graph(
-        Host(
-            clock,
-            name,
-            built_device(device, "autoware_vision_detector"),
-            accelerator_rng=rng,
-            cpu_rng=rng,
-        ),
-        **settings,
+        Host(clock, name, built_device(device, "autoware_vision_detector"), seed=1), **settings
     )
 
 

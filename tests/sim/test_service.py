@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 from genie_sim.sim.service import Device, HopTime, ServiceTime
@@ -18,12 +17,6 @@ def test_the_shifted_log_normal_law():
     assert LAW.at(2.0) == round(1e6 * (0.4 + 0.6 * math.e))
     assert LAW.mean_ns == pytest.approx(1e6 * (0.4 + 0.6 * math.exp(0.125)))
     assert ServiceTime(1, 0.0, 1.0).at(-9.0) == 1, "at least a nanosecond"
-
-
-def test_endless_times_are_those_drawn_one_by_one():
-    one, many = np.random.default_rng(5), np.random.default_rng(5)
-    draws = LAW.draws(many)
-    assert [next(draws) for _ in range(40)] == [LAW.sample(one) for _ in range(40)]
 
 
 def test_a_hop_grows_with_the_message_and_a_batch_with_its_pictures():

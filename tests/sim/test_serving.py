@@ -46,14 +46,7 @@ class Bench(Subscriber):
             fixed_device("edge1", detector=f"{SERVICE_MS} ms", hop="0 ms", per_megabyte="0 ms"),
             "autoware_vision_detector",
         )
-        rng = np.random.default_rng(1)
-        self.host = Host(
-            self.clock,
-            "edge1",
-            replace(device, batch_fixed=FIXED),
-            accelerator_rng=rng,
-            cpu_rng=rng,
-        )
+        self.host = Host(self.clock, "edge1", replace(device, batch_fixed=FIXED), seed=1)
         self.answered: list[tuple[str, float]] = []
         self.lost: list[tuple[str, str, float]] = []
         graph = Graph(self.host, queue_length, self._lost)

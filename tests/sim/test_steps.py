@@ -8,7 +8,6 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from numpy.random import default_rng
 
 from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
 from genie_sim.core.monitor import Span, SpanLabel
@@ -305,13 +304,7 @@ class InTwos(Interceptor):
 
 def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
     clock, ways = Clock(is_traced=True), {}
-    host = Host(
-        clock,
-        "car1",
-        device(fixed()["jetson_tx2"], "autoware_vision_detector"),
-        accelerator_rng=default_rng(1),
-        cpu_rng=default_rng(1),
-    )
+    host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), seed=1)
     graph = Graph(host)
     node = InterceptorNode(InTwos, graph, lambda *_: None)
 

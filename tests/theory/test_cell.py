@@ -10,8 +10,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
-from genie_sim.base.seeds import stream
+from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_models import LinkEnds
 from genie_sim.sim.link_models.cell import Band, Cell
@@ -21,7 +23,7 @@ from genie_sim.sim.link_models.wire import Wire
 from tests.sim.processes import send
 from tests.theory.replications import equivalent
 
-SEED, S = 5, 1_000_000_000
+SEED, S = 6, 1_000_000_000
 FREE = Cell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up
 
 
@@ -35,8 +37,8 @@ class Street:
     resources: list = field(default_factory=list)
     place: Callable[[str], tuple[float, float]] = lambda car: (50.0, 0.0)
 
-    def stream(self, *names):
-        return stream(self.seed, *names)
+    def draws(self, *names):
+        return Draws(self.seed, *names)
 
     def site(self, edge):
         return 0.0, 0.0
@@ -284,7 +286,8 @@ def test_a_field_is_standard_normal_and_correlated_over_its_spacing():
     }
     values: dict[str, list[float]] = {name: [] for name in places}
     for number in range(300):
-        ground = NormalField(lambda x, y, number=number: stream(number, "field", x, y), 10.0)
+        draws = Draws(number, "field")
+        ground = NormalField(lambda x, y, draws=draws: draws.normal(f"{x} {y}"), 10.0)
         for name, place in places.items():
             values[name].append(ground.at(*place))
             assert ground.at(*place) == values[name][-1]
@@ -306,3 +309,43 @@ def test_line_of_sight_is_as_frequent_as_it_should_be():
     assert np.mean(sights) == pytest.approx(
         expected, abs=4 * math.sqrt(expected * (1 - expected) / 400)
     )
+
+
+BANDS_HZ = st.integers(100_000, 3 * 10**9)
+LOSSES_DB = st.floats(30.0, 190.0)
+
+
+@given(BANDS_HZ, BANDS_HZ, LOSSES_DB, LOSSES_DB, st.booleans())
+def test_a_rate_never_falls_with_bandwidth_nor_rises_with_path_loss(
+    one_hz: int, other_hz: int, one_db: float, other_db: float, up: bool
+):
+    narrow, wide = (
+        replace(FREE, path_loss="umi", up=Band(hz), down=Band(hz))
+        for hz in sorted((one_hz, other_hz))
+    )
+    near_db, far_db = sorted((one_db, other_db))
+    assert 0 <= narrow.rate_bps(up, near_db) <= wide.rate_bps(up, near_db) + 1
+    assert 0 <= wide.rate_bps(up, far_db) <= wide.rate_bps(up, near_db) + 1
+    assert wide.rate_bps(up, near_db) <= wide.rate_bps(up)
+
+
+@given(st.floats(1.0, 5_000.0), st.floats(1.0, 5_000.0))
+def test_path_loss_never_falls_with_distance(one_m: float, other_m: float):
+    near_m, far_m = sorted((one_m, other_m))
+    for loss_db in (los_db, nlos_db):
+        assert loss_db(near_m, 3.5) <= loss_db(far_m, 3.5) + 1e-9
+
+
+@given(st.integers(1, 9), st.floats(10.0, 400.0), st.integers(10**6, 10**9))
+def test_a_message_is_no_sooner_there_with_more_cars_or_less_bandwidth(
+    cars: int, distance_m: float, bandwidth_hz: int
+):
+    def end_ns(count: int, hz: int) -> int:
+        air = Street(place=lambda car: (distance_m, 0.0))
+        return ends_ns(Cell(up=Band(hz)), [(0, 50_000)] * count, air)[0]
+
+    loss_db = _loss(0.0).db(distance_m, 0.0)
+    assume(Cell().rate_bps(True, loss_db))
+    usual_ns = end_ns(cars, bandwidth_hz)
+    assert usual_ns < end_ns(cars + 1, bandwidth_hz)
+    assert usual_ns >= end_ns(cars, 2 * bandwidth_hz) - 1

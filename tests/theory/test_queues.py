@@ -207,13 +207,7 @@ def detector_run(rng: np.random.Generator, rho: float, queue_length: int, images
     """
     env = Clock()
     device = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
-    host = Host(
-        env,
-        "edge1",
-        build.device(device, "autoware_vision_detector"),
-        accelerator_rng=rng,
-        cpu_rng=rng,
-    )
+    host = Host(env, "edge1", build.device(device, "autoware_vision_detector"), seed=1)
     answered: list[int] = []
     waits: list[int] = []
     dropped: list[int] = []
@@ -352,8 +346,7 @@ def batching_detector(**serving: object):
     env = Clock()
     profile = fixed_device("edge1", detector=f"{SERVICE_NS} ns", hop="0 ms", per_megabyte="0 ms")
     device = replace(build.device(profile, "autoware_vision_detector"), batch_fixed=0.573)
-    own_rng = np.random.default_rng(0)  # apart from that of the arrivals
-    host = Host(env, "edge1", device, accelerator_rng=own_rng, cpu_rng=own_rng)
+    host = Host(env, "edge1", device, seed=0)
     graph = Graph(host, 10**9)
     topics = ("/image_raw",), ("/objects",)
     return BatchingDetectorNode("detector", graph, *topics, serving=Serving(**serving)), graph

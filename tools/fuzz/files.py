@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.data import fetch
 from genie_sim.data.detector import make_detector
 from genie_sim.data.kitti import open_drive, read_image
@@ -169,7 +170,11 @@ def archives(folder: Path) -> Case:
 
 def latencies(folder: Path) -> Case:
     whole = b"model,latency_ms\n" + b"yolo,12.5\nyolo,13.25\n" * 15
-    return one_file(folder / "broken.csv", whole, lambda path: device_fit.from_csv(path, "yolo"))
+    return one_file(
+        folder / "broken.csv",
+        whole,
+        lambda path: device_fit.from_table(path, "yolo", ImportReport(path)),
+    )
 
 
 def profiles(folder: Path) -> Case:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, unpacked
-from genie_sim.core.messages import CameraPose, Image
+from genie_sim.core.messages import CameraPose, Header, Image
 
 Slots = npt.NDArray[np.intp]
 NONE = -1.0  # as a radius: no other key is near enough
@@ -16,14 +16,15 @@ MAX_SQUARE = 1e9  # more than any squared distance
 
 
 class FeatureKey:
-    """Of one picture: its feature, the camera that took it, and from where. No two pictures have
-    equal keys.
+    """Of one picture: its feature, its header, the camera that took it, and from where. No two
+    pictures have equal keys.
     """
 
-    __slots__ = ("pose", "square", "stream", "vector")
+    __slots__ = ("header", "pose", "square", "stream", "vector")
 
-    def __init__(self, vector: Vector, stream: str, pose: CameraPose) -> None:
-        self.vector, self.stream, self.pose = vector, stream, pose
+    def __init__(self, vector: Vector, header: Header, pose: CameraPose) -> None:
+        self.vector, self.header, self.pose = vector, header, pose
+        self.stream = header.frame_id
         self.square = float(vector @ vector)
 
 
@@ -35,7 +36,7 @@ def key_of(feature: str) -> Callable[[Image], FeatureKey]:
     def key(image: Image) -> FeatureKey:
         packed = feature_of(image.content, feature)
         assert packed is not None, "checked before the run"
-        return FeatureKey(unpacked(packed), image.header.frame_id, image.pose)
+        return FeatureKey(unpacked(packed), image.header, image.pose)
 
     return key
 

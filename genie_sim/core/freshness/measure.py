@@ -1,9 +1,8 @@
 """Measures a detector's laws on what it found, without labels."""
 
-from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from genie_sim.core.freshness.laws import ASSUMED, RANGE_STEP_M, SCORE_STEP, DetectorLaws
 from genie_sim.core.freshness.track import Tracks
@@ -15,9 +14,8 @@ from genie_sim.core.tracking import VEHICLE
 MIN_LOOKS = 4  # at an object after the first, to tell whether it is real
 # share of those looks that found it: what is real has at least, what is not at most
 REAL_SHARE, FALSE_SHARE = 0.5, 0.25
-PRIOR_LOOKS = 20.0  # that the assumed laws count for: where little was seen they stay
 PRIOR_FALSE_SHARE = 0.2
-SCORES = len(ASSUMED.ratios)
+RANGES, SCORES = len(ASSUMED.vehicles), len(ASSUMED.ratios)
 
 
 @dataclass
@@ -52,16 +50,32 @@ class _Census(Tracks):
         self.records[track.number].looks.append((range_m, False))
 
 
-def measured(recordings: Iterable[Iterable[Look]]) -> DetectorLaws:
-    """The laws of the detector that made these looks: of each recording those of one camera, in
-    order of time.
+class LawCounts(NamedTuple):
+    """What looks of a detector come to: at real vehicles and others by range, at 0, 10, 20 ... m,
+    how many looks there were and how many found the object; at what is real and what is false, how
+    many looks, how many found it with a score of 0, 0.1 ... 1, and of how many that was the first.
+    """
+
+    vehicle_looks: Sequence[int]
+    vehicles_found: Sequence[int]
+    other_looks: Sequence[int]
+    others_found: Sequence[int]
+    real_looks: int
+    real_scores: Sequence[int]
+    real_firsts: Sequence[int]
+    false_looks: int
+    false_scores: Sequence[int]
+    false_firsts: Sequence[int]
+
+
+def counted(recordings: Iterable[Iterable[Look]]) -> LawCounts:
+    """What these looks of a detector come to: of each recording those of one camera, in order of
+    time.
 
     Everything found is tracked. What at least half of the looks at it found again is taken for
     real, what at most a quarter did for false; others, and what was looked at fewer than four
-    times, do not count. Found are the real ones by range; scores are compared between real and
-    false. The assumed laws count as twenty looks each, so that where the recording shows little
-    they stay. Objects that were never found leave no trace, so the laws hold for those that have
-    been found once, which are those that a map asks about.
+    times, do not count. Objects that were never found leave no trace, so the laws hold for those
+    that have been found once, which are those that a map asks about.
     """
     records: list[_Record] = []
     for looks in recordings:
@@ -73,58 +87,82 @@ def measured(recordings: Iterable[Iterable[Look]]) -> DetectorLaws:
     often = [record for record in records if len(record.looks) >= MIN_LOOKS]
     real = [record for record in often if record.found_share() >= REAL_SHARE]
     false = [record for record in often if record.found_share() <= FALSE_SHARE]
-    vehicles = [record for record in real if record.vehicle]
-    others = [record for record in real if not record.vehicle]
+    of_vehicles = [look for record in real if record.vehicle for look in record.looks]
+    of_others = [look for record in real if not record.vehicle for look in record.looks]
+    return LawCounts(
+        vehicle_looks=_by_range(range_m for range_m, _ in of_vehicles),
+        vehicles_found=_by_range(range_m for range_m, found in of_vehicles if found),
+        other_looks=_by_range(range_m for range_m, _ in of_others),
+        others_found=_by_range(range_m for range_m, found in of_others if found),
+        real_looks=sum(len(record.looks) for record in real),
+        real_scores=_by_score(score for record in real for score in record.scores[1:]),
+        real_firsts=_by_score(record.scores[0] for record in real),
+        false_looks=sum(len(record.looks) for record in false),
+        false_scores=_by_score(score for record in false for score in record.scores[1:]),
+        false_firsts=_by_score(record.scores[0] for record in false),
+    )
+
+
+def _by_range(ranges_m: Iterable[float]) -> list[int]:
+    """How many there are of each 10 m, up to 60 m."""
+    places = [round(range_m / RANGE_STEP_M) for range_m in ranges_m]
+    return [places.count(place) for place in range(RANGES)]
+
+
+def _by_score(scores: Iterable[float]) -> list[int]:
+    """How many there are of each tenth."""
+    places = [round(score / SCORE_STEP) for score in scores]
+    return [places.count(place) for place in range(SCORES)]
+
+
+def total(counts: Sequence[LawCounts]) -> LawCounts:
+    """The counts of several drives together."""
+    return LawCounts._make(
+        sum(of_drives)
+        if isinstance(of_drives[0], int)
+        else [sum(entries) for entries in zip(*of_drives, strict=True)]
+        for of_drives in zip(*counts, strict=True)
+    )
+
+
+def shrunk(counts: LawCounts, prior_looks: float) -> DetectorLaws:
+    """The laws that counts come to, shrunk towards the assumed ones: these weigh as much as so many
+    looks in every entry, so that where little was seen they stay.
+    """
     return DetectorLaws(
-        vehicles=_found_by_range(vehicles, ASSUMED.vehicles),
-        others=_found_by_range(others, ASSUMED.others),
-        ratios=_ratios(real, false),
-        firsts=_firsts(real, false),
+        vehicles=_shares(
+            counts.vehicles_found, counts.vehicle_looks, ASSUMED.vehicles, prior_looks
+        ),
+        others=_shares(counts.others_found, counts.other_looks, ASSUMED.others, prior_looks),
+        ratios=_ratios(counts, prior_looks),
+        firsts=_shares(
+            counts.real_firsts,
+            [sum(both) for both in zip(counts.real_firsts, counts.false_firsts, strict=True)],
+            ASSUMED.firsts,
+            prior_looks,
+        ),
     )
 
 
-def _found_by_range(records: list[_Record], assumed: Iterable[float]) -> tuple[float, ...]:
-    """The share of looks that found the object, at 0, 10, 20 ... m."""
-    looks: Counter[int] = Counter()
-    hits: Counter[int] = Counter()
-    for record in records:
-        for range_m, found in record.looks:
-            place = round(range_m / RANGE_STEP_M)
-            looks[place] += 1
-            hits[place] += found
+def _shares(
+    found: Sequence[int], looks: Sequence[int], assumed: Sequence[float], prior_looks: float
+) -> tuple[float, ...]:
+    """Found by looks, entry by entry."""
     return tuple(
-        (hits[place] + PRIOR_LOOKS * prior) / (looks[place] + PRIOR_LOOKS)
-        for place, prior in enumerate(assumed)
+        (of_found + prior_looks * prior) / (of_looks + prior_looks)
+        for of_found, of_looks, prior in zip(found, looks, assumed, strict=True)
     )
 
 
-def _ratios(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
+def _ratios(counts: LawCounts, prior_looks: float) -> tuple[float, ...]:
     """How likely a look finds a real object with such a score, over how likely it finds a false
     one.
     """
-    real_scores = _by_score(score for record in real for score in record.scores[1:])
-    false_scores = _by_score(score for record in false for score in record.scores[1:])
-    real_looks = sum(len(record.looks) for record in real) + PRIOR_LOOKS
-    false_looks = sum(len(record.looks) for record in false) + PRIOR_LOOKS
-    false_prior = PRIOR_LOOKS * PRIOR_FALSE_SHARE / SCORES
-    ratios = []
-    for score, prior in enumerate(ASSUMED.ratios):
-        of_real = (real_scores[score] + false_prior * prior) / real_looks
-        of_false = (false_scores[score] + false_prior) / false_looks
-        ratios.append(of_real / of_false)
-    return tuple(ratios)
-
-
-def _firsts(real: list[_Record], false: list[_Record]) -> tuple[float, ...]:
-    """Which share of what was found with such a score for the first time was real."""
-    right = _by_score(record.scores[0] for record in real)
-    wrong = _by_score(record.scores[0] for record in false)
+    real_looks, false_looks = counts.real_looks + prior_looks, counts.false_looks + prior_looks
+    false_prior = prior_looks * PRIOR_FALSE_SHARE / SCORES
     return tuple(
-        (right[score] + PRIOR_LOOKS * prior) / (right[score] + wrong[score] + PRIOR_LOOKS)
-        for score, prior in enumerate(ASSUMED.firsts)
+        (of_real + false_prior * prior) / real_looks * false_looks / (of_false + false_prior)
+        for of_real, of_false, prior in zip(
+            counts.real_scores, counts.false_scores, ASSUMED.ratios, strict=True
+        )
     )
-
-
-def _by_score(scores: Iterable[float]) -> Counter[int]:
-    """How many there are of each tenth."""
-    return Counter(round(score / SCORE_STEP) for score in scores)

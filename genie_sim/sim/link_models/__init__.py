@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
+from genie_sim.base.seeds import Draws
 from genie_sim.core.monitor import Resource
 
 if TYPE_CHECKING:
     import simpy
 
     from genie_sim.sim.clock import Clock
+    from genie_sim.sim.link_models.message_random import MessageRandom
 
 LINK_MODELS: dict[str, str] = {
     "wire": "genie_sim.sim.link_models.wire:Wire",
@@ -42,8 +44,10 @@ class LinkModel(Protocol):
     the edge network.
     """
 
-    def channel(self, up: bool, rng: np.random.Generator) -> Channel:
-        """One direction, with the link's own random numbers."""
+    def channel(self, up: bool, rng: "MessageRandom") -> Channel:
+        """One direction, with random numbers of its own: those of the message that is sent, as from
+        a NumPy generator.
+        """
 
 
 class LinkEnds(NamedTuple):
@@ -71,6 +75,9 @@ class Air(Protocol):
     def stream(self, *names: str | int) -> np.random.Generator:
         """The random generator of these names: the same under every method."""
 
+    def draws(self, *names: str | int) -> Draws:
+        """The random numbers of these names, by key."""
+
     def place(self, car: str) -> tuple[float, float]:
         """Where a car is now: east and north [m]."""
 
@@ -82,7 +89,10 @@ class Air(Protocol):
 
 
 class Sender(Protocol):
-    """What carries the messages of one direction of a link, one after the other."""
+    """What carries the messages of one direction of a link, one after the other.
+
+    If it has an attribute ``random``, a ``MessageRandom``, this is told which message is sent.
+    """
 
     def sent(self, size_bytes: int) -> "simpy.Event":
         """Sends a message; happens when its last bit has left."""

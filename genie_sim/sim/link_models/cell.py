@@ -22,7 +22,8 @@ THERMAL_NOISE_DBM = -174.0  # of 1 Hz at room temperature
 # bit/s/Hz in each layer, and nothing below this ratio of signal to interference and noise.
 ALPHA_UP, MAX_UP = 0.4, 2.0
 ALPHA_DOWN, MAX_DOWN = 0.6, 4.4
-MIN_SINR_DB = -10.0
+MIN_SINR = 0.1  # -10 dB
+PART_HZ = 360_000  # the least part of the band: a resource block of 12 times 30 kHz (TS 38.211)
 MHZ = 10**6
 
 
@@ -65,7 +66,9 @@ class Cell:
     n-th part of the time (proportional fairness with full buffers).
 
     The rate of a car alone follows from its path loss to the edge's antenna, and is bounded by that
-    of the best modulation. Links with equal settings share the cells.
+    of the best modulation. Where the power does not suffice for the whole band, it goes into the
+    part that it suffices for; so a rate never falls with the bandwidth. Links with equal settings
+    share the cells.
     """
 
     up: Band = Band(25 * MHZ)
@@ -108,7 +111,7 @@ class Cell:
         return CellRadio(self, air)
 
     def sinr_db(self, up: bool, loss_db: float) -> float:
-        """Signal to interference and noise, at a path loss."""
+        """Signal to interference and noise at a path loss, with the power over the whole band."""
         band = self.up if up else self.down
         sent_dbm = self.power.up_dbm if up else self.power.down_dbm
         figure_db = self.noise_figure.up_db if up else self.noise_figure.down_db
@@ -121,13 +124,15 @@ class Cell:
         """
         band = self.up if up else self.down
         alpha, most = (ALPHA_UP, MAX_UP) if up else (ALPHA_DOWN, MAX_DOWN)
-        efficiency = most
+        efficiency, used_hz = most, float(band.bandwidth_hz)
         if loss_db is not None:
-            sinr_db = self.sinr_db(up, loss_db)
-            if sinr_db < MIN_SINR_DB:
+            sinr = 10 ** (self.sinr_db(up, loss_db) / 10)
+            enough_hz = band.bandwidth_hz * sinr / MIN_SINR  # the power suffices for so much
+            if enough_hz < PART_HZ:
                 return 0
-            efficiency = min(alpha * math.log2(1 + 10 ** (sinr_db / 10)), most)
-        return int(band.bandwidth_hz * band.layers * efficiency)
+            used_hz = min(used_hz, enough_hz)
+            efficiency = min(alpha * math.log2(1 + max(sinr, MIN_SINR)), most)
+        return int(used_hz * band.layers * efficiency)
 
 
 class CellRadio:

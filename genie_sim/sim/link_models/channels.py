@@ -5,15 +5,29 @@ from typing import TYPE_CHECKING
 import simpy
 
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Radio, Sender
+from genie_sim.sim.link_models.message_random import MessageRandom
 
 if TYPE_CHECKING:
     from genie_sim.sim.clock import Clock
 
 
 class ChannelSender:
-    """Sends by the times of a channel."""
+    """Sends by the times of a channel.
 
-    def __init__(self, clock: "Clock", channel: Channel) -> None:
+    Parameters
+    ----------
+    clock : Clock
+        The run's clock.
+    channel : Channel
+        Says how long each message takes.
+    random : MessageRandom or None
+        The channel's random numbers; ``None`` if it has none.
+    """
+
+    def __init__(
+        self, clock: "Clock", channel: Channel, random: MessageRandom | None = None
+    ) -> None:
+        self.random = random
         self._clock = clock
         self.occupied_ns = channel.occupied_ns
         self.delay_ns = channel.delay_ns
@@ -33,8 +47,9 @@ class ChannelRadio:
         self._air = air
 
     def sender(self, ends: LinkEnds) -> Sender:
-        channel = self._model.channel(ends.up, self._air.stream(ends.name))
-        return ChannelSender(self._air.clock, channel)
+        random = MessageRandom(self._air, ends.name)
+        channel = self._model.channel(ends.up, random)
+        return ChannelSender(self._air.clock, channel, random)
 
 
 def make_radio(model: LinkModel | Medium, air: Air) -> Radio:

@@ -2,10 +2,7 @@
 
 import math
 from collections.abc import Callable
-
-import numpy as np
-
-TILE = 16  # values that are drawn at once, along each side
+from functools import cache
 
 
 class NormalField:
@@ -14,16 +11,15 @@ class NormalField:
 
     Parameters
     ----------
-    stream : callable
-        Gives the random generator of a tile, by its numbers to the east and to the north.
+    value : callable
+        The standard normal number of a corner, by its numbers to the east and to the north.
     spacing_m : float
         The side of a square of the grid: about as far as values are correlated.
     """
 
-    def __init__(self, stream: Callable[[int, int], np.random.Generator], spacing_m: float) -> None:
-        self._stream = stream
+    def __init__(self, value: Callable[[int, int], float], spacing_m: float) -> None:
+        self._corner = cache(value)
         self._spacing_m = spacing_m
-        self._tiles: dict[tuple[int, int], list[list[float]]] = {}
 
     def at(self, east_m: float, north_m: float) -> float:
         """The value at a place."""
@@ -40,11 +36,3 @@ class NormalField:
             total += weight * self._corner(*place)
             squares += weight * weight
         return total / math.sqrt(squares)
-
-    def _corner(self, column: int, row: int) -> float:
-        tile = column // TILE, row // TILE
-        values = self._tiles.get(tile)
-        if values is None:
-            values = self._stream(*tile).standard_normal((TILE, TILE)).tolist()
-            self._tiles[tile] = values
-        return values[column % TILE][row % TILE]

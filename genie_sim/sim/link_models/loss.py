@@ -3,6 +3,7 @@ and a bad one, in which everything is (E. N. Gilbert, Capacity of a burst-noise 
 Technical Journal 39, 1960).
 """
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -19,7 +20,9 @@ class BurstLoss:
     """Mean share of what is lost, of segments or of messages."""
 
     burst: Annotated[float, Bounds(minimum=1)] = 1.0
-    """Mean number of losses in a row. Independent losses have 1 / (1 - mean)."""
+    """Mean number of losses in a row. Independent losses have 1 / (1 - mean). Segments on a link
+    with a rate are lost for the time of so many of them, whether any are sent then or not, so
+    bursts come at the same time under every method."""
 
     per: Literal["segment", "message"] = "segment"
     """What is lost at a time: a segment of at most `mtu_payload` bytes, or a whole message. A
@@ -43,30 +46,39 @@ class BurstLoss:
 
 
 class LossProcess:
-    """The losses of one direction of a link, one after the other."""
+    """The losses of one direction of a link, step by step: good and bad states by turns.
+
+    Parameters
+    ----------
+    loss : BurstLoss
+        How many losses there are, and how many in a row.
+    rng : Generator
+        Draws how many steps each state lasts.
+    """
 
     def __init__(self, loss: BurstLoss, rng: np.random.Generator) -> None:
         self._begins = loss.begins
         self._ends = 1 / loss.burst
         self._rng = rng
-        self._is_bad = bool(rng.random() < loss.mean)
-        self._left = self._draw() if loss.mean else 0  # of the present state
+        self._bursts: deque[tuple[int, int]] = deque()  # from which step until which
+        self._until = 0  # all bursts are known that begin before this step
+        if loss.mean and rng.random() < loss.mean:
+            self._add_burst(0)
 
-    def hits(self, count: int) -> bool:
-        """Whether any of the next ``count`` segments or messages is lost."""
+    def hits(self, first: int, count: int) -> bool:
+        """Whether any of ``count`` steps from ``first`` on is bad. Steps before the ``first`` of
+        the last call are forgotten.
+        """
         if not self._begins:
             return False
-        is_hit = False
-        while count > 0:
-            if not self._left:
-                self._is_bad = not self._is_bad
-                self._left = self._draw()
-            step = min(self._left, count)
-            is_hit = is_hit or self._is_bad
-            self._left -= step
-            count -= step
-        return is_hit
+        end = first + count
+        while self._until < end:
+            self._add_burst(self._until + int(self._rng.geometric(self._begins)))
+        while self._bursts and self._bursts[0][1] <= first:
+            self._bursts.popleft()
+        return any(begin < end for begin, _ in self._bursts)
 
-    def _draw(self) -> int:
-        """How long the present state lasts: at least one."""
-        return int(self._rng.geometric(self._ends if self._is_bad else self._begins))
+    def _add_burst(self, begin: int) -> None:
+        """The next burst begins at this step, and lasts for at least one."""
+        self._until = begin + int(self._rng.geometric(self._ends))
+        self._bursts.append((begin, self._until))

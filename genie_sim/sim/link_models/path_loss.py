@@ -1,8 +1,6 @@
 """Path loss between a car and an antenna beside the street: 3GPP TR 38.901, UMi street canyon."""
 
 import math
-from collections.abc import Callable
-from functools import partial
 from statistics import NormalDist
 
 from genie_sim.sim.link_models import Air
@@ -46,7 +44,7 @@ class StreetCanyon:
     air : Air
         Gives the random numbers.
     edge : str
-        The edge at the site, also in the names of the random streams.
+        The edge at the site, also in the names of the random numbers.
     site : tuple of float
         East and north [m].
     carrier_hz : int
@@ -63,8 +61,8 @@ class StreetCanyon:
         self._shadowing = shadowing
 
         def field(name: str, spacing_m: float) -> NormalField:
-            stream: Callable[..., object] = partial(air.stream, "path loss", edge, name)
-            return NormalField(stream, spacing_m)  # type: ignore[arg-type]
+            draws = air.draws("path loss", edge, name)
+            return NormalField(lambda column, row: draws.normal(f"{column} {row}"), spacing_m)
 
         self._state = field("line of sight", STATE_SPACING_M)
         self._los = field("shadowing", LOS_SPACING_M)

@@ -7,13 +7,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from genie_sim.base import files, parquet
 from genie_sim.base.errors import UserError
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.units import NS_PER_S
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
+TOLD = {  # in the report of an import
+    "up_bps": ("Mbit/s", 1e-6),
+    "down_bps": ("Mbit/s", 1e-6),
+    "rtt_ns": ("ms", 1e-6),
+}
+# The largest rate and the longest round trip of a link are in between.
+USUAL = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
 
 
@@ -143,6 +152,27 @@ def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
         if t_ns <= before:
             text = f"row {row} ({t_ns} ns) is not after the row before ({before} ns)"
             raise UserError(f"{where}: column t_ns: {text}")
+
+
+def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
+    """The ranges, the gaps and the way of a recorded link, for the report of its import."""
+    times_s = [(t_ns - columns["t_ns"][0]) / NS_PER_S for t_ns in columns["t_ns"]]
+    report.read("rows", len(times_s))
+    for name, (unit, factor) in TOLD.items():
+        if name in columns:
+            values = [value * factor for value in columns[name]]
+            what = name.partition("_")[0]
+            report.span(what, (min(values), max(values)), unit)
+            low, high = USUAL[unit]
+            if not low <= max(values) <= high:
+                report.refuse(
+                    f"{what}: at most {max(values):.4g} {unit}, which no link has (from {low:g} to "
+                    f"{high:g} {unit}): is it in another unit?"
+                )
+    steps_s = [after - before for before, after in pairwise(times_s)]
+    report.gaps("times", times_s, 5 * median(steps_s or [0.0]))
+    if "east_m" in columns:
+        report.way("places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True)))
 
 
 def write(path: Path, columns: Mapping[str, Sequence[Any]], about: Mapping[str, Any]) -> None:

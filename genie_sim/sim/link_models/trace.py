@@ -86,7 +86,6 @@ class TraceRadio:
     def __init__(self, trace: RecordedLink, air: Air) -> None:
         self._trace = trace
         self._air = air
-        self._shares: dict[str, float] = {}  # of the recording's length, where each link begins
 
     def sender(self, ends: LinkEnds) -> ChannelSender:
         trace = self._trace
@@ -114,9 +113,7 @@ class TraceRadio:
         if trace.offset == "position" and ends.car is not None:
             return _nearest(recording, air, ends.car)
         name = ends.name if ends.car is None else ends.car  # both directions begin together
-        if name not in self._shares:
-            self._shares[name] = air.stream("trace", name).random()
-        offset_ns = int(self._shares[name] * steps.period_ns)
+        offset_ns = int(air.draws("trace").uniform(name) * steps.period_ns)
         return lambda now_ns: now_ns + offset_ns
 
 

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.sim.link_models.loss import BurstLoss
+from genie_sim.sim.link_models.message_random import MessageRandom
 from genie_sim.sim.link_models.wire_channel import WireChannel
 
 ETHERNET_PAYLOAD_BYTES = 1448  # a segment's payload at MTU 1500, TCP with time stamps
@@ -50,5 +49,5 @@ class Wire:
         """The number of segments of a message."""
         return -(-size_bytes // self.mtu_payload_bytes)
 
-    def channel(self, up: bool, rng: np.random.Generator) -> WireChannel:
+    def channel(self, up: bool, rng: MessageRandom) -> WireChannel:
         return WireChannel(self, self.rate_up_bps if up else self.rate_down_bps, rng)

@@ -1,39 +1,29 @@
 """One direction of a wire: how long each message takes."""
 
-from collections.abc import Iterator
-from itertools import chain, repeat
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from genie_sim.base.units import NS_PER_S
 from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
+from genie_sim.sim.link_models.message_random import MessageRandom
 
 if TYPE_CHECKING:
     from genie_sim.sim.link_models.wire import Wire
 
 
-def _delays_ns(wire: "Wire", rng: np.random.Generator) -> Iterator[list[int]]:
-    """Those of a link with jitter: several numbers at once are the same ones, and cost little more
-    than one.
-    """
-    while True:
-        yield (wire.delay_ns + rng.integers(wire.jitter_ns + 1, size=16)).tolist()
-
-
 class WireChannel:
     """One direction of a wire."""
 
-    def __init__(self, wire: "Wire", rate_bps: int | None, rng: np.random.Generator) -> None:
+    def __init__(self, wire: "Wire", rate_bps: int | None, rng: MessageRandom) -> None:
         self._wire = wire
         self._rate_bps = rate_bps
         self._rng = rng
         self._loss = wire.loss
-        self._delays_ns = (
-            chain.from_iterable(_delays_ns(wire, rng)) if wire.jitter_ns else repeat(wire.delay_ns)
-        )
+        self._jitter_ns = wire.jitter_ns
         self._occupied_ns: dict[int, int] = {}  # by the message's size
-        self._losses = LossProcess(wire.loss, rng) if isinstance(wire.loss, BurstLoss) else None
+        self._sent = 0  # segments or messages, where losses do not pass in time
+        self._losses: LossProcess | None = None
+        if isinstance(wire.loss, BurstLoss):
+            self._losses = LossProcess(wire.loss, rng.spawn(1)[0])
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
         """How long the wire is in use for a message, headers of all its segments included."""
@@ -46,21 +36,26 @@ class WireChannel:
         return occupied_ns
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        wire, loss = self._wire, self._loss
+        delay_ns, loss = self._wire.delay_ns, self._loss
+        if self._jitter_ns:
+            delay_ns += int(self._rng.random() * (self._jitter_ns + 1))
         if not loss:
-            return next(self._delays_ns)
-        if isinstance(loss, BurstLoss):
-            return self._delay_in_bursts_ns(loss, size_bytes)
-        if self._rng.random() < loss:
-            return None
-        return wire.delay_ns + (
-            int(self._rng.integers(wire.jitter_ns + 1)) if wire.jitter_ns else 0
-        )
-
-    def _delay_in_bursts_ns(self, loss: BurstLoss, size_bytes: int) -> int | None:
-        assert self._losses is not None
-        count = max(1, self._wire.segments(size_bytes)) if loss.per == "segment" else 1
-        delay_ns = next(self._delays_ns)
-        if not self._losses.hits(count):
+            return delay_ns
+        if not isinstance(loss, BurstLoss):
+            return None if self._rng.random() < loss else delay_ns
+        if not self._is_hit(loss, size_bytes, now_ns):
             return delay_ns
         return None if loss.repair_ns is None else delay_ns + loss.repair_ns
+
+    def _is_hit(self, loss: BurstLoss, size_bytes: int, now_ns: int) -> bool:
+        """Whether bursts take something of a message whose last bit has left now."""
+        assert self._losses is not None
+        wire, count = self._wire, 1
+        if loss.per == "segment":
+            count = max(1, wire.segments(size_bytes))
+            if self._rate_bps is not None:  # a step is the time of a full segment
+                begin_ns = now_ns - self.occupied_ns(size_bytes, now_ns)
+                step_bits = wire.wire_bits(wire.mtu_payload_bytes) * NS_PER_S
+                return self._losses.hits(begin_ns * self._rate_bps // step_bits, count)
+        first, self._sent = self._sent, self._sent + count
+        return self._losses.hits(first, count)

@@ -1,14 +1,15 @@
 """Reads floating-car data of SUMO: where every vehicle is at every time step.
 
 The file is ``<fcd-export>`` with a ``<timestep time>`` for each step and in it a ``<vehicle id x y
-angle type>`` for each vehicle, plain or compressed by gzip. It is read as a stream, and no further
-than the last step that is wanted.
+angle type>`` or a ``<person>`` for each road user, plain or compressed by gzip; or SUMO's table of
+the same, CSV or Parquet. It is read as a stream, and no further than the last step that is wanted.
 """
 
 import gzip
 import math
 import zlib
 from array import array
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +19,8 @@ from xml.parsers import expat
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
+from genie_sim.base.import_report import FAST_SHARE, ImportReport
+from genie_sim.base.tables import FileColumn, Table
 from genie_sim.base.text import one_line
 from genie_sim.core.geometry import Array
 from genie_sim.data.world_table import MAX_M
@@ -26,6 +29,13 @@ CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
 GZIP = b"\x1f\x8b"
 UNKNOWN_TYPE = ""  # of a vehicle without the attribute
+MAX_TIME_S = 1e11
+INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
+SPEEDS = 20_000  # rows whose speed is compared with their way
+SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
+JUMP_MPS = 70.0  # a teleport
+
+TEXTS, NUMBERS = ("id", "type"), ("x", "y", "angle", "speed")  # columns of a table
 
 Ints = np.ndarray[Any, np.dtype[np.int64]]
 
@@ -35,18 +45,20 @@ class VehicleRows(NamedTuple):
 
     ``times_s`` are the steps (n,) and ``step``, ``vehicle``, ``x_m``, ``y_m``, ``angle_deg`` have
     one value for each vehicle and step: the front bumper, and the heading clockwise from north.
-    ``ids`` and ``types`` are those of the vehicles; ``persons`` counts other road users.
+    ``ids`` and ``types`` are those of the vehicles, and of persons on foot, whose place is their
+    middle. ``report`` tells what was read.
     """
 
     times_s: Array
     ids: list[str]
     types: list[str]
+    is_person: list[bool]
     step: Ints
     vehicle: Ints
     x_m: Array
     y_m: Array
     angle_deg: Array
-    persons: int
+    report: ImportReport
 
 
 class _Enough(Exception):
@@ -55,144 +67,252 @@ class _Enough(Exception):
 
 @dataclass
 class _Content:
-    """What has been read so far; its methods are called by the parser."""
+    """What has been read so far. ``where`` begins errors: the file and the line being read."""
 
     path: Path
     begin_s: float | None
     duration_s: float
-    parser: "expat.XMLParserType"
+    where: Callable[[], str]
+    report: ImportReport
     times_s: list[float] = field(default_factory=list)
-    numbers: dict[str, int] = field(default_factory=dict)  # of vehicles, by id
+    numbers: dict[tuple[str, bool], int] = field(default_factory=dict)  # by id and whether a person
     types: list[str] = field(default_factory=list)
     step: "array[int]" = field(default_factory=lambda: array("q"))
     vehicle: "array[int]" = field(default_factory=lambda: array("q"))
     x_m: "array[float]" = field(default_factory=lambda: array("d"))
     y_m: "array[float]" = field(default_factory=lambda: array("d"))
     angle_deg: "array[float]" = field(default_factory=lambda: array("d"))
-    persons: int = 0
+    speeds_mps: "array[float]" = field(default_factory=lambda: array("d"))  # of the first rows
+    first_s: float | None = None  # of the file
     earlier_s: float = -math.inf  # the step before, wanted or not
     seen: set[int] = field(default_factory=set)  # vehicles of this step
-    is_root: bool = True
-    wanted: bool = False
+    begins_late: bool = False  # after the first step
+    is_over: bool = False  # the time that is wanted, without a vehicle in it
+    invalid: int = 0
+    others: int = 0
 
     def error(self, text: str) -> UserError:
-        """The error of the line where the parser is."""
-        return UserError(f"{self.path}: line {self.parser.CurrentLineNumber}: {text}")
+        """The error of the line that is being read."""
+        return UserError(f"{self.where()}: {text}")
 
-    def doctype(self, *_: object) -> None:
-        """A document type could define entities without end; SUMO writes none."""
-        raise self.error("has a document type; floating-car data of SUMO have none")
-
-    def element(self, name: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
-        if name == "vehicle":
-            if self.wanted:
-                self._vehicle(attributes)
-        elif name == "timestep":
-            self._timestep(attributes)
-        elif name in ("person", "container"):
-            self.persons += self.wanted
-        elif self.is_root and name != "fcd-export":
-            raise self.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
-        self.is_root = False
-
-    def _timestep(self, attributes: dict[str, str]) -> None:
-        time_s = self._number(attributes, "timestep", "time")
+    def timestep(self, time_s: float) -> None:
+        """A time step begins."""
         if time_s <= self.earlier_s:
-            raise self.error(f"timestep: time {time_s:g} does not follow {self.earlier_s:g}")
+            raise self.error(f"timestep: time {time_s:.15g} does not follow {self.earlier_s:.15g}")
         self.earlier_s = time_s
-        if self.begin_s is None:
-            self.begin_s = time_s
+        if self.first_s is None:
+            self.first_s = time_s
+        begin_s = self.begin_s
+        if begin_s is None:
+            self._clear()  # a step without vehicles
         # One step before the beginning and one after the end, for places in between.
-        if self.times_s and self.times_s[-1] >= self.begin_s + self.duration_s:
-            raise _Enough
-        if time_s <= self.begin_s and self.times_s:
+        elif self.times_s and self.times_s[-1] >= begin_s + self.duration_s:
+            if self.types:
+                raise _Enough
+            self.is_over = True
+        elif time_s <= begin_s and self.times_s:
             self._clear()
-        self.wanted = True
         self.seen.clear()
         self.times_s.append(time_s)
 
     def _clear(self) -> None:
-        """Forgets a step that another one before the beginning follows."""
+        """Forgets the steps so far."""
         for column in (self.times_s, self.types, self.numbers):
             column.clear()
-        for values in (self.step, self.vehicle, self.x_m, self.y_m, self.angle_deg):
+        for values in (
+            self.step,
+            self.vehicle,
+            self.x_m,
+            self.y_m,
+            self.angle_deg,
+            self.speeds_mps,
+        ):
             del values[:]
-        self.persons = 0
+        self.invalid = self.others = 0
 
-    def _vehicle(self, attributes: dict[str, str]) -> None:
+    def road_user(
+        self, attributes: dict[str, Any], is_person: bool = False, type_: str = UNKNOWN_TYPE
+    ) -> None:
+        """A vehicle or a person of this time step, by the attributes ``id``, ``x``, ``y``,
+        ``angle`` and ``speed``.
+        """
         try:
             name = attributes["id"]
             x_m, y_m = float(attributes["x"]), float(attributes["y"])
             angle_deg = float(attributes["angle"])
-        except (KeyError, ValueError):
-            raise self._wrong(attributes) from None
+        except (KeyError, ValueError, TypeError):
+            raise self._wrong(attributes, is_person) from None
         if not (abs(x_m) <= MAX_M and abs(y_m) <= MAX_M and abs(angle_deg) <= MAX_M):
-            raise self._wrong(attributes)
-        number = self.numbers.setdefault(name, len(self.numbers))
+            if INVALID in (x_m, y_m, angle_deg):
+                self.invalid += 1
+                return
+            raise self._wrong(attributes, is_person)
+        if self.is_over:
+            raise UserError(
+                f"{self.path}: has no vehicles from {self.begin_s:g} s to "
+                f"{(self.begin_s or 0.0) + self.duration_s:g} s; the first one comes at "
+                f"{self.earlier_s:g} s: set 'begin' or 'duration'"
+            )
+        if self.begin_s is None:
+            self.begin_s = self.times_s[-1]
+            self.begins_late = self.begin_s != self.first_s
+        number = self.numbers.setdefault((name, is_person), len(self.numbers))
         if number == len(self.types):
-            self.types.append(attributes.get("type", UNKNOWN_TYPE))
+            self.types.append(type_)
         if number in self.seen:
-            raise self.error(f"vehicle: id {short_repr(name)} is twice in one time step")
+            what = "person" if is_person else "vehicle"
+            raise self.error(f"{what}: id {short_repr(name)} is twice in one time step")
         self.seen.add(number)
         self.step.append(len(self.times_s) - 1)
         self.vehicle.append(number)
         self.x_m.append(x_m)
         self.y_m.append(y_m)
         self.angle_deg.append(angle_deg)
-        if len(self.step) > MAX_ROWS:
+        if len(self.speeds_mps) < SPEEDS:
+            self.speeds_mps.append(_speed(attributes.get("speed")))
+        elif len(self.step) > MAX_ROWS:
             raise self.error(f"more than {MAX_ROWS:,} vehicles and steps; shorten 'duration'")
 
-    def _wrong(self, attributes: dict[str, str]) -> UserError:
-        """What is wrong with a vehicle."""
+    def _wrong(self, attributes: dict[str, Any], is_person: bool) -> UserError:
+        """What is wrong with a vehicle or a person."""
+        what = "person" if is_person else "vehicle"
         if "id" not in attributes:
-            return self.error("vehicle: attribute 'id' is missing")
-        what = f"vehicle {short_repr(attributes['id'])}"
+            return self.error(f"{what}: attribute 'id' is missing")
+        what = f"{what} {short_repr(attributes['id'])}"
         try:
             for name in ("x", "y", "angle"):
-                self._number(attributes, what, name)
+                self.number(attributes, what, name)
         except UserError as error:
             return error
         raise AssertionError("no attribute is wrong")
 
-    def _number(self, attributes: dict[str, str], what: str, name: str) -> float:
-        if name not in attributes:
+    def number(
+        self, attributes: dict[str, Any], what: str, name: str, most: float = MAX_M
+    ) -> float:
+        """An attribute that is a number up to ``most``. Raises UserError."""
+        if attributes.get(name) is None:
             raise self.error(f"{what}: attribute {name!r} is missing")
         text = attributes[name]
         try:
             number = float(text)
         except ValueError:
             number = math.nan
-        if not abs(number) <= MAX_M:
-            raise self.error(f"{what}: {name}: must be a number, not {short_repr(text)}")
+        if not abs(number) <= most:
+            limit = f" up to {most:g}" if math.isfinite(number) else ""
+            raise self.error(f"{what}: {name}: must be a number{limit}, not {short_repr(text)}")
         return number
 
 
-def read_fcd(path: Path, begin_s: float | None, duration_s: float) -> VehicleRows:
-    """The rows of a file from the last step at or before ``begin_s`` (``None``: from the first one)
-    to the first at or after the end.
+class _Xml:
+    """Hands what an XML file holds to its content; its methods are called by the parser."""
+
+    def __init__(self, path: Path, begin_s: float | None, duration_s: float, report: ImportReport):
+        self._parser = expat.ParserCreate()
+        self._parser.StartElementHandler = self._element
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        self._is_root = True
+
+        def where() -> str:
+            return f"{path}: line {self._parser.CurrentLineNumber}"
+
+        self.content = _Content(path, begin_s, duration_s, where, report)
+
+    def read(self, file: IO[bytes]) -> None:
+        """The whole file, or until there is enough."""
+        try:
+            while chunk := file.read(CHUNK_BYTES):
+                self._parser.Parse(chunk)
+            self._parser.Parse(b"", True)
+        except _Enough:
+            pass
+        except expat.ExpatError as error:
+            text = one_line(str(error))
+            raise UserError(f"{self.content.path}: not XML: {text}") from error
+
+    def _doctype(self, *_: object) -> None:
+        """A document type could define entities without end; SUMO writes none."""
+        raise self.content.error("has a document type; floating-car data of SUMO have none")
+
+    def _element(self, name: str, attributes: dict[str, str]) -> None:
+        """An element begins."""
+        content = self.content
+        if name == "vehicle":
+            if content.times_s:
+                content.road_user(attributes, type_=attributes.get("type", UNKNOWN_TYPE))
+        elif name == "timestep":
+            content.timestep(content.number(attributes, "timestep", "time", MAX_TIME_S))
+        elif name == "person":
+            if not attributes.get("vehicle") and content.times_s:  # of one who rides in a vehicle
+                content.road_user({"angle": "0", **attributes}, is_person=True)
+        elif name == "container":
+            content.others += 1
+        elif self._is_root and name != "fcd-export":
+            raise content.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
+        self._is_root = False
+
+
+def _read_table(table: Table, content: _Content) -> None:
+    """Hands the rows of SUMO's CSV or Parquet to the content."""
+    prefixes = ("vehicle_", "person_") if "timestep_time" in table.titles else ("",)
+    columns = [FileColumn("timestep_time" if prefixes[0] else "time", highest=MAX_TIME_S)]
+    for prefix in prefixes:
+        columns += [FileColumn(f"{prefix}{name}", "text", optional=True) for name in TEXTS]
+        columns += [FileColumn(f"{prefix}{name}", optional=True) for name in NUMBERS]
+    needed = [f"{prefixes[0]}{name}" for name in ("id", "x", "y", "angle")]
+    missing = ", ".join(name for name in needed if name not in table.titles)
+    if missing:
+        raise UserError(
+            f"{content.path}: is no floating-car data of SUMO: has no columns {missing}"
+        )
+    where = str(content.path)
+    content.where = lambda: where
+    names = (*TEXTS, *NUMBERS)
+    try:
+        for row in table.rows(columns):
+            where, (time_s, *values) = row
+            if time_s != content.earlier_s:
+                content.timestep(time_s)
+            for first in range(0, len(values), len(names)):
+                attributes = dict(zip(names, values[first:], strict=False))
+                is_person = first > 0
+                if attributes["id"] is not None:
+                    if is_person and attributes["angle"] is None:
+                        attributes["angle"] = 0.0
+                    content.road_user(attributes, is_person, attributes["type"] or UNKNOWN_TYPE)
+    except _Enough:
+        pass
+
+
+def _speed(value: Any) -> float:
+    """The attribute ``speed`` [m/s]; not a number where there is none."""
+    try:
+        return math.nan if value is None else float(value)
+    except ValueError:
+        return math.nan
+
+
+def read_fcd(
+    path: Path, begin_s: float | None, duration_s: float, accept: bool = False
+) -> VehicleRows:
+    """The rows of a file from the last step at or before ``begin_s`` (``None``: from the first one
+    with a vehicle) to the first at or after the end. ``accept``: also what cannot be.
 
     Raises UserError, naming file, line and attribute, for a file that is not such data, and for
     times that it does not have.
     """
-    parser = expat.ParserCreate()
-    content = _Content(path, begin_s, duration_s, parser)
-    parser.StartElementHandler = content.element
-    parser.StartDoctypeDeclHandler = content.doctype
+    report = ImportReport(path, accept, "perception.accept: true")
     if not path.is_file():
         raise UserError(f"{path}: no such file")
-    broken = as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error)
     with ExitStack() as stack:
-        stack.enter_context(broken)
+        stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
         file = _opened(path, stack)
-        try:
-            while chunk := file.read(CHUNK_BYTES):
-                parser.Parse(chunk)
-            parser.Parse(b"", True)
-        except _Enough:
-            pass
-        except expat.ExpatError as error:
-            raise UserError(f"{path}: not XML: {one_line(str(error))}") from error
+        if path.suffix in (".csv", ".parquet"):
+            content = _Content(path, begin_s, duration_s, lambda: str(path), report)
+            _read_table(Table(path), content)
+        else:
+            reader = _Xml(path, begin_s, duration_s, report)
+            reader.read(file)
+            content = reader.content
     return _rows(content)
 
 
@@ -206,24 +326,69 @@ def _opened(path: Path, stack: ExitStack) -> IO[bytes]:
 
 
 def _rows(content: _Content) -> VehicleRows:
-    """What was read, as columns. Raises UserError if that is nothing."""
-    path, times_s = content.path, content.times_s
-    if content.begin_s is None:
+    """What was read, as columns. Raises UserError if that is nothing, or cannot be."""
+    path, times_s, begin_s = content.path, content.times_s, content.begin_s
+    if content.first_s is None:
         raise UserError(f"{path}: has no time steps")
-    if content.begin_s > times_s[-1]:
+    if begin_s is not None and begin_s > times_s[-1]:
         raise UserError(
-            f"{path}: begin: {content.begin_s:g} s is after the last time step, {times_s[-1]:g} s"
+            f"{path}: begin: {begin_s:g} s is after the last time step, {times_s[-1]:g} s"
         )
     if not content.types:
-        raise UserError(f"{path}: has no vehicles from {content.begin_s:g} s on")
-    return VehicleRows(
+        from_s = content.first_s if begin_s is None else begin_s
+        raise UserError(f"{path}: has no vehicles from {from_s:g} s on")
+    rows = VehicleRows(
         times_s=np.array(times_s),
-        ids=list(content.numbers),
+        ids=[name for name, _ in content.numbers],
         types=content.types,
+        is_person=[is_person for _, is_person in content.numbers],
         step=np.array(content.step),
         vehicle=np.array(content.vehicle),
         x_m=np.array(content.x_m),
         y_m=np.array(content.y_m),
         angle_deg=np.array(content.angle_deg),
-        persons=content.persons,
+        report=content.report,
     )
+    _tell(rows, content)
+    return rows
+
+
+def _tell(rows: VehicleRows, content: _Content) -> None:
+    """What was read, for the report. Raises UserError where places cannot be in metres."""
+    report, persons = rows.report, sum(rows.is_person)
+    report.read("vehicles", len(rows.ids) - persons)
+    if persons:
+        report.read("persons", persons)
+    report.dropped(
+        "rows",
+        len(rows.step),
+        len(rows.step) + content.invalid,
+        f"a place of {INVALID:.0f}, SUMO's mark of none",
+    )
+    report.leave_out("containers", content.others)
+    if content.begins_late:
+        begins = [f"{time_s:g} s" for time_s in (content.begin_s, content.first_s)]
+        report.choose("begin", begins[0], begins, "perception.begin")
+    report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
+    for name, values in (("x", rows.x_m), ("y", rows.y_m)):
+        report.span(name, (values.min(), values.max()), "m")
+    order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
+    vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
+    pairs = (np.diff(vehicle) == 0) & (np.diff(rows.step[order]) == 1)
+    if not pairs.any():
+        return
+    passed_s = np.diff(t_s)[pairs]
+    way_m = np.hypot(np.diff(rows.x_m[order]), np.diff(rows.y_m[order]))[pairs]
+    told_m = passed_s * np.array(content.speeds_mps)[order][1:][pairs]
+    speeds_mps = way_m / passed_s
+    if (speeds_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
+        speeds_mps = speeds_mps[speeds_mps <= JUMP_MPS]
+    known = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
+    if told_m[known].sum() > 1.0:
+        times = float(way_m[known].sum() / told_m[known].sum())
+        text = f"vehicles go {times:.3g} times as far as their speeds say: is x, y in metres?"
+        if not 1 / NO_SPEED < times < NO_SPEED:
+            report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
+        elif not 1 / SAME_SPEED < times < SAME_SPEED:
+            report.warn(text)
+    report.speeds("vehicles", speeds_mps, float(t_s.max() - t_s.min()))

@@ -51,11 +51,12 @@ class RecordedTraffic(FrameSource):
     has_cars: ClassVar[bool] = True
 
     fcd: str = "sumo_grid"
-    """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
-    genie-sim."""
+    """A file of floating-car data (`.xml`, `.xml.gz`, `.csv`, `.parquet`), or the name of one that
+    comes with genie-sim."""
 
     begin_ns: int | None = None
-    """The time in the file at which the simulation begins; by default its first time step."""
+    """The time in the file at which the simulation begins; by default its first time step
+    with a vehicle."""
 
     duration_ns: int = 60 * NS_PER_S
     """How long the traffic is simulated from then on."""
@@ -83,6 +84,9 @@ class RecordedTraffic(FrameSource):
     """What vehicles of a type in the file are. A type that is not named here is recognised by a
     word in its name, such as `bus`, `truck` or `bicycle`, and is a car otherwise."""
 
+    accept: bool = False
+    """Read a file that cannot be right all the same, such as one whose places are in degrees."""
+
     def __post_init__(self) -> None:
         for name, value in (("duration", self.duration_ns), ("interval", self.interval_ns)):
             if value <= 0:
@@ -102,5 +106,5 @@ class RecordedTraffic(FrameSource):
 
         path = files.find(files.TRAFFIC, self.fcd)
         begin_s = None if self.begin_ns is None else self.begin_ns / NS_PER_S
-        rows = read_fcd(path, begin_s, self.duration_ns / NS_PER_S)
+        rows = read_fcd(path, begin_s, self.duration_ns / NS_PER_S, self.accept)
         return TrafficDrives(Traffic(rows, self, path, seed))

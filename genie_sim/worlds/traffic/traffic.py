@@ -17,7 +17,7 @@ import numpy as np
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import MOVING_MPS, VEHICLES
+from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.data.source import Drive, Frames
 from genie_sim.worlds.town.detector import SyntheticDetector
@@ -80,9 +80,12 @@ class Traffic:
         content = hashlib.sha256()
         for column in (rows.times_s, rows.step, rows.vehicle, rows.x_m, rows.y_m, rows.angle_deg):
             content.update(column.tobytes())
-        content.update(json.dumps([rows.ids, rows.types]).encode())
+        persons = [number for number, is_person in enumerate(rows.is_person) if is_person]
+        named = [rows.ids, rows.types, *[persons] * bool(persons)]
+        content.update(json.dumps(named).encode())
         self.content = content.hexdigest()
-        text = json.dumps([self.content, asdict(settings) | {"fcd": ""}, seed, self.laws.digest])
+        decisive = {name: value for name, value in asdict(settings).items() if name != "accept"}
+        text = json.dumps([self.content, decisive | {"fcd": ""}, seed, self.laws.digest])
         self.digest = hashlib.sha256(text.encode()).hexdigest()
         key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
         self.objects = ObjectColumns(
@@ -94,7 +97,11 @@ class Traffic:
         self.detector = SyntheticDetector(self.objects, self.laws, on_grid=False)
         self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
         self.reach_m = settings.range_m + settings.tolerance_m + BASELINE_M
-        self.persons = rows.persons
+        self.known = (*KNOWN, *PERSONS) if persons else KNOWN
+        self.report = rows.report
+        for line in self.report.lines():
+            if line.startswith(("left out", "chosen", "warning")):
+                log.warning("%s: %s", path, line)
         if self.vehicles.jumps.any():
             some = f"{(self.vehicles.jumps > 0).sum():,} of {len(self.vehicles):,}"
             log.warning(
@@ -145,10 +152,10 @@ class Traffic:
             "source": "traffic",
             "file": self.path.name,
             "content_sha256": self.content,
-            "vehicles": len(self.vehicles),
+            "vehicles": len(self.vehicles) - sum(self.vehicles.is_person),
             "teleports": int(self.vehicles.jumps.sum()),
             "vehicles_that_teleport": int((self.vehicles.jumps > 0).sum()),
-            "persons_passed_over": self.persons,
+            "import": self.report.facts(),
             "types": types,
             "seed": self.seed,
             "laws": dict(self.laws.provenance),
@@ -241,10 +248,13 @@ class TrafficDrives(Frames):
         self.traffic = traffic
         self.extent_m = traffic.vehicles.extent_m
         vehicles, end_s = traffic.vehicles, traffic.end_s
-        self._names = car_names(traffic.path, vehicles.ids)
+        names = zip(vehicles.ids, vehicles.is_person, strict=True)
+        self._numbers = [number for number, (_, is_person) in enumerate(names) if not is_person]
+        self._ids = [vehicles.ids[number] for number in self._numbers]
+        self._names = car_names(traffic.path, self._ids)
         # Of each car: its stretch, and when it begins and ends.
         self._stretches: dict[str, tuple[int, int, int]] = {}
-        for number, name in enumerate(self._names):
+        for number, name in zip(self._numbers, self._names, strict=True):
             begin_s, last_s, stretch = vehicles.longest(number, end_s)
             if last_s - begin_s >= SHORTEST_S:
                 span_ns = math.ceil(begin_s * 1e9), math.floor(last_s * 1e9)
@@ -254,12 +264,11 @@ class TrafficDrives(Frames):
         """When each equipped vehicle appears [ns], by its car's name. Raises ``UserError`` where
         there is none.
         """
-        vehicles = self.traffic.vehicles
         equipped = self._equipped()
         starts_ns = {name: self._stretches[name][1] for name in equipped if name in self._stretches}
         if not starts_ns:
             raise UserError(
-                f"{self.traffic.path}: perception.equipped: none of {len(vehicles):,} vehicles is "
+                f"{self.traffic.path}: perception.equipped: none of {len(self._ids):,} vehicles is "
                 f"equipped and there for {SHORTEST_S:g} s; raise the share or 'duration'"
             )
         left_out = len(equipped) - len(starts_ns)
@@ -274,7 +283,7 @@ class TrafficDrives(Frames):
 
     def _equipped(self) -> list[str]:
         """The names of the equipped vehicles, in the order in which they appear."""
-        equipped, ids = self.traffic.settings.equipped, self.traffic.vehicles.ids
+        equipped, ids = self.traffic.settings.equipped, self._ids
         if isinstance(equipped, tuple):
             numbers = {vehicle: number for number, vehicle in enumerate(ids)}
             for vehicle in equipped:
@@ -321,7 +330,7 @@ class TrafficTruth:
         self._of_frames = functools.lru_cache(1)(self._neighbours)
 
     def knows(self, label: str) -> bool:
-        return label in KNOWN
+        return label in self._traffic.known
 
     def visible(self, frame: Any) -> Sequence[TownObject]:
         truth: Sequence[TownObject] = frame.truth()

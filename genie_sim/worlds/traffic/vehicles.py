@@ -3,11 +3,14 @@
 import functools
 import itertools
 import math
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.errors import short_repr
 from genie_sim.core.classes import SIZES
 from genie_sim.core.geometry import Array
 from genie_sim.worlds.traffic.fcd import Ints, VehicleRows
@@ -32,24 +35,42 @@ class VehicleType(NamedTuple):
 # vehicles of that class by default [S: sumo.dlr.de/docs/Vehicle_Type_Parameter_Defaults.html].
 USUAL = VehicleType("car", 5.0, 1.8)
 TYPES = {
-    "bus": VehicleType("bus", 12.0, 2.5),
+    **dict.fromkeys(("bus", "minibus", "citybus", "trolleybus"), VehicleType("bus", 12.0, 2.5)),
     "coach": VehicleType("bus", 14.0, 2.6),
-    "truck": VehicleType("truck", 7.1, 2.4),
-    "trailer": VehicleType("truck", 16.5, 2.55),
+    **dict.fromkeys(("truck", "lorry"), VehicleType("truck", 7.1, 2.4)),
+    **dict.fromkeys(("trailer", "semitrailer"), VehicleType("truck", 16.5, 2.55)),
     "tram": VehicleType("train", 22.0, 2.4),
     "rail": VehicleType("train", 67.5, 2.84),
     "train": VehicleType("train", 67.5, 2.84),
-    "motorcycle": VehicleType("motorcycle", 2.2, 0.9),
+    **dict.fromkeys(("motorcycle", "motorbike"), VehicleType("motorcycle", 2.2, 0.9)),
     "moped": VehicleType("motorcycle", 2.1, 0.8),
     "bicycle": VehicleType("bicycle", 1.6, 0.65),
     "bike": VehicleType("bicycle", 1.6, 0.65),
 }
 
 
+PERSON = VehicleType("person", SIZES["person"].length_m, SIZES["person"].width_m)
+# words in the names of types that are known to be cars
+CARS = {"", "car", "passenger", "taxi", "default", "veh", "vehicle", "private", "evehicle", "hov"}
+
+
+def words_of(name: str) -> list[str]:
+    """The words in the name of a type, such as bike and default for ``DEFAULT_BIKETYPE``."""
+    split = re.sub("([a-z])([A-Z])", r"\1 \2", name).lower()
+    words = re.findall("[a-z]+", split)
+    return [word.removesuffix("type").removesuffix("veh") or word for word in words]
+
+
 def type_named(name: str) -> VehicleType:
     """What a type is by the words in its name; a car where none says otherwise."""
-    lower = name.lower()
-    return next((kind for word, kind in TYPES.items() if word in lower), USUAL)
+    words = words_of(name)
+    found = (TYPES[one] for word in words for one in (word, word.removesuffix("s")) if one in TYPES)
+    return next(found, USUAL)
+
+
+def is_known(name: str) -> bool:
+    """Whether the name of a type says what it is."""
+    return type_named(name) is not USUAL or not name or bool(CARS & {*words_of(name)})
 
 
 class Places(NamedTuple):
@@ -80,15 +101,23 @@ class Vehicles:
         self, rows: VehicleRows, begin_s: float, own_types: Mapping[str, VehicleType]
     ) -> None:
         self.ids: Sequence[str] = rows.ids
+        self.is_person: Sequence[bool] = rows.is_person
+        named = zip(rows.types, rows.is_person, strict=True)
         self.types_by_name = {
-            name: own_types.get(name) or type_named(name) for name in dict.fromkeys(rows.types)
+            name: own_types.get(name) or type_named(name)
+            for name, is_person in dict.fromkeys(named)
+            if not is_person
         }
-        self.types = [self.types_by_name[name] for name in rows.types]
+        self.types = [
+            PERSON if is_person else self.types_by_name[name]
+            for name, is_person in zip(rows.types, rows.is_person, strict=True)
+        ]
+        self._tell_types(rows, own_types)
         self.times_s = rows.times_s - begin_s
         order = np.lexsort((rows.step, rows.vehicle))
         vehicle, self._step = rows.vehicle[order], rows.step[order]
         heading = np.radians(90.0 - rows.angle_deg[order])
-        half_m = np.array([kind.length_m / 2 for kind in self.types])[vehicle]
+        half_m = np.where(rows.is_person, 0.0, self.lengths_m / 2)[vehicle]
         self._east_m = rows.x_m[order] - half_m * np.cos(heading)
         self._north_m = rows.y_m[order] - half_m * np.sin(heading)
         self._heading = heading
@@ -110,6 +139,18 @@ class Vehicles:
             float(self._north_m.max()) + BESIDE_M,
         )
         self._near = functools.lru_cache(KEPT_BLOCKS)(self._block)
+
+    def _tell_types(self, rows: VehicleRows, own_types: Mapping[str, VehicleType]) -> None:
+        """Warns of types whose names say nothing."""
+        counts = Counter(
+            name for name in rows.types if name not in own_types and not is_known(name)
+        )
+        if counts:
+            names = ", ".join(f"{short_repr(name)} ({n:,})" for name, n in counts.most_common(5))
+            more = f" and {len(counts) - 5} more" if len(counts) > 5 else ""
+            rows.report.warn(
+                f"types taken for cars: {names}{more}; perception.types says what they are"
+            )
 
     def __len__(self) -> int:
         return len(self.ids)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from genie_sim.base.seeds import Draws
 from genie_sim.core.caches.cache import moved
 from genie_sim.core.caches.features import UNIT
 from genie_sim.core.caches.nearest import Nearest
@@ -77,7 +78,7 @@ def test_sim_lru_serves_near_ones_and_does_not_store_them():
 
 
 def test_rnd_lru_hits_in_proportion_to_nearness():
-    cache = RandomNearestCache(None, 0.4, np.random.default_rng(3))
+    cache = RandomNearestCache(None, 0.4, Draws(3))
     cache.put(at(0.0), TOPIC, answer(), 0)
     for distance, expected in ((0.0, 1.0), (0.1, 0.75), (0.3, 0.25), (0.41, 0.0)):
         hits = sum(cache.get(at(distance), 1) is not None for _ in range(2000))

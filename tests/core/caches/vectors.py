@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import numpy as np
 
 from genie_sim.core.caches.features import DIMENSION, UNIT
@@ -10,13 +12,14 @@ from genie_sim.core.messages import CameraPose, Detection, Detections, Header
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 TOPIC = "/objects"
+NUMBERS = count()  # no two pictures are the same
 
 
 def key(*place: float, stream: str = "front", pose: CameraPose = HERE) -> FeatureKey:
     """A key at whole numbers, 254 of which are a distance of 1."""
     vector = np.zeros(DIMENSION, np.float32)
     vector[: len(place)] = place
-    return FeatureKey(vector, stream, pose)
+    return FeatureKey(vector, Header(next(NUMBERS), stream, "car1"), pose)
 
 
 def at(distance: float) -> FeatureKey:

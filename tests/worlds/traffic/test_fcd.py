@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.base.errors import UserError
@@ -51,12 +53,110 @@ def test_nothing_is_read_beyond_what_is_wanted(tmp_path):
         read_fcd(tmp_path / "a.xml", None, 1.5)
 
 
-def test_persons_are_counted_and_passed_over(tmp_path):
-    person = '<person id="p" x="0" y="0" angle="0" speed="1"/>'
+def test_persons_on_foot_are_read_and_riders_are_not(tmp_path):
+    person = '<person id="a" x="0" y="2" angle="0" speed="1"/><person id="r" vehicle="a"/>'
     text = fcd_text(STEPS).replace('<vehicle id="b"', f'{person}<vehicle id="b"')
     (tmp_path / "a.xml").write_text(text)
     rows = read_fcd(tmp_path / "a.xml", None, 100.0)
-    assert rows.persons == 3 and len(rows.ids) == 3
+    assert rows.ids == ["a", "a", "b", "c"] and rows.is_person == [False, True, False, False]
+    assert (rows.vehicle == 1).sum() == 3 and rows.report.counts["persons"] == 1
+
+
+TABLE = ["timestep_time", "vehicle_id", "vehicle_x", "vehicle_y", "vehicle_angle", "vehicle_type"]
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_a_table_of_sumo_gives_the_rows_of_the_xml(tmp_path, name):
+    """As SUMO 1.24 and later write it: a step without vehicles has a row without an id."""
+    types = {"c": "bus"}
+    rows = [
+        [time_s, vehicle, *place, types.get(vehicle, "passenger")]
+        for time_s, vehicles in STEPS
+        for vehicle, place in vehicles.items()
+    ]
+    rows.append([12.5, None, None, None, None, None])
+    path = tmp_path / name
+    if name == "a.csv":
+        lines = [";".join("" if cell is None else str(cell) for cell in row) for row in rows]
+        path.write_text("\n".join([";".join(TABLE), *lines]) + "\n")
+    else:
+        pq.write_table(pa.table(dict(zip(TABLE, zip(*rows, strict=True), strict=True))), path)
+    found, same = (
+        read_fcd(path, 10.5, 1.0),
+        read_fcd(write_fcd(tmp_path / "a.xml", STEPS, types=types), 10.5, 1.0),
+    )
+    assert (found.ids, found.types) == (same.ids, same.types)
+    for column in ("times_s", "step", "vehicle", "x_m", "y_m", "angle_deg"):
+        assert getattr(found, column).tolist() == getattr(same, column).tolist()
+
+
+def test_a_table_that_is_none_of_sumo_is_one_line(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,id,x,y\n0,a,1,1\n")
+    with pytest.raises(UserError, match="no floating-car data of SUMO: has no columns angle"):
+        read_fcd(path, None, 1.0)
+    path.write_text("time,id,x,y,angle\n0,a,1,1,0\n0,a,2,1,0\n")
+    with pytest.raises(UserError, match="line 3: vehicle: id 'a' is twice in one time step"):
+        read_fcd(path, None, 1.0)
+
+
+def driven(factor: float = 1.0, speed: str = "", begin_s: float = 0.0, count: int = 40) -> str:
+    """The text of a vehicle that drives at 10 m/s."""
+    steps = [(begin_s + k / 10, {"a": (100 + k * factor, 50.0, 90.0)}) for k in range(count)]
+    return fcd_text(steps).replace("/>", f" {speed}/>")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (driven(1e-5), "vehicles: nothing moves faster than 0.0001 m/s: are places in degrees"),
+        (driven(1e-3, 'speed="10"'), "go 0.001 times as far as their speeds say"),
+        (driven(30), "39 of 39 steps are faster than 100 m/s"),
+    ],
+)
+def test_places_that_are_no_metres_are_refused(tmp_path, text, message):
+    path = tmp_path / "a.xml"
+    path.write_text(text)
+    with pytest.raises(UserError, match=f"{message}.*perception.accept: true") as error:
+        read_fcd(path, None, 100.0)
+    assert str(error.value).startswith(f"{path}: ")
+    assert any(message in text for text in read_fcd(path, None, 100.0, True).report.warnings)
+
+
+def test_feet_are_warned_of_and_metres_are_not(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text(driven(3.28, 'speed="10"'))
+    assert "go 3.28 times as far" in read_fcd(path, None, 100.0).report.warnings[0]
+    path.write_text(driven(1.0, 'speed="10"'))
+    assert not read_fcd(path, None, 100.0).report.warnings
+
+
+def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
+    path = tmp_path / "a.xml"
+    invalid = '<vehicle id="c" x="-1073741824.00" y="-1073741824.00" angle="0"/>'
+    path.write_text(driven().replace("</timestep>", invalid + "</timestep>", 10))
+    rows = read_fcd(path, None, 100.0)
+    assert rows.ids == ["a"] and len(rows.step) == 40 and sum(rows.report.left_out.values()) == 10
+    path.write_text(driven().replace("</timestep>", invalid * 2 + "</timestep>"))
+    with pytest.raises(UserError, match="80 of 120 rows would be left out: a place of -1073741824"):
+        read_fcd(path, None, 100.0)
+
+
+def test_unix_times_are_times(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text(driven(begin_s=1.7e9))
+    assert read_fcd(path, None, 1.0).times_s[0] == 1.7e9
+
+
+def test_it_begins_with_the_first_vehicle_or_says_when_that_comes(tmp_path):
+    empty = [(float(k), {}) for k in range(20)]
+    there = [(20.0, {"a": (0, 0, 0)}), (21.0, {"a": (1, 0, 0)})]
+    path = write_fcd(tmp_path / "a.xml", [*empty, *there])
+    rows = read_fcd(path, None, 5.0)
+    assert rows.times_s.tolist() == [20.0, 21.0]
+    assert rows.report.chosen == ["begin: 20 s, not 0 s (perception.begin)"]
+    with pytest.raises(UserError, match="no vehicles from 3 s to 8 s; the first one comes at 20 s"):
+        read_fcd(path, 3.0, 5.0)
 
 
 @pytest.mark.parametrize(
@@ -75,7 +175,7 @@ def test_persons_are_counted_and_passed_over(tmp_path):
         ('id="a" x="5.0"', 'x="5.0"', "line 7: vehicle: attribute 'id' is missing"),
         ('x="5.0" y="1.0"', 'x="5.0" y="north"', "line 7: vehicle 'a': y: must be a number"),
         ('x="5.0"', 'x="nan"', "line 7: vehicle 'a': x: must be a number, not 'nan'"),
-        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: must be a number, not '1e9'"),
+        ('x="5.0"', 'x="1e9"', "line 7: vehicle 'a': x: must be a number up to 4e.07, not '1e9'"),
         (
             'id="b" x="7.0" y="9.0" angle="359.0"',
             'id="a" x="1" y="1" angle="0"',

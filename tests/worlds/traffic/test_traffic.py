@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -137,6 +138,31 @@ def test_teleports_are_told_and_recorded(fcd, caplog):
     about = prepared.frames.provenance()["traffic"]
     assert (about["vehicles"], about["teleports"], about["vehicles_that_teleport"]) == (5, 1, 1)
     assert about["types"]["truck"]["label"] == "truck"
+
+
+def test_persons_are_seen_and_judged_and_carry_no_cameras(fcd, tmp_path):
+    """One stands ten metres ahead of a, who drives by."""
+    person = '<person id="a" x="40" y="2" angle="0" speed="0" type="DEFAULT_PEDTYPE"/>'
+    text = Path(fcd).read_text().replace("</timestep>", person + "</timestep>")
+    (tmp_path / "p.xml").write_text(text)
+    prepared = prepare(scenario(str(tmp_path / "p.xml")))
+    assert list(prepared.drives) == list(prepare(scenario(fcd)).drives)
+    drive = prepared.drives["veh_a"]
+    frame = drive.frames["02"][10]
+    (seen,) = (item for item in frame.truth() if item.label == "person")
+    assert (seen.east_m, seen.north_m) == (40.0, 2.0) and not seen.moving
+    truth = prepared.frames.truth_of(drive)
+    assert truth.knows("person") and truth.is_there(frame, "person", 40.0, 2.0)
+
+
+def test_types_that_say_nothing_are_told(tmp_path, caplog):
+    path = write_fcd(tmp_path / "a.xml", street(), types={"c": "xyz_1", "a": "truck"})
+    with caplog.at_level(logging.WARNING):
+        prepare(scenario(str(path)))
+    assert "types taken for cars: 'xyz_1' (1); perception.types says what they are" in caplog.text
+    caplog.clear()
+    prepare(scenario(str(path), types={"xyz_1": {"label": "bus"}}))
+    assert "taken for cars" not in caplog.text
 
 
 def test_a_fleet_has_cells_around_the_traffic_and_hand_overs(fcd):

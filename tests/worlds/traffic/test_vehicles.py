@@ -121,6 +121,10 @@ def test_who_may_be_near_includes_everybody_who_is(tmp_path):
         ("DEFAULT_BIKETYPE", "bicycle"),
         ("motorcycle_motorcycle", "motorcycle"),
         ("city Tram", "train"),
+        ("Bus2", "bus"),
+        ("motorbike", "motorcycle"),
+        ("business_car", "car"),
+        ("strain", "car"),
         ("", "car"),
     ],
 )

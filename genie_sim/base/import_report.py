@@ -1,0 +1,199 @@
+"""What an importer tells of a file that somebody else wrote: what was read, what was left out and
+why, what was chosen among several, and what is unusual or cannot be.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.text import one_line
+
+MAX_LINES = 10
+MAX_NAMED = 6  # of labels, ranges and ways in one line
+FASTEST_MPS = 100.0  # no car; what goes faster from one step to the next has other units
+SLOWEST_MPS = 0.002  # what moves at all is faster; degrees taken for metres are not
+FAST_SHARE, FEW_STEPS = 0.01, 3  # of the steps may be faster: a fix that jumps
+LONG_GAP_S = 1.0
+DROPPED_SHARE = 0.5  # what loses more has another content than it claims
+
+
+class _Way(NamedTuple):
+    """The way of one car or vehicle: how many places, how long [s], how far [m], how fast [m/s]."""
+
+    places: int
+    duration_s: float
+    path_m: float
+    top_mps: float
+
+    def __str__(self) -> str:
+        rate = (self.places - 1) / self.duration_s if self.duration_s > 0 else 0.0
+        return (
+            f"{self.duration_s:,.4g} s at {rate:.3g} Hz, path {self.path_m:,.4g} m, "
+            f"top speed {self.top_mps:.3g} m/s"
+        )
+
+
+class ImportReport:
+    """The report of one import of ``path``. ``accept``: what cannot be is told as a warning, not
+    refused; ``option`` is how a user says so.
+    """
+
+    def __init__(self, path: object, accept: bool = False, option: str = "--accept") -> None:
+        self.path, self.accept, self.option = path, accept, option
+        self.counts: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
+        self.unused: Counter[str] = Counter()
+        self.chosen: list[str] = []
+        self.warnings: list[str] = []
+        self._ranges: dict[str, tuple[float, float, str]] = {}
+        self._ways: dict[str, _Way] = {}
+
+    def read(self, what: str, count: int) -> None:
+        """So many of something were read."""
+        self.counts[what] += count
+
+    def leave_out(self, why: str, count: int = 1) -> None:
+        """So many were left out, and why, such as ``"fixes without a position"``."""
+        if count:
+            self.left_out[why] += count
+
+    def leave_label(self, label: str, count: int = 1) -> None:
+        """An object was left out because nobody knows its label."""
+        self.unused[one_line(label)[:60]] += count
+
+    def choose(self, what: str, chosen: str, among: Sequence[str], option: str = "") -> None:
+        """One source was chosen among several, and which ``option`` chooses another."""
+        if len(among) > 1:
+            others = ", ".join(name for name in among if name != chosen)
+            advice = f" ({option})" if option else ""
+            self.chosen.append(f"{what}: {chosen}, not {others}{advice}")
+
+    def span(self, what: str, values: Iterable[float], unit: str) -> None:
+        """The range of some values; nothing for none."""
+        numbers = list(values)
+        if numbers:
+            low, high, _ = self._ranges.get(what, (min(numbers), max(numbers), unit))
+            self._ranges[what] = (min(low, *numbers), max(high, *numbers), unit)
+
+    def warn(self, text: str) -> None:
+        """Something is unusual."""
+        self.warnings.append(text)
+
+    def refuse(self, text: str, path: object = None) -> None:
+        """Something in a file cannot be. Raises UserError, unless it is accepted."""
+        if not self.accept:
+            raise UserError(f"{path or self.path}: {text}; {self.option} reads it all the same")
+        self.warn(text)
+
+    def dropped(self, what: str, kept: int, of: int, why: str) -> None:
+        """``kept`` of so many remain. Raises UserError where most are gone."""
+        if kept < of * (1 - DROPPED_SHARE):
+            self.refuse(f"{of - kept:,} of {of:,} {what} would be left out: {why}")
+        self.leave_out(f"{what}: {why}", of - kept)
+
+    def gaps(self, what: str, times_s: Sequence[float], usual_s: float = 0.0) -> None:
+        """Warns of the longest gap between times in order, if it is longer than usual."""
+        longest_s = max((after - before for before, after in pairwise(times_s)), default=0.0)
+        if longest_s > max(LONG_GAP_S, usual_s):
+            self.warn(f"{what}: a gap of {longest_s:.3g} s")
+
+    def way(self, name: str, times_s: Sequence[float], places: Any) -> None:
+        """Where one car was, in order of time; ``places`` (n, 2) [m]. Warns of gaps; raises
+        UserError where it goes faster than any car.
+        """
+        import numpy as np
+
+        t_s, at_m = np.asarray(times_s, dtype=float), np.asarray(places, dtype=float)
+        if len(t_s) < 2:
+            return
+        passed_s, steps_m = np.diff(t_s), np.hypot(*np.diff(at_m[:, :2], axis=0).T)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            speeds = np.where(passed_s > 0, steps_m / passed_s, np.where(steps_m > 0, np.inf, 0.0))
+        way = _Way(len(t_s), float(t_s[-1] - t_s[0]), float(steps_m.sum()), float(speeds.max()))
+        self._ways[name] = way
+        self.speeds(name, speeds, float(t_s[-1] - t_s[0]))
+        self.gaps(name, t_s.tolist())
+
+    def speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
+        """The speeds from step to step. Raises UserError where they are none of a car."""
+        top_mps, steps = float(speeds_mps.max(initial=0.0)), len(speeds_mps)
+        fast = int((speeds_mps > FASTEST_MPS).sum())
+        told = f"{name}: {fast:,} of {steps:,} steps are faster than {FASTEST_MPS:g} m/s, up to "
+        told += f"{top_mps:.3g} m/s"
+        if fast > max(FAST_SHARE * steps, FEW_STEPS):
+            self.refuse(f"{told}: are places in metres and times in seconds?")
+        elif fast:
+            self.warn(told)
+        if 0 < top_mps < SLOWEST_MPS and duration_s > LONG_GAP_S:
+            self.refuse(
+                f"{name}: nothing moves faster than {top_mps:.2g} m/s: are places in degrees? They "
+                "must be in metres, and times in seconds"
+            )
+
+    def lines(self) -> list[str]:
+        """The report, in at most ten lines."""
+        parts = {
+            "read": _listed(f"{count:,} {what}" for what, count in self.counts.items()),
+            "left out": _listed(f"{count:,} {why}" for why, count in self.left_out.items()),
+            "labels not used": _listed(
+                f"{label} ({count:,})" for label, count in self.unused.most_common()
+            ),
+            "chosen": "; ".join(self.chosen[:MAX_NAMED]),
+            "ranges": _listed(
+                f"{what} {_plain(low)} to {_plain(high)} {unit}".rstrip()
+                for what, (low, high, unit) in self._ranges.items()
+            ),
+            "ways": _listed((f"{name}: {way}" for name, way in self._ways.items()), "; "),
+        }
+        if parts["labels not used"]:
+            parts["labels not used"] += "; --map LABEL=CLASS takes them for a class"
+        lines = [f"{name}: {text}" for name, text in parts.items() if text]
+        room = MAX_LINES - len(lines)
+        warnings = [f"warning: {text}" for text in self.warnings]
+        if len(warnings) > room:
+            left = len(warnings) - room + 1
+            warnings[room - 1 :] = [f"warning: {left} more, such as {self.warnings[room - 1]}"]
+        return [one_line(line) for line in lines + warnings]
+
+    def facts(self) -> dict[str, Any]:
+        """The report as plain data, for what an import keeps of itself; only what there is."""
+        facts: Mapping[str, Any] = {
+            "read": dict(self.counts),
+            "left_out": dict(self.left_out),
+            "labels_not_used": dict(self.unused),
+            "chosen": list(self.chosen),
+            "ranges": {
+                what: {"lowest": low, "highest": high, "unit": unit}
+                for what, (low, high, unit) in self._ranges.items()
+            },
+            "ways": {name: way._asdict() for name, way in self._ways.items()},
+            "warnings": list(self.warnings),
+        }
+        return {name: value for name, value in facts.items() if value}
+
+
+def class_map(option: str, pairs: Iterable[str], classes: Collection[str]) -> dict[str, str]:
+    """The classes of labels, of texts such as ``pedestrian=person``. Raises UserError."""
+    chosen: dict[str, str] = {}
+    for pair in pairs:
+        label, mark, name = pair.partition("=")
+        if not mark or not label.strip():
+            raise UserError(f"{option}: must be LABEL=CLASS, not {short_repr(pair)}")
+        if name.strip() not in classes:
+            raise UserError(f"{option} {label}: {unknown('class', name.strip(), classes)}")
+        chosen[label.strip()] = name.strip()
+    return chosen
+
+
+def _plain(value: float) -> str:
+    """Four digits, or all before the point."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def _listed(texts: Iterable[str], mark: str = ", ") -> str:
+    """Texts in one line, no more than a few."""
+    parts = list(texts)
+    more = [f"and {len(parts) - MAX_NAMED:,} more"] if len(parts) > MAX_NAMED else []
+    return mark.join(parts[:MAX_NAMED] + more)

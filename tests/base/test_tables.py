@@ -1,0 +1,92 @@
+"""Tables that somebody else wrote: every way to write one gives the same rows."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.tables import FileColumn, Table, read_rows, title_of
+
+COLUMNS = (
+    FileColumn("time_s"),
+    FileColumn("up_mbps", lowest=0),
+    FileColumn("note", "text", optional=True),
+)
+RIGHT = [(0.0, 12.5, "a"), (0.5, 1.0, "b")]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"time_s,up_mbps,note\n0,12.5,a\n0.5,1,b",
+        b"\xef\xbb\xbftime_s,up_mbps,note\r\n0,12.5,a\r\n0.5,1,b\r\n",
+        "time_s;up_mbps;note\n0;12,5;a\n0,5;1;b\n".encode("utf-16"),
+        b"sep=;\r\ntime_s;up_mbps;note\r\n0,0;12,5;a\r\n0,5;1,0;b\r\n",
+        b"time_s\tup_mbps\tnote\n0\t12.5\ta\n\n   \n0.5\t1\tb\n\n",
+        b"# a logger\n# of mine\ntime_s   up_mbps note\n  0  12.5   a\n0.5\t1 b\n",
+        b"time_s, up_mbps, note,\n0, 12.5, a,\n,,,\n0.5, 1, b,\n",
+        b'"note","Time [ms]","up (kbit/s)"\n"a","0","12500"\n"b",500,1000\n',
+        b"UP_Mbps,n,time (us),note\n12.5,1,0,a\n1,2,500000,b\n",
+        b"time_s,up_bps,note\n0,12500000,a\n0.5,1e6,b\n",
+    ],
+)
+def test_every_way_to_write_a_table_gives_its_rows(tmp_path, content):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    assert [row.values for row in read_rows(path, COLUMNS)] == RIGHT
+
+
+def test_titles_of_numpy_stand_in_a_comment(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("# time_s up_mbps\n0 12.5\n0.5 1\n")
+    assert [row.values[:2] for row in read_rows(path, COLUMNS)] == [(0.0, 12.5), (0.5, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit: call it time_s"),
+        (b"time_ms,Time [s],up_mbps\n0,0,1\n", "'time_s' could be each of 'time_ms', 'Time .s.'"),
+        (b"time_s,time_s,up_mbps\n0,0,1\n", "column 'time_s' is there 2 times"),
+        (b"time_s,up_MB/s\n0,1\n", "column 'up_mbps' is missing"),  # bytes are no bits
+        (b"time_m,up_mbps\n0,1\n", "column 'time_s' is missing"),  # no time
+        (b"time_s,up_mbps\n0,1\n1,2,3\n", "line 3: has 3 values, the header 2"),
+        (b"time_s,up_mbps\n0,1\n\n1\n", "line 4: has 1 values, the header 2"),
+        (b'time_s,up_mbps\n"1,5",2\n', "line 2: time_s: must be a number, not '1,5'"),
+        (b"time_s;up_mbps\n1.234,5;2\n", "line 2: time_s: must be a number, not '1.234,5'"),
+        (b"time_s,up_mbps\n0,-1\n", "line 2: up_mbps: must be a number of at least 0, not '-1'"),
+        (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
+        (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
+        (b"", "column 'time_s' is missing; the file has none"),
+    ],
+)
+def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content)
+    with pytest.raises(UserError, match=message) as error:
+        list(read_rows(path, COLUMNS))
+    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "stem", "unit"),
+    [
+        ("latency_ms", "latency", "ms"),
+        ("Latency [ms]", "latency", "ms"),
+        ("GPU latency (µs)", "gpu latency", "µs"),
+        ("heading [°]", "heading", "°"),
+        ("RATE(MBit/s)", "rate", "mbit/s"),
+        ("up_kbps", "up", "kbps"),
+        ("up_kBps", "up_kbps", ""),
+        ("score", "score", ""),
+        ("items", "items", ""),
+    ],
+)
+def test_a_title_is_a_name_and_a_unit(text, stem, unit):
+    assert title_of(text) == (stem, unit)
+
+
+def test_a_column_that_nobody_asked_for_is_known(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("n,time_ms,up_mbps,rest\n1,2,3,4\n")
+    assert Table(path).unused(COLUMNS) == ["n", "rest"]
