@@ -131,10 +131,10 @@ def genie_sim(*arguments: str) -> Spent:
 
 def waits(rounds: int, also: Sequence[str]) -> Block:
     """The commands that a user gives."""
-    scenario = str(REPOSITORY / "scenarios/3car_hetero.yaml")
+    scenario = str(REPOSITORY / "scenarios/street_3car_hetero.yaml")
     commands = {
         "`genie-sim --help`": (("--help",), rounds),
-        "`genie-sim run scenarios/3car_hetero.yaml`": (("run", scenario), rounds),
+        "`genie-sim run scenarios/street_3car_hetero.yaml`": (("run", scenario), rounds),
         "`genie-sim reproduce --quick`": (("reproduce", "--quick"), int("reproduce" in also)),
         "`genie-sim reproduce`": (("reproduce",), int("reproduce" in also)),
         "`genie-sim run fleet_1000`": (("run", "fleet_1000"), int("fleet_1000" in also)),
@@ -171,9 +171,11 @@ def sweep(jobs: int) -> tuple[str, ...]:
 
 
 def laps(method: str, count: int, **changes: Any) -> Scenario:
-    """``3car_hetero`` with one method, driven so often."""
+    """``street_3car_hetero`` with one method, driven so often."""
     of_cars = (f"cars[{car}].route.laps={count}" for car in range(3))
-    return replace(load_scenario("3car_hetero", [f"methods=[{method}]", *of_cars]), **changes)
+    return replace(
+        load_scenario("street_3car_hetero", [f"methods=[{method}]", *of_cars]), **changes
+    )
 
 
 def fleet(cars: int, method: str, laps: int = 1, cameras: int | None = None) -> Scenario:
@@ -252,7 +254,7 @@ def in_turn(
 
 
 def costs(sizes: Sizes) -> Block:
-    """What a frame of ``3car_hetero`` costs, under each method."""
+    """What a frame of ``street_3car_hetero`` costs, under each method."""
     many = f"{sizes.laps} laps"
     cases = {
         "`local`, `record: []`": laps("local", sizes.laps, record=()),

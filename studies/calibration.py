@@ -18,10 +18,10 @@ from pathlib import Path
 
 from genie_sim.base.parallel import workers_here
 from genie_sim.paper.checks import ALL, BOTH_IMAGES, BOTH_OBJECTS
-from genie_sim.paper.definitions import USUAL
 from genie_sim.paper.evidence import BASE, Evidence
-from genie_sim.paper.reproduce import ASSUMPTIONS
+from genie_sim.paper.readings import load_reading
 from genie_sim.paper.runs import EvaluationRun, simulate
+from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.scenario.yaml_input import read_mapping
 
 OUT = Path("results/calibration")
@@ -29,6 +29,7 @@ DECLARED = read_mapping(ASSUMPTIONS)
 RANGES = [parameter["range"] for parameter in DECLARED["calibrated"]["parameters"].values()]
 OBJECTS, RATIO = (target["value"] for target in DECLARED["calibrated"]["targets"].values())
 SEEDS = DECLARED["evaluation"]["calibration_seeds"]
+STREET = load_reading("street").settings(())  # which the two are fitted for
 GRID = 5  # values of each parameter, ends of its range included
 REFINEMENTS = 2
 
@@ -61,16 +62,16 @@ def search(try_points: Callable[[list[Parameters]], Iterable[Reuse]]) -> dict[Pa
 
 def simulated(points: list[Parameters], jobs: int) -> Iterable[Reuse]:
     """The reuse at each point."""
-    settings = [(f"overlap={overlap:g}", f"gate_m={gate_m:g}") for overlap, gate_m in points]
+    settings = [
+        (*STREET, f"overlap={overlap:g}", f"gate_m={gate_m:g}") for overlap, gate_m in points
+    ]
     places = [(scenario, seed) for scenario in ALL for seed in SEEDS]
     runs = [
         EvaluationRun(*place, of_point, ("genie",)) for of_point in settings for place in places
     ]
     outcomes = simulate(runs, jobs)
     for _ in points:
-        runs_of = {
-            (BASE, scenario): [next(outcomes).facts[USUAL] for _ in SEEDS] for scenario in ALL
-        }
+        runs_of = {(BASE, scenario): [next(outcomes).facts for _ in SEEDS] for scenario in ALL}
         evidence = Evidence(runs_of)
         objects, images = (evidence.mean_of(ALL, facts) for facts in (BOTH_OBJECTS, BOTH_IMAGES))
         yield float(objects.mean()), float(images.mean())

@@ -26,7 +26,9 @@ from genie_sim.base.parallel import workers_here
 from genie_sim.paper.checks import load_claims
 from genie_sim.paper.claims import look
 from genie_sim.paper.definitions import CHOICES, Definitions
-from genie_sim.paper.reproduce import evidence_of, outcomes_of, runs_of
+from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.readings import load_reading
+from genie_sim.paper.reproduce import facts_of, outcomes_of, runs_of
 from genie_sim.scenario.yaml_input import read_mapping
 
 OUT = Path("results/contradictions")
@@ -67,14 +69,15 @@ def definitions_of(point: Point) -> Definitions:
 
 def settings_of(point: Point) -> tuple[str, ...]:
     choices = DESIGN["choices"]
-    return tuple(setting for name in choices for setting in choices[name][point[name]])
+    chosen = (setting for name in choices for setting in choices[name][point[name]])
+    return *load_reading("street").settings(()), *chosen
 
 
 def row_of(number: int, point: Point, jobs: int) -> dict[str, str]:
     """Runs a point on a seed of its own: its line of the table."""
     seed, definitions = DESIGN["first_seed"] + number, definitions_of(point)
-    (outcomes,) = outcomes_of([runs_of(settings_of(point), [seed], [definitions])], jobs)
-    evidence, row = evidence_of(outcomes, definitions), {"point": str(number), **point}
+    (outcomes,) = outcomes_of([runs_of(settings_of(point), [seed])], jobs)
+    evidence, row = Evidence(facts_of(outcomes), definitions), {"point": str(number), **point}
     with np.errstate(all="ignore"):  # a ratio to nothing is no number
         for claim in CLAIMS:
             finding = look(claim, evidence)

@@ -26,13 +26,13 @@ TABLES = ("frames", "lookups", "resources", "poses", "objects")
 
 @pytest.fixture(scope="module")
 def run() -> gs.Run:
-    return gs.run("3car_hetero", SHORT, seed=5)
+    return gs.run("street_3car_hetero", SHORT, seed=5)
 
 
 @pytest.fixture(scope="module")
 def runs() -> gs.Runs:
     settings = {**SHORT, "methods": ["remote", "genie"]}
-    return gs.run("3car_hetero", settings, seeds=[4, 5], jobs=1)
+    return gs.run("street_3car_hetero", settings, seeds=[4, 5], jobs=1)
 
 
 def test_a_run_in_memory_writes_nothing(run):
@@ -75,7 +75,9 @@ def test_a_figure_of_what_is_not_there_is_refused_in_one_line(run):
         run.plot.resource_use(kind="disk")
     with pytest.raises(gs.UserError, match="unknown method 'genei'"):
         run.plot.resource_use(method="genei")
-    little = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "record": ["lookups"]})
+    little = gs.run(
+        "street_1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "record": ["lookups"]}
+    )
     with pytest.raises(gs.UserError, match="latency_accuracy: the run has no accuracy"):
         little.plot.latency_accuracy()
     with pytest.raises(gs.UserError, match="time_parts: the run has no steps"):
@@ -107,7 +109,7 @@ def test_seeds_give_means_and_each_run(runs):
     (sentence,) = runs.compare().verdicts
     assert sentence.startswith("Genie (DG) is ") and "over 2 seeds" in sentence
     with pytest.raises(gs.UserError, match="seed and seeds: give one of them"):
-        gs.run("1car_homo", seed=1, seeds=2)
+        gs.run("street_1car_homo", seed=1, seeds=2)
 
 
 def test_a_comparison_has_figures(runs):
@@ -117,7 +119,7 @@ def test_a_comparison_has_figures(runs):
 @pytest.mark.slow
 def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
     settings = {**SHORT, "methods": ["remote", "genie"]}
-    kept = gs.run("3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab")
+    kept = gs.run("street_3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab")
     again = gs.load(kept.folder)
     assert isinstance(again, gs.Runs) and again.title == "two"
     for other in (kept, again):
@@ -136,13 +138,20 @@ def test_a_sweep_takes_methods_and_a_label():
     axes = {"link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}
     short = {"cars[0].route.window": ["0 s", "1 s"]}
     table = gs.sweep(
-        "1car_homo", axes, short, seeds=1, methods=["remote"], label="two links", jobs=1, out="lab"
+        "street_1car_homo",
+        axes,
+        short,
+        seeds=1,
+        methods=["remote"],
+        label="two links",
+        jobs=1,
+        out="lab",
     )
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
     assert "<title>two links" in Path("lab/sweep/report.html").read_text(encoding="utf-8")
     assert "two links" in Path("lab/sweep/figures/link.svg").read_text(encoding="utf-8")
     drawn = table.plot.along("link")
-    assert str(drawn.get_label()).endswith("sweep sweep of 1car_homo, 2 points, seeds 1")
+    assert str(drawn.get_label()).endswith("sweep sweep of street_1car_homo, 2 points, seeds 1")
     with pytest.raises(gs.UserError, match="did you mean 'link'"):
         table.plot.along("links")
     assert type(table[table["link"] == "lte"]) is pd.DataFrame, (
@@ -152,7 +161,7 @@ def test_a_sweep_takes_methods_and_a_label():
 
 def test_a_run_that_is_saved_later_is_the_one_that_was_written_at_once(run):
     folder = run.save("saved")
-    written = gs.run("3car_hetero", SHORT, seed=5, out="lab").folder
+    written = gs.run("street_3car_hetero", SHORT, seed=5, out="lab").folder
     assert folder.name == written.name
     names = sorted(path.name for path in written.iterdir())
     assert names == sorted(path.name for path in folder.iterdir())
@@ -177,25 +186,28 @@ def test_a_notebook_shows_what_was_run_and_its_table_as_plain_text(run, runs):
 
 
 def test_methods_and_labels(run):
-    chosen = gs.run("3car_hetero", SHORT, seed=5, methods=["genie", "local"], label="chosen")
+    chosen = gs.run("street_3car_hetero", SHORT, seed=5, methods=["genie", "local"], label="chosen")
     assert [method.name for method in chosen.methods] == ["genie", "local"]
     compared = gs.compare(run, chosen, methods=["genie"], labels=["usual", "new"])
     assert set(compared.table["arm"]) == {"usual: genie", "new: genie"}
     compared = gs.compare(run, chosen, methods=["genie"])
-    assert set(compared.table["arm"]) == {f"3car_hetero-{run.run_id[:6]}: genie", "chosen: genie"}
+    assert set(compared.table["arm"]) == {
+        f"street_3car_hetero-{run.run_id[:6]}: genie",
+        "chosen: genie",
+    }
     with pytest.raises(gs.UserError, match="unknown method 'genei'"):
-        gs.run("3car_hetero", methods=["genei"])
+        gs.run("street_3car_hetero", methods=["genei"])
     with pytest.raises(gs.UserError, match="label: must be one line"):
-        gs.run("3car_hetero", label="a\nb")
+        gs.run("street_3car_hetero", label="a\nb")
 
 
 @pytest.mark.slow
 def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
-    written = gs.run("3car_hetero", SHORT, seed=5, out="lab")
+    written = gs.run("street_3car_hetero", SHORT, seed=5, out="lab")
     settings = [
         part for path, value in SHORT.items() for part in ("--set", f"{path}={json.dumps(value)}")
     ]
-    assert main(["run", "3car_hetero", "--seed", "5", *settings, "--out", "cli"]) == 0
+    assert main(["run", "street_3car_hetero", "--seed", "5", *settings, "--out", "cli"]) == 0
     (folder,) = Path("cli").iterdir()
     of_cli = gs.load(folder)
     assert written.run_id == of_cli.run_id == run.run_id
@@ -223,7 +235,7 @@ def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
 def test_progress_is_told_in_simulated_seconds():
     told = []
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
-    gs.run("1car_homo", settings, progress=lambda *now: told.append(now))
+    gs.run("street_1car_homo", settings, progress=lambda *now: told.append(now))
     done, total, what = told[-1]
     assert done == pytest.approx(total, abs=0.2)
     assert 2 < total < 4
@@ -235,15 +247,15 @@ def test_progress_is_told_in_simulated_seconds():
 @pytest.mark.parametrize(
     ("do", "message"),
     [
-        (lambda: gs.run("3car_heterro"), "did you mean '3car_hetero'?"),
-        (lambda: gs.run("1car_homo", {"genie.eviction": "lruu"}), "unknown eviction 'lruu'"),
+        (lambda: gs.run("3car_heterro"), "did you mean 'street_3car_hetero'?"),
+        (lambda: gs.run("street_1car_homo", {"genie.eviction": "lruu"}), "unknown eviction 'lruu'"),
         (
-            lambda: gs.run("1car_homo", "genie.eviction=lru"),
+            lambda: gs.run("street_1car_homo", "genie.eviction=lru"),
             "settings: must be a mapping or a list",
         ),
         (lambda: gs.run({"edges": []}), "scenario: cars: missing"),
         (lambda: gs.load("nowhere"), "nowhere: not a result folder"),
-        (lambda: gs.run("1car_homo", SHORT), "cars[1]"),
+        (lambda: gs.run("street_1car_homo", SHORT), "cars[1]"),
     ],
 )
 def test_what_is_wrong_is_told_in_one_line(do, message):
@@ -260,7 +272,9 @@ def test_a_run_without_a_folder_needs_a_path_for_its_report(run):
 
 def test_a_result_folder_that_lost_a_table_is_named():
     folder = gs.run(
-        "1car_homo", {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}, out="out"
+        "street_1car_homo",
+        {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]},
+        out="out",
     ).folder
     (folder / "objects.parquet").unlink()
     with pytest.raises(gs.UserError, match=r"objects\.parquet: no such file"):
@@ -285,11 +299,13 @@ def test_settings_from_python_are_not_called_options_of_a_command():
     with pytest.raises(
         gs.UserError, match=r"^genie\.evictionn=\"lru\": genie\.evictionn: unknown field"
     ):
-        gs.load_scenario("1car_homo", {"genie.evictionn": "lru"})
+        gs.load_scenario("street_1car_homo", {"genie.evictionn": "lru"})
 
 
 def test_the_next_entry_of_a_list_can_be_set():
-    made = gs.load_scenario("1car_homo", {"cars[1].name": "second", "cars[1].device": "orin_nano"})
+    made = gs.load_scenario(
+        "street_1car_homo", {"cars[1].name": "second", "cars[1].device": "orin_nano"}
+    )
     assert [car.name for car in made.cars] == ["car1", "second"]
 
 

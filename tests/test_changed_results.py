@@ -33,7 +33,7 @@ READERS = (
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("results")
-    folder = run_to_folder(load_scenario("1car_homo", SHORT), out).folder
+    folder = run_to_folder(load_scenario("street_1car_homo", SHORT), out).folder
     assert folder is not None
     return folder
 
@@ -239,7 +239,7 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     assert "CHANGED since the results were written: quality.json" in page.read_text()
 
     gs.sweep(
-        "1car_homo",
+        "street_1car_homo",
         {"seed_of_links": {"set": "cars[0].link", "list": ["wifi", "lte"]}},
         {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local"]},
         seeds=[1],

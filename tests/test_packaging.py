@@ -162,15 +162,17 @@ def test_the_changelog_and_the_citation_know_the_version():
 
 @pytest.mark.process
 def test_an_installed_copy_lists_its_scenarios_and_devices(installed: Path, tmp_path: Path):
-    assert "3car_hetero" in genie_sim(installed, tmp_path, "list", "scenarios")
+    assert "street_3car_hetero" in genie_sim(installed, tmp_path, "list", "scenarios")
     assert "jetson_tx2" in genie_sim(installed, tmp_path, "list", "devices")
 
 
 @pytest.mark.slow
 def test_an_installed_copy_runs_a_scenario_by_name(installed: Path, tmp_path: Path):
     """Scenario, trace and device profiles are all found inside the installed package."""
-    genie_sim(installed, tmp_path, "run", "3car_hetero", "--set", "methods=[genie]", "--out", "out")
-    (record,) = tmp_path.glob("out/3car_hetero-*/run.json")
+    genie_sim(
+        installed, tmp_path, "run", "street_3car_hetero", "--set", "methods=[genie]", "--out", "out"
+    )
+    (record,) = tmp_path.glob("out/street_3car_hetero-*/run.json")
     assert json.loads(record.read_text(encoding="utf-8"))
 
 

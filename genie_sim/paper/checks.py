@@ -4,7 +4,7 @@ A check takes the evidence of any reading and the claim's line, where all thresh
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from genie_sim.paper import table1
 from genie_sim.paper.evidence import (
     BASE,
     Claim,
+    Effect,
     Evidence,
     Finding,
     Values,
@@ -22,6 +23,7 @@ from genie_sim.paper.evidence import (
     below,
     in_every_run,
     matches,
+    more,
 )
 from genie_sim.paper.facts import EARLY_PERCENTILES, Fact, placed
 from genie_sim.scenario.profiles import load_profile
@@ -78,19 +80,27 @@ def _c3(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c4(evidence: Evidence, claim: Claim) -> Finding:
-    gains = {}
+    legs: dict[str, dict[str, Effect]] = {"than local": {}, "than remote": {}}
     for scenario in ALL:
-        for letter, baseline in BASELINES.items():
+        for (letter, baseline), leg in zip(BASELINES.items(), legs.values(), strict=True):
             most = claim.also if (scenario, letter) == (HE[0], "R") else claim.expect
             for part in ("mean", "p95"):
-                ratio = _over(
-                    evidence,
-                    scenario,
-                    Fact(f"first_answer_{part}"),
-                    Fact(f"first_answer_{part}", baseline),
-                )
-                gains[f"{scenario} {letter} {part}"] = most - ratio
-    return all_positive(gains)
+                fact = f"first_answer_{part}"
+                ratio = _over(evidence, scenario, Fact(fact), Fact(fact, baseline))
+                leg[f"{scenario} {letter} {part}"] = Effect(most - ratio, ratio)
+    return all_positive(legs)
+
+
+def _c8(evidence: Evidence, claim: Claim) -> Finding:
+    mean = Fact("first_answer_mean", "remote")
+    of_car1 = mean._replace(component="car1")
+    legs = {
+        "mean over cars": _steps(evidence, HE, mean),
+        "the car on the server": {
+            f"{step}, car1": effect for step, effect in _steps(evidence, HE, of_car1).items()
+        },
+    }
+    return all_positive(legs, unit="ms")
 
 
 def _c12(evidence: Evidence, claim: Claim) -> Finding:
@@ -108,69 +118,70 @@ def _c12(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c16(evidence: Evidence, claim: Claim) -> Finding:
-    gaps = [
-        evidence.mean_of([he], BOTH_OBJECTS) - evidence.mean_of([ho], BOTH_OBJECTS)
-        for ho, he in PAIRS
-    ]
-    named = {f"{cars} car(s)": gap for cars, gap in enumerate(gaps, start=1)}
-    return all_positive(
-        {**named, "1 to 2 cars": gaps[1] - gaps[0], "2 to 3 cars": gaps[2] - gaps[1]}
-    )
+    means = [[evidence.mean_of([s], BOTH_OBJECTS) for s in scenarios] for scenarios in (HO, HE)]
+    gaps = [he - ho for ho, he in zip(*means, strict=True)]
+    higher = {
+        f"{cars} car(s)": more(he, ho) for cars, (ho, he) in enumerate(zip(*means, strict=True), 1)
+    }
+    growing = {"1 to 2 cars": more(gaps[1], gaps[0]), "2 to 3 cars": more(gaps[2], gaps[1])}
+    return all_positive({"higher": higher, "the more so the more cars": growing})
 
 
 def _c18(evidence: Evidence, claim: Claim) -> Finding:
-    difference = np.mean(
-        list(_more_on_edges(evidence, SHARED, "image_reuse_with_neighbours").values())
-    )
-    note = f"neighbours' requests counted too: {difference:+.2f}"
-    return all_positive(_more_on_edges(evidence, SHARED, "image_reuse"), note=note)
+    return all_positive({"": _more_on_edges(evidence, SHARED, "image_reuse")})
 
 
 def _c19(evidence: Evidence, claim: Claim) -> Finding:
     stored, reused = (
-        _more_on_edges(evidence, ALONE, name) for name in ("stored_images", "image_reuse")
+        {f"{s} {what}": effect for s, effect in _more_on_edges(evidence, ALONE, name).items()}
+        for name, what in (("stored_images", "stored"), ("image_reuse", "reuse"))
     )
-    hundreds = {f"{s} stored": images / 100 for s, images in stored.items()}
-    return all_positive(hundreds | {f"{s} reuse": gap for s, gap in reused.items()})
+    return all_positive({"stored": stored, "reused": reused})
 
 
 def _c20(evidence: Evidence, claim: Claim) -> Finding:
-    parts = {}
+    legs: dict[str, dict[str, Effect]] = {"twice the bar": {}, "above 1 car": {}, "early": {}}
     for scenario in SHARED:
         high = evidence.of(scenario, placed("image_reuse_high", "car"))
         alone = evidence.of(HO[0] if scenario in HO else HE[0], placed("image_reuse_high", "car"))
-        parts[f"{scenario} twice the bar"] = high - claim.expect * evidence.of(
-            scenario, placed("image_reuse", "car")
-        )
-        parts[f"{scenario} above 1 car"] = high - alone
-        parts[f"{scenario} early"] = claim.also - evidence.of(
-            scenario, placed("image_peak_at", "car")
-        )
-    return all_positive(parts)
+        bar = evidence.of(scenario, placed("image_reuse", "car"))
+        peak_at = evidence.of(scenario, placed("image_peak_at", "car"))
+        legs["twice the bar"][f"{scenario} twice the bar"] = more(high, claim.expect * bar)
+        legs["above 1 car"][f"{scenario} above 1 car"] = more(high, alone)
+        legs["early"][f"{scenario} early"] = Effect(claim.also - peak_at, peak_at)
+    return all_positive(legs)
 
 
 def _c21(evidence: Evidence, claim: Claim) -> Finding:
-    parts = {}
-    for ho, he in PAIRS:
-        parts[f"{he} mean"] = evidence.mean_of([he], BOTH_IMAGES) - evidence.mean_of(
-            [ho], BOTH_IMAGES
-        )
-        high = [
-            np.maximum(*(evidence.of(s, placed("image_reuse_high", where)) for where in PLACEMENTS))
-            for s in (he, ho)
-        ]
-        parts[f"{he} highest"] = high[0] - high[1]
-    return all_positive(parts)
+    legs = {
+        f"on {place}s": {
+            f"{he} {place} {what}": more(evidence.of(he, fact), evidence.of(ho, fact))
+            for ho, he in PAIRS
+            for what, fact in (
+                ("mean", placed("image_reuse", place)),
+                ("highest", placed("image_reuse_high", place)),
+            )
+        }
+        for place in PLACEMENTS
+    }
+    return all_positive(legs)
 
 
 def _c28(evidence: Evidence, claim: Claim) -> Finding:
-    parts = {}
-    for what, names in (("images", BOTH_IMAGES), ("objects", BOTH_OBJECTS), ("boost", BOTH_BOOSTS)):
-        for s in SHARED:
-            parts[f"{s} {what}"] = evidence.mean_of([s], names) - evidence.mean_of(
-                [s], names, "no_edge_sharing"
+    legs = {
+        what: {
+            f"{s} {what}": more(
+                evidence.mean_of([s], names), evidence.mean_of([s], names, "no_edge_sharing")
             )
-    return all_positive(parts)
+            for s in SHARED
+        }
+        for what, names in (
+            ("images", BOTH_IMAGES),
+            ("objects", BOTH_OBJECTS),
+            ("boost", BOTH_BOOSTS),
+        )
+    }
+    return all_positive(legs)
 
 
 def _c33(evidence: Evidence, claim: Claim) -> Finding:
@@ -192,6 +203,18 @@ def _c34(evidence: Evidence, claim: Claim) -> Finding:
     )
     answered = evidence.of(HO[0], Fact("late_answered_share"), "cut_link")
     return in_every_run(claim, ratio, note=f"any answer: {100 * np.mean(answered):.0f} %")
+
+
+def _c31(evidence: Evidence, claim: Claim) -> Finding:
+    reused = evidence.of(CASE, Fact("object_reuse", component="car2/genie"))
+    return all_positive({"": {"car2": Effect(reused, 0 * reused)}})
+
+
+def _c36(evidence: Evidence, claim: Claim) -> Finding:
+    first, second = (Fact("detector_runs", component=lap) for lap in ("lap1", "lap2"))
+    ratios = {s: _over(evidence, s, second, first, "two_laps") for s in ALONE}
+    effects = {s: Effect(claim.expect - ratio, ratio) for s, ratio in ratios.items()}
+    return all_positive({"": effects}, note="share of runs saved")
 
 
 def _c37(evidence: Evidence, claim: Claim) -> Finding:
@@ -235,7 +258,7 @@ CHECKS: dict[str, Check] = {
         [_over(e, HE[0], Fact(p, "remote"), Fact(p), variant="ideal_link") for p in EARLY],
         "the percentile furthest from 1",
     ),
-    "C8": lambda e, c: all_positive(_steps(e, HE, Fact("first_answer_mean", "remote")), unit="ms"),
+    "C8": _c8,
     "C9": lambda e, c: below(
         c,
         np.max(
@@ -254,31 +277,34 @@ CHECKS: dict[str, Check] = {
     "C11": lambda e, c: matches(c, e.mean_of(ALL, BOTH_OBJECTS)),
     "C12": _c12,
     "C13": lambda e, c: matches(c, e.mean_of(ALL, BOTH_OBJECTS) / e.mean_of(ALL, BOTH_IMAGES)),
-    "C14": lambda e, c: all_positive({k: -v for k, v in _steps(e, HO, *BOTH_OBJECTS).items()}),
-    "C15": lambda e, c: all_positive(_steps(e, HE, *BOTH_OBJECTS)),
+    "C14": lambda e, c: all_positive({"": _steps(e, HO, *BOTH_OBJECTS, falling=True)}),
+    "C15": lambda e, c: all_positive({"": _steps(e, HE, *BOTH_OBJECTS)}),
     "C16": _c16,
-    "C17": lambda e, c: all_positive(
-        {s: -gap for s, gap in _more_on_edges(e, ALONE, "object_reuse").items()}
-    ),
+    "C17": lambda e, c: all_positive({"": _more_on_cars(e, ALONE, "object_reuse")}),
     "C18": _c18,
     "C19": _c19,
     "C20": _c20,
     "C21": _c21,
-    "C22": lambda e, c: _or_per_object(
-        e, lambda boost: all_positive(_more_on_edges(e, ALL, boost))
-    ),
-    "C23": lambda e, c: _or_per_object(
-        e, lambda boost: all_positive(_per_car(e, placed(boost, "edge")))
-    ),
-    "C24": lambda e, c: _or_per_object(
-        e,
-        lambda boost: matches(
-            c, np.mean([_ratio(e, he, ho, placed(boost, "edge")) for ho, he in PAIRS], axis=0)
+    "C22": lambda e, c: all_positive({"": _more_on_edges(e, ALL, "confidence_boost")}),
+    "C23": lambda e, c: all_positive(_per_car(e, placed("confidence_boost", "edge"))),
+    "C24": lambda e, c: matches(
+        c,
+        np.mean(
+            [_ratio(e, he, ho, placed("confidence_boost", "edge")) for ho, he in PAIRS], axis=0
         ),
     ),
     "C25": lambda e, c: all_positive(_per_car(e, placed("stored_confidence", "edge"))),
     "C26": lambda e, c: all_positive(
-        {f"{s} {fact}": e.of(s, fact) for s in ALL for fact in BOTH_BOOSTS}
+        {
+            "": {
+                f"{s} {place}": Effect(
+                    e.of(s, placed("confidence_boost", place)),
+                    e.of(s, placed("stored_confidence", place)),
+                )
+                for s in ALL
+                for place in PLACEMENTS
+            }
+        }
     ),
     "C27": lambda e, c: matches(c, e.mean_of(ALL, [Fact("handling_ms")]), unit="ms"),
     "C28": _c28,
@@ -292,27 +318,12 @@ CHECKS: dict[str, Check] = {
             Fact("first_answer_mean", component="car1"),
         ),
     ),
-    "C31": lambda e, c: all_positive(
-        {"car2": e.of(CASE, Fact("object_reuse", component="car2/genie"))}
-    ),
+    "C31": _c31,
     "C32": lambda e, c: above(c, e.mean_of(ALL, [Fact("image_to_objects_bytes", "remote")])),
     "C33": _c33,
     "C34": _c34,
     "C35": lambda e, c: in_every_run(c, e.mean_of(ALL, [Fact("detector_untouched")])),
-    "C36": lambda e, c: all_positive(
-        {
-            s: c.expect
-            - _over(
-                e,
-                s,
-                Fact("detector_runs", component="lap2"),
-                Fact("detector_runs", component="lap1"),
-                "two_laps",
-            )
-            for s in ALONE
-        },
-        note="share of runs saved",
-    ),
+    "C36": _c36,
     "C37": _c37,
     "C38": lambda e, c: _arithmetic(
         slow := _slowest_ms("yolov8s"), "ms", slow < c.expect, "the slowest device"
@@ -345,39 +356,36 @@ def _slowest_ms(model: str) -> float:
     return max(load_profile(name).median_ns(model) for name in table1.DEVICES.values()) / 1e6
 
 
-def _steps(evidence: Evidence, scenarios: Sequence[str], *facts: Fact) -> dict[str, Values]:
-    """What one more car adds to the mean of the named facts, from 1 to 2 and from 2 to 3 cars."""
+def _steps(
+    evidence: Evidence, scenarios: Sequence[str], *facts: Fact, falling: bool = False
+) -> dict[str, Effect]:
+    """That the mean of the named facts rises, or falls, from 1 to 2 and from 2 to 3 cars."""
     means = [evidence.mean_of([scenario], facts) for scenario in scenarios]
     setting = scenarios[0].removeprefix("1car_")
     return {
-        f"{setting} 1 to 2 cars": means[1] - means[0],
-        f"{setting} 2 to 3 cars": means[2] - means[1],
+        f"{setting} {cars} to {cars + 1} cars": more(*((a, b) if falling else (b, a)))
+        for cars, (a, b) in enumerate(pairwise(means), start=1)
     }
 
 
-def _per_car(evidence: Evidence, fact: Fact) -> dict[str, Values]:
-    """What one more car adds, with homogeneous and with heterogeneous edges."""
-    return _steps(evidence, HO, fact) | _steps(evidence, HE, fact)
+def _per_car(evidence: Evidence, fact: Fact) -> dict[str, dict[str, Effect]]:
+    """That it rises with each car, with homogeneous and with heterogeneous edges."""
+    return {
+        "homogeneous": _steps(evidence, HO, fact),
+        "heterogeneous": _steps(evidence, HE, fact),
+    }
 
 
-def _more_on_edges(evidence: Evidence, scenarios: Sequence[str], name: str) -> dict[str, Values]:
-    """Edges minus cars, by scenario."""
-    on_edges, on_cars = placed(name, "edge"), placed(name, "car")
-    return {s: evidence.of(s, on_edges) - evidence.of(s, on_cars) for s in scenarios}
+def _more_on_edges(evidence: Evidence, scenarios: Sequence[str], name: str) -> dict[str, Effect]:
+    """That it is larger on edges than on cars, by scenario."""
+    car, edge = (placed(name, place) for place in PLACEMENTS)
+    return {s: more(evidence.of(s, edge), evidence.of(s, car)) for s in scenarios}
 
 
-def _or_per_object(evidence: Evidence, test: Callable[[str], Finding]) -> Finding:
-    """The test of a boost, and a note of how it comes out per stored object, unless that is what
-    the reading means.
-    """
-    per_update, per_object = test("confidence_boost"), test("boost_per_object")
-    if evidence.definitions.boost == "per_object":
-        return per_update
-    outcome = "holds" if per_object.holds else "fails"
-    comparison = f"per stored object instead of per update: {per_object.value:.3g}, {outcome}"
-    return replace(
-        per_update, note=f"{per_update.note}; {comparison}" if per_update.note else comparison
-    )
+def _more_on_cars(evidence: Evidence, scenarios: Sequence[str], name: str) -> dict[str, Effect]:
+    """That it is larger on cars than on edges, by scenario."""
+    car, edge = (placed(name, place) for place in PLACEMENTS)
+    return {s: more(evidence.of(s, car), evidence.of(s, edge)) for s in scenarios}
 
 
 def _arithmetic(value: float | None, unit: str, holds: bool, note: str) -> Finding:

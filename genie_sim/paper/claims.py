@@ -3,6 +3,8 @@
 from collections import Counter
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from genie_sim.base.seeds import stream
 from genie_sim.paper.checks import CHECKS, load_claims
 from genie_sim.paper.evidence import Claim, Evidence, Finding
@@ -16,7 +18,9 @@ VERDICTS = (
     "not reproduced",
     "not testable here",
     "calibrated",
+    "in part",
 )
+REPRODUCED, DIRECTION, CONTRADICTED, UNTESTED, CALIBRATED, IN_PART = VERDICTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,20 +28,40 @@ class Verdict:
     """A claim, what was found, and what we say of it.
 
     ``marginal``: another set of seeds could say otherwise, as always where there is one seed and so
-    no interval.
+    no interval. ``same_as``: the claim before it that found the same number, which is counted once.
     """
 
     claim: Claim
     finding: Finding | None
     verdict: str
     marginal: bool
+    same_as: str | None = None
 
 
-def judge(evidence: Evidence, fitted: bool = True) -> list[Verdict]:
-    """A verdict of every claim. ``fitted``: to two of them, which are else predictions as any."""
+def judge(evidence: Evidence, fitted: bool = True, retrodicted: bool = False) -> list[Verdict]:
+    """A verdict of every claim. ``fitted``: to two of them, which are else predictions as any.
+    ``retrodicted``: outcomes were in sight when the reading was chosen, so none is a prediction.
+    """
     kinds = {} if fitted else {"calibrated": "prediction"}
-    claims = (replace(claim, kind=kinds.get(claim.kind, claim.kind)) for claim in load_claims())
-    return [judge_one(claim, evidence) for claim in claims]
+    found: list[Verdict] = []
+    for claim in load_claims():
+        kind = kinds.get(claim.kind, claim.kind)
+        kind = "retrodicted" if retrodicted and kind == "prediction" else kind
+        verdict = judge_one(replace(claim, kind=kind), evidence)
+        same = (other.claim.id for other in found if _same_number(other.finding, verdict.finding))
+        found.append(replace(verdict, same_as=next(same, None)))
+    return found
+
+
+def _same_number(one: Finding | None, other: Finding | None) -> bool:
+    """Whether two findings are one simulated number, to all that seeds say of it. Bounds that are
+    met exactly, such as a share of 1, are met by many numbers: these are none.
+    """
+    if one is None or other is None or one.low is None or other.low is None:
+        return False
+    mine, its = (np.array([of.value, of.low, of.high], dtype=float) for of in (one, other))
+    exact = one.value in (0.0, 1.0)
+    return one.unit == other.unit and not exact and bool(np.allclose(mine, its, rtol=1e-6, atol=0))
 
 
 def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
@@ -63,10 +87,14 @@ def verdict_of(claim: Claim, finding: Finding | None) -> str:
     the fit succeeded.
     """
     if finding is None or not finding.known:
-        return VERDICTS[3]
+        return UNTESTED
     if finding.holds:
-        return VERDICTS[4] if claim.kind == "calibrated" else VERDICTS[0]
-    return VERDICTS[1] if finding.direction and claim.kind != "invariant" else VERDICTS[2]
+        return CALIBRATED if claim.kind == "calibrated" else REPRODUCED
+    if claim.kind == "invariant":
+        return CONTRADICTED
+    if any(leg.holds for leg in finding.legs):
+        return IN_PART
+    return DIRECTION if finding.direction else CONTRADICTED
 
 
 def look(claim: Claim, evidence: Evidence) -> Finding | None:

@@ -8,16 +8,19 @@ differences and ratios are taken seed by seed.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.statistics import over_seeds
-from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.definitions import USUAL, Definitions, meant
 from genie_sim.paper.facts import Fact, Facts
 
 Values = np.ndarray[Any, np.dtype[np.float64]]  # one per seed
 BASE = "base"  # the variant that is meant where none is named
+# An effect below this share of the value that it changes does not count, in any ordering of any
+# reading. Declared before it was applied; docs/paper.md says how.
+NEGLIGIBLE = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,16 +32,64 @@ class Claim:
     kind: str
     claim: str
     test: str
+    paper: str
     expect: float
     tolerance: float = 0.0
     near: float | None = None
     also: float = 0.0
 
 
+class Effect(NamedTuple):
+    """Something that is claimed to be positive, over seeds, and the ``value`` that it changes."""
+
+    effect: Values
+    value: Values
+
+    @property
+    def state(self) -> str:
+        """One of ``STATES``, from the effect's 95 % interval and 1 % of the value."""
+        margin = NEGLIGIBLE * np.abs(self.value)
+        _, low, high = interval(self.effect - margin)
+        if low > 0:
+            return HELD
+        _, low_below, high_below = interval(self.effect + margin)
+        if high_below < 0:
+            return CONTRARY
+        return NEGLIGIBLE_EFFECT if high <= 0 <= low_below else OPEN
+
+    @property
+    def scale(self) -> float:
+        """The larger of the two numbers that are compared: what makes effects of several units
+        comparable; 1 where both are zero.
+        """
+        ends = np.abs([np.mean(self.value), np.mean(self.value + self.effect)])
+        return float(np.nanmax(ends)) or 1.0 if not np.isnan(ends).all() else 1.0
+
+
+HELD, NEGLIGIBLE_EFFECT, OPEN, CONTRARY = STATES = ("holds", "negligible", "open", "contrary")
+
+
+def more(larger: Values, smaller: Values) -> Effect:
+    """That one number is larger than another."""
+    return Effect(larger - smaller, smaller)
+
+
+class Leg(NamedTuple):
+    """A part of a claim that is told apart: how many of its effects hold, of how many."""
+
+    name: str
+    held: int
+    effects: int
+
+    @property
+    def holds(self) -> bool:
+        return self.held == self.effects
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One claim looked at. ``holds``: as claimed, in size. ``direction``: at least the way it was
-    claimed.
+    claimed. ``legs``: the parts of a claim that has several.
 
     ``value`` is the number that the claim's test names, ``low`` and ``high`` its 95 % interval over
     ``n`` seeds.
@@ -52,6 +103,7 @@ class Finding:
     holds: bool
     direction: bool
     note: str = ""
+    legs: tuple[Leg, ...] = ()
 
     @property
     def one_seed(self) -> bool:
@@ -67,8 +119,8 @@ class Finding:
 
 
 class Evidence:
-    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere.
-    ``definitions``: those that the facts were computed with.
+    """Facts of runs by (variant, scenario), one for each seed, in the same order everywhere. A
+    metric is asked for by the paper's name; ``definitions`` say what is meant by it.
     """
 
     def __init__(
@@ -89,6 +141,7 @@ class Evidence:
 
     def _every(self, scenario: str, fact: Fact, variant: str) -> Values:
         """A fact's values, each seed once."""
+        fact = fact._replace(metric=meant(fact.metric, self.definitions))
         key = variant, scenario, fact
         if key not in self._values:
             runs = self._runs[variant, scenario]
@@ -99,7 +152,7 @@ class Evidence:
         return values if self._places is None else values[self._places[self._places < len(values)]]
 
     def facts(self, scenario: str) -> list[Fact]:
-        """The facts that any run of a scenario has, sorted."""
+        """The facts that any run of a scenario has, sorted, by the names that they have there."""
         return sorted({fact for facts in self._runs[BASE, scenario] for fact in facts})
 
     def mean_of(
@@ -116,6 +169,10 @@ class Evidence:
             sums = np.where(defined, table, 0.0).sum(axis=0)
             self._means[key] = np.where(counts > 0, sums / np.maximum(counts, 1), math.nan)
         return self._drawn(self._means[key])
+
+    def with_definitions(self, definitions: Definitions) -> "Evidence":
+        """The same runs, with other meanings of the metrics."""
+        return Evidence(self._runs, definitions)
 
     def resampled(self, places: Sequence[int]) -> "Evidence":
         """The evidence that other seeds could have given: the seeds at these places, some more than
@@ -176,37 +233,46 @@ def _within(
     )
 
 
-def all_positive(parts: Mapping[str, Values], unit: str = "1", note: str = "") -> Finding:
-    """Several effects that are all claimed to be positive: each one's interval must exclude zero.
+def all_positive(
+    legs: Mapping[str, Mapping[str, Effect]], unit: str = "1", note: str = ""
+) -> Finding:
+    """Several effects that are all claimed to be positive: each must hold (``Effect.state``).
 
-    The value is the effect that decides, the one whose interval begins lowest. The note names it
-    and those that are not shown, and says of which the opposite is. The direction is shown where
-    none of them is opposite, and the average's interval excludes zero or most are shown.
+    The value is the effect that decides, the one whose interval begins lowest, measured by the
+    numbers that it compares. The note names it and those that do not hold. The direction is shown
+    where none of them is contrary, and either most of them hold or their average does. ``legs``:
+    the effects by the part of the claim that they belong to.
     """
-    intervals = {name: interval(values) for name, values in parts.items()}
-    missing, opposite = [], []
-    for name, (mean, low, high) in intervals.items():
-        if low > 0:
-            continue
-        if high < 0:
-            opposite.append(name)
-        missing.append(f"{name} {mean:+.3g}{' (opposite)' if high < 0 else ''}")
-    summary = f"{len(parts) - len(missing)} of {len(parts)} shown"
-    if missing:
+    effects = {name: effect for of_leg in legs.values() for name, effect in of_leg.items()}
+    states = {name: effect.state for name, effect in effects.items()}
+    held = sum(state == HELD for state in states.values())
+    summary = f"{held} of {len(effects)} shown"
+    if held < len(effects):
+        missing = (
+            f"{name} {np.mean(effects[name].effect):+.3g} ({state})"
+            for name, state in states.items()
+            if state != HELD
+        )
         summary += f"; not: {', '.join(missing)}"
-    average = np.mean(list(parts.values()), axis=0)
-    mean, low, _ = interval(average)
-    direction = not opposite and (low > 0 or 2 * len(missing) < len(parts))
-    decisive = min(intervals, key=lambda name: intervals[name][1])
-    if len(parts) > 1:
-        summary += f"; decided by {decisive}; average {mean:.3g}"
+    relative = {name: effect.effect / effect.scale for name, effect in effects.items()}
+    _, low, _ = interval(np.mean(list(relative.values()), axis=0))
+    most = low > NEGLIGIBLE or 2 * held > len(effects)
+    decisive = min(relative, key=lambda name: interval(relative[name])[1])
+    if len(effects) > 1:
+        summary += f"; decided by {decisive}"
     return Finding(
-        *intervals[decisive],
-        n=len(average),
+        *interval(effects[decisive].effect),
+        n=len(effects[decisive].effect),
         unit=unit,
-        holds=not missing,
-        direction=direction,
+        holds=held == len(effects),
+        direction=most and CONTRARY not in states.values(),
         note=f"{note}; {summary}" if note else summary,
+        legs=tuple(
+            Leg(name, sum(states[effect] == HELD for effect in of_leg), len(of_leg))
+            for name, of_leg in legs.items()
+        )
+        if len(legs) > 1
+        else (),
     )
 
 

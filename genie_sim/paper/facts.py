@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis import frame_metrics, genie_metrics, metrics
+from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.definitions import FROM_STAMP
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, Metric
 
@@ -20,6 +22,12 @@ METHODS = (  # of the paper's evaluation
 
 FOR_EVER_NS = 2**62
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
+# answer -> the share of frames that have it in time; a result is a detection, or a cached answer
+DEADLINES = {
+    "first": "under_deadline_share",
+    "fresh": "fresh_under_deadline_share",
+    "result": "result_under_deadline_share",
+}
 
 
 class Fact(NamedTuple):
@@ -47,98 +55,95 @@ def placed(metric: str, placement: str) -> Fact:
     return Fact(metric, placement=placement)
 
 
-def facts_of(
-    frames: Columns, lookups: Columns, resources: Columns, definitions: Definitions = USUAL
-) -> Facts:
-    """All facts of a run from its tables, with its metrics as ``definitions`` say."""
-    if definitions.time == "stamp":
-        frames = frames.assign(received_ns=frames["stamp_ns"])
+def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
+    """All facts of a run from its tables. Each of its metrics has the name and the value that it
+    has in the run; what definitions of the paper's metrics mean instead has a name of its own
+    (``definitions.meant``).
+    """
     maps = lookups.rows(lookups["kind"] != "image")
-    # The paper knows no fresh results. An answer out of a cache is one like any other to it, so its
-    # facts are those of all results: the metrics of fresh ones, with every result in their place.
-    results = frames.assign(
-        fresh_answer_ns=frames["result_answer_ns"], objects_fresh=frames["objects_result"]
+    facts = _of_answers(frames) | _of_bytes(frames)
+    facts |= _of_metrics(
+        metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
     )
-    facts = _of_metrics(
-        metrics.compute(METHODS, {"frames": results, "lookups": lookups}, intervals=False)
-    )
-    facts |= _of_answers(frames) | _of_bytes(frames)
     for genie, reused in genie_metrics.reuse(maps).items():
         facts[Fact("object_reuse", component=genie)] = reused
     for placement in genie_metrics.PLACEMENTS:
         facts[placed("boost_per_object", placement)] = _boost_per_object(
             maps.where(placement=placement)
         )
-    if definitions.error_bars == "running":
-        facts |= highest_running_ratios(lookups)
-    facts |= _renamed(facts, _synonyms(definitions))
-    ratios_of = {"windows": genie_metrics.windowed_reuse, "running": genie_metrics.running_reuse}
+    facts |= highest_running_ratios(lookups)
     requests_of_cars = lookups.where(kind="image", requester="client", placement="car")
-    ratios = ratios_of[definitions.error_bars](requests_of_cars)
-    facts[placed("image_peak_at", "car")] = _peak_at(ratios, frames)
+    for metric, ratios in (
+        ("image_peak_at", genie_metrics.windowed_reuse(requests_of_cars)),
+        ("image_peak_at_running", genie_metrics.running_reuse(requests_of_cars)),
+    ):
+        facts[placed(metric, "car")] = _peak_at(ratios, frames)
     first_lap = frames["lap"] == 1
     lap_ns = frames["stamp_ns"][first_lap].min(initial=FOR_EVER_NS)
     return facts | _of_resources(resources, lap_ns)
-
-
-def _synonyms(definitions: Definitions) -> dict[str, str]:
-    """Metrics that are another metric under these definitions."""
-    synonyms = {}
-    if definitions.image_reuse == "all_requests":
-        for end in ("", "_high"):
-            synonyms[f"image_reuse{end}"] = f"image_reuse_with_neighbours{end}"
-    if definitions.boost == "per_object":
-        synonyms["confidence_boost"] = "boost_per_object"
-    return synonyms
-
-
-def _renamed(facts: Facts, synonyms: dict[str, str]) -> Facts:
-    """The facts of all placements that have another meaning."""
-    return {
-        placed(metric, placement): facts[placed(synonym, placement)]
-        for metric, synonym in synonyms.items()
-        for placement in genie_metrics.PLACEMENTS
-        if placed(synonym, placement) in facts
-    }
 
 
 def _of_metrics(rows: Iterable[Metric]) -> Facts:
     """Each metric's value; of reuse the highest window, too."""
     facts: Facts = {}
     for row in rows:
-        name = row.metric.replace("fresh", "result")
-        fact = Fact(name, row.method, row.placement, row.component)
+        fact = Fact(row.metric, row.method, row.placement, row.component)
         facts[fact] = math.nan if row.value is None else row.value
         if "reuse" in row.metric:
-            highest = fact._replace(metric=f"{name}_high")
+            highest = fact._replace(metric=f"{row.metric}_high")
             facts[highest] = math.nan if row.high is None else row.high
     return facts
 
 
 def _of_answers(frames: Columns) -> Facts:
-    """Of each method the early percentiles, the answers to the last third of the frames, and each
-    car's times.
+    """Of each method its times since it received a frame and since the camera's stamp, and the
+    answers to the last third of the frames.
     """
     facts: Facts = {}
+    from_stamp = frames.assign(received_ns=frames["stamp_ns"])
     for method in (method.name for method in METHODS):
-        of_method = frames.where(method=method)
+        of_method, stamped = frames.where(method=method), from_stamp.where(method=method)
         if not len(of_method):
             continue
-        times_ms, stamp_ns = frame_metrics.response_ms(of_method, "first"), of_method["stamp_ns"]
-        early_ms = _percentiles(times_ms, EARLY_PERCENTILES)
-        for percent, value in zip(EARLY_PERCENTILES, early_ms, strict=True):
-            facts[Fact(f"first_answer_p{percent}", method)] = value
+        for rows, end in ((of_method, ""), (stamped, FROM_STAMP)):
+            facts |= _of_times(rows, method, end)
+            for answer, deadline in DEADLINES.items():
+                times_ms = frame_metrics.response_ms(rows, answer)
+                facts |= {
+                    Fact(f"{answer}_answer_mean{end}", method): _mean(times_ms),
+                    Fact(f"{answer}_answer_p95{end}", method): _percentiles(times_ms, [95])[0],
+                    Fact(f"{deadline}{end}", method): float(np.mean(times_ms < DEADLINE_MS)),
+                }
+        has_result = ~np.isnan(of_method.floats("result_answer_ns"))
+        facts[Fact("result_answered_share", method)] = float(has_result.mean())
+        stamp_ns = of_method["stamp_ns"]
         late = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
         for answer, metric in (("result", "late_result_share"), ("first", "late_answered_share")):
             answered = ~np.isnan(of_method.floats(f"{answer}_answer_ns"))
             facts[Fact(metric, method)] = float(answered[late].mean())
-        for car in frames["car"].unique():
-            of_car = times_ms[of_method["car"] == car]
-            answered_ms = of_car[~np.isnan(of_car)]
-            facts[Fact("first_answer_mean", method, component=car)] = (
-                float(answered_ms.mean()) if len(answered_ms) else math.nan
-            )
-            facts[Fact("first_answer_p99", method, component=car)] = _percentiles(of_car, [99])[0]
+    for baseline in (method.name for method in METHODS if method.baseline):
+        for name, end in product((f"{answer}_answer" for answer in DEADLINES), ("", FROM_STAMP)):
+            ours, theirs = (Fact(f"{name}_mean{end}", m) for m in ("genie", baseline))
+            if ours in facts and theirs in facts:
+                improvement = Fact(f"improvement_{name}{end}", component=baseline)
+                facts[improvement] = 1 - ratio(facts[ours], facts[theirs])
+    return facts
+
+
+def _of_times(frames: Columns, method: str, end: str) -> Facts:
+    """The early percentiles of a method's first answers, and each car's times; ``end``: of the
+    metrics' names.
+    """
+    times_ms = frame_metrics.response_ms(frames, "first")
+    early_ms = _percentiles(times_ms, EARLY_PERCENTILES)
+    facts = {
+        Fact(f"first_answer_p{percent}{end}", method): value
+        for percent, value in zip(EARLY_PERCENTILES, early_ms, strict=True)
+    }
+    for car in frames["car"].unique():
+        of_car = times_ms[frames["car"] == car]
+        facts[Fact(f"first_answer_mean{end}", method, component=car)] = _mean(of_car)
+        facts[Fact(f"first_answer_p99{end}", method, component=car)] = _percentiles(of_car, [99])[0]
     return facts
 
 
@@ -167,7 +172,7 @@ def highest_running_ratios(lookups: Columns) -> Facts:
         for placement in genie_metrics.PLACEMENTS:
             ratios = genie_metrics.running_reuse(events.where(placement=placement))["ratio"]
             highest = float(ratios.max()) if len(ratios) else math.nan
-            facts[placed(f"{metric}_high", placement)] = highest
+            facts[placed(f"{metric}_high_running", placement)] = highest
     return facts
 
 
@@ -209,6 +214,11 @@ def _peak_at(ratios: Columns, frames: Columns) -> float:
     at_ns = int(ratios["t_ns"][np.argmax(ratios["ratio"])])
     begin_ns, end_ns = int(frames["stamp_ns"].min()), int(frames["stamp_ns"].max())
     return ratio(at_ns - begin_ns, end_ns - begin_ns)
+
+
+def _mean(values: np.ndarray) -> float:
+    defined = values[~np.isnan(values)]
+    return float(defined.mean()) if len(defined) else math.nan
 
 
 def _percentiles(values: np.ndarray, percents: Sequence[float]) -> list[float]:

@@ -14,6 +14,7 @@ from genie_sim.base.text import finite
 from genie_sim.paper import verdict_table
 from genie_sim.paper.checks import AT_LEAST, AT_MOST
 from genie_sim.paper.claims import VERDICTS
+from genie_sim.paper.definitions import Definitions, meant
 from genie_sim.paper.facts import METHODS, Fact
 from genie_sim.record import provenance
 from genie_sim.report import html_page
@@ -36,7 +37,7 @@ FIGURES = {  # in the paper's order, then ours
 }
 NUMBERS = ("verdicts", "readings", "metrics", "quality")  # the files that hold them
 # kind: that of the first reading
-CLAIMED = ("id", "where", "claim", "test", "expect", "tolerance", "kind")
+CLAIMED = ("id", "where", "claim", "test", "paper", "expect", "tolerance", "kind")
 COMPARED = [method.name for method in METHODS]
 BASELINES = [method.name for method in METHODS if method.baseline]
 # title, unit, first answer, result, the methods they are of
@@ -95,6 +96,7 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
     about, readings, measured = (
         _read(folder / name) for name in ("run.json", "readings.json", "metrics.json")
     )
+    notes += about["edited"]
     changed = provenance.changed_files(folder, about.get("digests"), files_of(folder))
     provenance.refuse_changed(folder, changed, allow_changed)
     metrics = {
@@ -102,6 +104,9 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
         for row in measured
         if row["reading"] == readings[0]["name"]
     }
+    definitions = Definitions(
+        **{metric: defined["definition"] for metric, defined in readings[0]["metrics"].items()}
+    )
     names = ("genie_sim", "quick", "seeds", "trace")
     worth = _read(folder / "quality.json")
     return {
@@ -121,10 +126,10 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
         "readings": readings,
         "claims": list(_claims(rows)),
         "improvement": [
-            _of(metrics, "all", Fact(f"improvement_{answer}_answer"))
+            _of(metrics, "all", Fact(meant(f"improvement_{answer}_answer", definitions)))
             for answer in ("first", "result")
         ],
-        "answers": list(_answers(metrics)),
+        "answers": list(_answers(metrics, definitions)),
         "metrics": [
             [row["reading"], row["scenario"], str(_fact(row)), *_interval(row), row["n"]]
             for row in measured
@@ -164,23 +169,26 @@ def _bound(row: Mapping[str, Any]) -> tuple[str, float]:
 
 def _finding(row: Mapping[str, Any]) -> dict[str, Any]:
     """What came out under one reading: all of a row that is not said of the claim itself."""
-    plain = row["by_default_metrics"]
+    plain = row["by_run_metrics"]
     shown = {name: value for name, value in row.items() if name not in (*CLAIMED[:-1], "reading")}
     by = plain and {"verdict": plain["verdict"], "found": _interval(plain)}
-    return shown | {"found": _interval(row), "by_default_metrics": by}
+    return shown | {"found": _interval(row), "by_run_metrics": by}
 
 
 def _fact(row: Mapping[str, Any]) -> Fact:
     return Fact(*(row[name] for name in Fact._fields))
 
 
-def _answers(metrics: Measured) -> Iterator[dict[str, Any]]:
+def _answers(metrics: Measured, definitions: Definitions) -> Iterator[dict[str, Any]]:
     """The same measure of the first answer and of the result, scenario by scenario."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in metrics if scenario != "all"))
     for title, unit, first, result, methods in ANSWERS:
         intervals = {
             answer: {
-                of: [_of(metrics, scenario, _answer(metric, of)) for scenario in scenarios]
+                of: [
+                    _of(metrics, scenario, _answer(meant(metric, definitions), of))
+                    for scenario in scenarios
+                ]
                 for of in methods
             }
             for answer, metric in (("first", first), ("result", result))

@@ -189,8 +189,8 @@ def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> Shown:
     tables = figure_tables.read(evaluation)
     first = provenance.read_json(evaluation / "readings.json")[0]
     meant = {metric: first["metrics"][metric]["definition"] for metric in CHOICES}
-    settings = f"{', '.join(first['settings'])}, {len(tables[CASE])} seeds"
-    footer = f"genie-sim reproduce, {first['name']}: {settings}"
+    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"]]
+    footer = ", ".join([*parts, f"{len(tables[CASE])} seeds"])
     return Shown(tables, first["name"], Definitions(**meant), footer, width_in)
 
 

@@ -4,6 +4,7 @@ Nothing here decides anything: assumptions.yaml does, before; claims.yaml says w
 """
 
 import hashlib
+import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,23 +13,27 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.statistics import NO_SHARES, wilson
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.progress import Progress
-from genie_sim.paper import figure_tables, page, quality, verdict_table
+from genie_sim.paper import figure_tables, page, quality, rows, sources, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
-from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.definitions import USUAL, meant
 from genie_sim.paper.evidence import BASE, Evidence, Values, interval, rounded
-from genie_sim.paper.facts import Fact
-from genie_sim.paper.readings import Reading, load_readings
+from genie_sim.paper.facts import Fact, Facts
+from genie_sim.paper.readings import MAIN, NAMES, Reading, load_readings
 from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, Outcome, simulate
+from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
 from genie_sim.report import html_page
 from genie_sim.scenario.yaml_input import read_mapping
 
-QUICK_SEEDS = 4
-ASSUMPTIONS = Path(__file__).with_name("assumptions.yaml")
+log = logging.getLogger(__name__)
+QUICK_SEEDS = 2
+QUICK_READINGS = (MAIN,)
 
 # What claims need, with as many seeds each: variant -> (scenarios, settings, methods).
 VARIANTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = {
@@ -48,8 +53,8 @@ Place = tuple[str, str]  # variant, scenario
 
 @dataclass(frozen=True)
 class ReadingVerdicts:
-    """What the claims come to under one reading; ``plain``: by the default's metrics where the
-    reading means others.
+    """What the claims come to under one reading; ``plain``: by a run's metrics where the reading
+    means others.
     """
 
     reading: Reading
@@ -83,7 +88,7 @@ def reproduce(
     out : Path
         The result folder.
     quick : bool
-        Few seeds.
+        Few seeds of the main reading alone.
     seeds : int, optional
         How many seeds, instead of those of assumptions.yaml.
     workers : int, optional
@@ -101,7 +106,10 @@ def reproduce(
     provenance.check_writable(out.parent)
     provenance.check_replaceable(out)
     began_s = time.perf_counter()
-    readings = load_readings(reading)
+    edited = sources.edited_set_ups()
+    for line in edited:
+        log.warning("%s", line)
+    readings = load_readings(reading, QUICK_READINGS if quick else NAMES)
     for each in readings:
         check(each)
     workers = workers or workers_here()
@@ -111,11 +119,12 @@ def reproduce(
         used_seeds = declared_seeds()[: QUICK_SEEDS if quick else None]
     settings = [each.settings(calibrated_settings()) for each in readings]
     wanted = [
-        runs_of(of_reading, used_seeds, (USUAL, each.definitions), shown=number == 0)
-        for number, (each, of_reading) in enumerate(zip(readings, settings, strict=True))
+        runs_of(of_reading, used_seeds, shown=number == 0)
+        for number, of_reading in enumerate(settings)
     ]
     outcomes = outcomes_of(wanted, workers, progress)
-    by_reading = judge_readings(readings, settings, outcomes, workers)
+    facts = [facts_of(of_reading) for of_reading in outcomes]
+    by_reading = judge_readings(readings, settings, facts, workers)
     shown = {
         scenario: group for (variant, scenario), group in outcomes[0].items() if variant == BASE
     }
@@ -123,19 +132,23 @@ def reproduce(
     with provenance.result_folder(out) as folder:
         _write(folder, by_reading, worth)
         figure_tables.write(folder, shown, used_seeds)
+        rows.write(folder, used_seeds, _places(readings, facts))
         (folder / "figures").mkdir()
         in_parallel(_draw, [(folder, name) for name in figure_tables.FIGURES], workers)
         wall_time_s = time.perf_counter() - began_s
-        files = [*page.files_of(folder), *figure_tables.FILES.values()]
+        files = [*page.files_of(folder), *figure_tables.FILES.values(), rows.FILE]
         about = {
             "quick": quick,
             "workers": workers,
             "wall_time_s": round(wall_time_s, 1),
             "settings": {one.reading.name: list(one.settings) for one in by_reading},
             "seeds": list(used_seeds),
+            "edited": edited,
+            "sources": sources.digests(),
             "inputs": _inputs(readings),
             "trace": shown[ALL[0]][0].trace,
-            **provenance.environment(),
+            # the sources say which code it was; a commit is lost where it is rewritten
+            **{name: one for name, one in provenance.environment().items() if name != "commit"},
             "digests": provenance.digests(folder, files),
         }
         provenance.write_json(folder / "run.json", about)
@@ -167,7 +180,6 @@ def check(reading: Reading) -> None:
 def runs_of(
     settings: tuple[str, ...],
     seeds: Sequence[int],
-    definitions: Sequence[Definitions] = (USUAL,),
     *,
     shown: bool = False,
 ) -> dict[Place, list[EvaluationRun]]:
@@ -182,7 +194,6 @@ def runs_of(
                 (*settings, *more),
                 methods,
                 shown=shown and variant == BASE,
-                definitions=tuple(dict.fromkeys(definitions)),
             )
             for seed in seeds
         ]
@@ -204,32 +215,26 @@ def outcomes_of(
     ]
 
 
-def evidence_of(
-    outcomes: Mapping[Place, Sequence[Outcome]], definitions: Definitions = USUAL
-) -> Evidence:
-    """What runs say, with the metrics as these definitions mean them."""
-    facts = {
-        place: [outcome.facts[definitions] for outcome in group]
-        for place, group in outcomes.items()
-    }
-    return Evidence(facts, definitions)
+def facts_of(outcomes: Mapping[Place, Sequence[Outcome]]) -> dict[Place, list[Facts]]:
+    """The numbers of runs, arranged as they are."""
+    return {place: [outcome.facts for outcome in group] for place, group in outcomes.items()}
 
 
 def judge_readings(
     readings: Sequence[Reading],
     settings: Sequence[tuple[str, ...]],
-    outcomes: Sequence[Mapping[Place, Sequence[Outcome]]],
+    facts: Sequence[Mapping[Place, Sequence[Facts]]],
     workers: int,
 ) -> list[ReadingVerdicts]:
-    """The verdicts under each reading, from its settings and what its runs gave."""
-    meant = [  # by each reading, and by all
+    """The verdicts under each reading, from its settings and the numbers of its runs."""
+    keys = [  # as each reading means its metrics, and as a run does
         (place, definitions)
         for place, reading in enumerate(readings)
         for definitions in dict.fromkeys((reading.definitions, USUAL))
     ]
-    evidence = {key: evidence_of(outcomes[key[0]], key[1]) for key in meant}
-    jobs = [(evidence[key], bool(readings[key[0]].fitted)) for key in meant]
-    verdicts = dict(zip(meant, in_parallel(_verdicts, jobs, workers), strict=True))
+    evidence = {key: Evidence(facts[key[0]], key[1]) for key in keys}
+    jobs = [(evidence[key], readings[key[0]]) for key in keys]
+    verdicts = dict(zip(keys, in_parallel(_verdicts, jobs, workers), strict=True))
     return [
         ReadingVerdicts(
             reading,
@@ -242,30 +247,39 @@ def judge_readings(
     ]
 
 
-def _verdicts(job: tuple[Evidence, bool]) -> list[Verdict]:
+def _verdicts(job: tuple[Evidence, Reading]) -> list[Verdict]:
     """The verdicts on one reading's evidence, in a process of its own."""
-    evidence, fitted = job
-    return judge(evidence, fitted)
+    evidence, reading = job
+    return judge(evidence, bool(reading.fitted), reading.retrodicted)
 
 
 def _write(
     folder: Path, by_reading: Sequence[ReadingVerdicts], worth: list[dict[str, Any]]
 ) -> None:
     """Writes verdicts, readings, metrics and answer quality. Raises OSError."""
-    rows = [row for one in by_reading for row in _rows(one)]
+    verdicts = [row for one in by_reading for row in _rows(one)]
     readings = [one.reading.as_json() | {"settings": list(one.settings)} for one in by_reading]
     metrics = [
         {"reading": one.reading.name, **row} for one in by_reading for row in _metrics(one.evidence)
     ]
     for name, content in (
-        ("verdicts", rows),
+        ("verdicts", verdicts),
         ("readings", readings),
         ("metrics", metrics),
         ("quality", worth),
     ):
         provenance.write_json(folder / f"{name}.json", content)
-    document = verdict_table.document(rows, readings, worth)
+    document = verdict_table.document(verdicts, readings, worth)
     (folder / "verdicts.md").write_text(document, encoding="utf-8")
+
+
+def _places(
+    readings: Sequence[Reading], facts: Sequence[Mapping[Place, Sequence[Facts]]]
+) -> Iterator[tuple[rows.Place, Sequence[Facts]]]:
+    """The numbers of each run, by reading, variant and scenario."""
+    for reading, of_reading in zip(readings, facts, strict=True):
+        for place, of_seeds in of_reading.items():
+            yield (reading.name, *place), of_seeds
 
 
 def _inputs(readings: Sequence[Reading]) -> dict[str, str]:
@@ -291,32 +305,39 @@ def _rows(of_reading: ReadingVerdicts) -> Iterator[dict[str, Any]]:
     """Each verdict as plain data."""
     plain = [None] * len(of_reading.verdicts) if of_reading.plain is None else of_reading.plain
     for verdict, other in zip(of_reading.verdicts, plain, strict=True):
-        yield verdict_table.row(verdict, of_reading.reading.name, other)
+        yield verdict_table.row(verdict, of_reading.reading, other)
 
 
 def _metrics(evidence: Evidence) -> list[dict[str, Any]]:
     """Every fact of the six scenarios and the case study, as a mean over seeds with its 95 %
-    interval.
+    interval: what is a metric of a run has the run's name and the run's value.
     """
-    rows = []
+    plain, found = evidence.with_definitions(USUAL), []
     for scenario in (*ALL, CASE):
-        for fact in evidence.facts(scenario):
-            values = evidence.of(scenario, fact)
+        for fact in plain.facts(scenario):
+            values = plain.of(scenario, fact)
             if not np.isnan(values).all():
-                rows.append(_metric(scenario, fact, values[~np.isnan(values)]))
+                found.append(_metric(scenario, fact, values[~np.isnan(values)]))
     for answer in ("first", "result"):
         average = np.mean(list(improvements(evidence, answer).values()), axis=0)
-        rows.append(_metric("all", Fact(f"improvement_{answer}_answer"), average))
-    return rows
+        name = meant(f"improvement_{answer}_answer", evidence.definitions)
+        found.append(_metric("all", Fact(name), average))
+    return found
 
 
 def _metric(scenario: str, fact: Fact, values: Values) -> dict[str, Any]:
-    value, low, high = (rounded(number) for number in interval(values))
+    """A number over seeds, with the interval that several seeds of a run have: of a share
+    Wilson's.
+    """
+    value, low, high = interval(values)
+    known = METRICS.get(fact.metric)
+    if known is not None and known.unit == "1" and not fact.metric.startswith(NO_SHARES):
+        low, high = wilson(value, high - value)
     return {
         "scenario": scenario,
         **fact._asdict(),
-        "value": value,
-        "low": low,
-        "high": high,
+        "value": rounded(value),
+        "low": rounded(low),
+        "high": rounded(high),
         "n": len(values),
     }

@@ -14,7 +14,6 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parallel import in_processes
 from genie_sim.base.progress import Progress
 from genie_sim.paper import quality
-from genie_sim.paper.definitions import USUAL, Definitions
 from genie_sim.paper.facts import METHODS, Facts, facts_of
 from genie_sim.paper.watch import WorldObserver
 from genie_sim.record.columns import Columns
@@ -37,15 +36,15 @@ class Outcome:
 
     Parameters
     ----------
-    facts : mapping of Definitions to dict
-        The facts under each of its definitions.
+    facts : dict
+        The run's numbers.
     trace : str
         The digest of the trace that was played.
     tables : mapping of str to Columns
         ``frames`` and ``lookups`` of a run that is shown in figures.
     """
 
-    facts: Mapping[Definitions, Facts]
+    facts: Facts
     trace: str = ""
     tables: Mapping[str, Columns] = field(default_factory=dict)
 
@@ -67,8 +66,6 @@ class EvaluationRun:
     shown : bool
         Whether figures show it: its tables are kept, and what consumers hold is compared with what
         is really there, which takes half as long again.
-    definitions : tuple of Definitions
-        What is meant by the metrics: the facts are computed under each of these.
     """
 
     scenario: str
@@ -76,7 +73,6 @@ class EvaluationRun:
     settings: tuple[str, ...] = ()
     methods: tuple[str, ...] = EVERY_METHOD
     shown: bool = False
-    definitions: tuple[Definitions, ...] = (USUAL,)
 
     def load(self) -> Scenario:
         """The scenario as it is run. Raises ``UserError``."""
@@ -92,20 +88,10 @@ class EvaluationRun:
         observer = WorldObserver(scenario.genie)
         run = gs.run(scenario, observer=observer)
         tables = run.tables
-        beside = quality.facts_of(tables["held"]) | observer.facts()
-        facts = {
-            definitions: facts_of(
-                tables["frames"], tables["lookups"], tables["resources"], definitions
-            )
-            | beside
-            for definitions in self.definitions
-        }
+        facts = facts_of(tables["frames"], tables["lookups"], tables["resources"])
+        facts |= quality.facts_of(tables["held"]) | observer.facts()
         kept = {name: tables[name] for name in ("frames", "lookups") if self.shown}
         return Outcome(facts, next(iter(run.facts["traces"].values())), kept)
-
-    def facts(self) -> Facts:
-        """Simulates it; the facts under the first of the definitions."""
-        return self.simulate().facts[self.definitions[0]]
 
 
 def simulate(
@@ -153,6 +139,7 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
     if "overlap" in words:
         for index, (begin, end) in enumerate(_windows(cars, words, seed)):
             yield f"cars[{index}].route.window=[{begin}, {end}]"
+            yield f"cars[{index}].route.start=0 s"
     for index in range(len(cars)):
         if "same_bag_s" in words:  # all of the drive, begun this much after the car before
             yield f"cars[{index}].route.window=null"

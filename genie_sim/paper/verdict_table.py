@@ -2,7 +2,7 @@
 results.
 """
 
-from collections import Counter
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -12,36 +12,38 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.registry import component_title, title_of
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.paper import table1
-from genie_sim.paper.claims import VERDICTS, Verdict
+from genie_sim.paper.claims import CALIBRATED, IN_PART, REPRODUCED, VERDICTS, Verdict
 from genie_sim.paper.evidence import Finding, rounded
 from genie_sim.paper.facts import METHODS
-from genie_sim.paper.readings import DEFAULT
+from genie_sim.paper.readings import Reading
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import parse
 
 ENOUGH_SEEDS = 10
-MARKS = dict(zip(VERDICTS, "+~-?=", strict=True))  # one-character codes for narrow tables
-
-REPRODUCED = VERDICTS[0]
+# what the simulator could have contradicted; all other kinds are counted apart from these
+FREE_KINDS = ("retrodicted", "prediction")
 
 Row = Mapping[str, Any]
 
 
-def row(verdict: Verdict, reading: str = DEFAULT, plain: Verdict | None = None) -> dict[str, Any]:
-    """A verdict as plain data. ``plain``: the verdict by the default's metrics, where the reading
+def row(verdict: Verdict, reading: Reading, plain: Verdict | None = None) -> dict[str, Any]:
+    """A verdict as plain data. ``plain``: the verdict by the metrics of a run, where the reading
     means others.
     """
     finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
     return {
-        "reading": reading,
+        "reading": reading.name,
+        "column": reading.title_of_column,
         **asdict(verdict.claim),
         **_numbers(finding),
         "unit": finding.unit,
         "n": finding.n,
         "note": finding.note,
+        "legs": [leg._asdict() for leg in finding.legs],
         "verdict": verdict.verdict,
         "marginal": verdict.marginal,
-        "by_default_metrics": plain and {"verdict": plain.verdict, **_numbers(plain.finding)},
+        "same_as": verdict.same_as,
+        "by_run_metrics": plain and {"verdict": plain.verdict, **_numbers(plain.finding)},
     }
 
 
@@ -53,45 +55,31 @@ def by_claim(rows: Sequence[Row]) -> dict[str, dict[str, Row]]:
     return grouped
 
 
-def table(rows: Sequence[Row]) -> ResultTable:
-    """The claims in words, with what was found and the verdict under each reading."""
-    readings = _readings(rows)
+def table(rows: Sequence[Row], says: str = "claim") -> ResultTable:
+    """The claims: what the paper says, and under each reading what was found, with its interval,
+    and the verdict. ``says``: what stands beside a claim's id, ``claim`` or ``kind``.
+    """
+    columns = {row["reading"]: row["column"] for row in rows}
     lines = []
     for claim, by_reading in by_claim(rows).items():
-        cells = [
-            f"{_verdict(by_reading[name])}: {_interval_text(by_reading[name])}" for name in readings
-        ]
-        first = by_reading[readings[0]]
-        lines.append([claim, first["claim"], _words(first["kind"]), *cells])
-    return ResultTable.of_texts(["", "the paper says", "kind", *readings], lines)
-
-
-def marks_table(rows: Sequence[Row], says: str) -> ResultTable:
-    """The claims with a mark and the number found under each reading, and what the marks mean;
-    ``says``: what stands beside a claim's id, ``claim`` or ``kind``.
-    """
-    readings = _readings(rows)
-    lines = [
-        [
-            f"{claim} {_words(by_reading[readings[0]][says])}",
-            *(_marked(by_reading[name]) for name in readings),
-        ]
-        for claim, by_reading in by_claim(rows).items()
-    ]
-    marks = ", ".join(f"{mark} {verdict}" for verdict, mark in MARKS.items())
-    legend = f"{marks}; * marginal, another set of seeds could say otherwise."
-    title = "Claims of the paper; verdicts.md says them in words"
-    return replace(ResultTable.of_texts(["claim", *readings], lines, title), notes=[legend])
+        first = next(iter(by_reading.values()))
+        cells = [f"{_interval_text(row)} {_verdict(row)}" for row in by_reading.values()]
+        lines.append(
+            [f"{claim} {_words(first[says])}", _words(first["kind"]), first["paper"], *cells]
+        )
+    return ResultTable.of_texts(["claim", "kind", "the paper", *columns.values()], lines)
 
 
 def printed(rows: Sequence[Row], format: str) -> str:
     """The claims for a paper, in ``markdown`` or ``latex``; in ``csv`` with all digits."""
     if format == "csv":
-        names = ("reading", "id", "kind", "verdict", "marginal", "value", "low", "high", "unit")
+        names = ["reading", "id", "kind", "paper", "verdict", "marginal"]
+        names += ["value", "low", "high", "unit"]
         return renderers.exact(names, ([row[name] for name in names] for row in rows))
     if format == "markdown":
         return in_markdown(rows)
-    return renderers.latex(marks_table(rows, "kind"), "claims")
+    title = "Claims of the paper; verdicts.md says them in words"
+    return renderers.latex(replace(table(rows, "id"), title=title, notes=notes(rows)), "claims")
 
 
 def in_markdown(rows: Sequence[Row]) -> str:
@@ -100,16 +88,23 @@ def in_markdown(rows: Sequence[Row]) -> str:
 
 
 def text(rows: Sequence[Row], width: int) -> str:
-    """Each claim with its verdict and number under each reading, for a terminal of ``width``
-    columns.
+    """The claims for a terminal of ``width`` columns: a claim with what the paper says, and below
+    it a line for each reading.
     """
-    found = marks_table(rows, "claim")
-    return renderers.terminal(replace(found, notes=[*found.notes, *counts(rows)]), width).rstrip()
-
-
-def _marked(row: Row) -> str:
-    """Mark and number."""
-    return f"{MARKS[row['verdict']]}{'*' if row['marginal'] else ''} {_number(row)}"
+    columns = {row["reading"]: row["column"] for row in rows}
+    indent = max(map(len, columns.values())) + 4
+    lines = []
+    for claim, by_reading in by_claim(rows).items():
+        first = next(iter(by_reading.values()))
+        about = f"{claim} {first['claim']} ({_words(first['kind'])}; the paper: {first['paper']})"
+        lines += textwrap.wrap(about, width, subsequent_indent="  ")
+        for name, row in by_reading.items():
+            found = f"{_interval_text(row)} {_verdict(row)}"
+            head = f"  {columns[name]}:".ljust(indent)
+            lines += textwrap.wrap(head + found, width, subsequent_indent=" " * indent)
+    for note in counts(rows):
+        lines += textwrap.wrap(note, width, subsequent_indent="  ") or [""]
+    return "\n".join(lines)
 
 
 def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row]) -> str:
@@ -146,13 +141,13 @@ def document(rows: Sequence[Row], readings: Sequence[Row], quality: Sequence[Row
 
 
 def _finding_text(row: Row) -> str:
-    """Verdict, number and note; where the reading means other metrics, by the default's too."""
+    """Verdict, number and note; where the reading means other metrics, by a run's too."""
     text = f"*{_verdict(row)}*: {_interval_text(row)}"
     if row["note"]:
         text += f"; {row['note']}"
-    plain = row["by_default_metrics"]
+    plain = row["by_run_metrics"]
     if plain:
-        text += f"; by the default's metrics {plain['verdict']}: {_interval_text({**row, **plain})}"
+        text += f"; by the metrics of a run {plain['verdict']}: {_interval_text({**row, **plain})}"
     return text
 
 
@@ -191,7 +186,7 @@ def map_quality_table(rows: Sequence[Row]) -> str:
         cells = [
             "{value:.2f} ({low:.2f} to {high:.2f})".format_map(by_method[method])
             if method in by_method
-            else "-"
+            else "not defined"
             for method in methods
         ]
         lines.append([heading, *cells])
@@ -215,35 +210,67 @@ def sentences() -> list[dict[str, Any]]:
 
 
 def counts(rows: Sequence[Row]) -> list[str]:
-    """For each reading how many claims have each verdict, and of what kinds those are that are
-    reproduced.
+    """For each reading how many claims hold: first of those that the simulator could have
+    contradicted, then, never added to them, of each other kind.
     """
     lines = []
-    for reading in _readings(rows):
-        claims = [row for row in rows if row["reading"] == reading]
-        verdicts = Counter(row["verdict"] for row in claims)
-        kinds = Counter(row["kind"] for row in claims if row["verdict"] == REPRODUCED)
-        of_kinds = ", ".join(f"{count} {_words(kind)}" for kind, count in kinds.items())
-        text = f"of {len(claims)} claims {verdicts[REPRODUCED]} reproduced ({of_kinds})"
-        for verdict in VERDICTS[1:]:
-            if verdicts[verdict]:
-                text += f"; {verdicts[verdict]} {verdict}"
-        text += f"; {sum(row['marginal'] for row in claims)} marginal."
-        plain = [row["by_default_metrics"] for row in claims if row["by_default_metrics"]]
+    for of_reading in _by_reading(rows):
+        counted = [row for row in of_reading if row["same_as"] is None]
+        free = [row for row in counted if row["kind"] in FREE_KINDS]
+        word = "retrodicted" if any(row["kind"] == "retrodicted" for row in free) else "predicted"
+        text = f"{_held(free)} {word} claims hold"
+        for verdict in VERDICTS:
+            count = sum(row["verdict"] == verdict for row in free)
+            if count and verdict != REPRODUCED:
+                text += f", {count} {verdict}"
+        kinds = dict.fromkeys(row["kind"] for row in counted if row["kind"] not in FREE_KINDS)
+        beside = [
+            f"{_held([row for row in counted if row['kind'] == kind])} {_words(kind)}"
+            for kind in kinds
+        ]
+        if beside:
+            text += f". Apart from these: {', '.join(beside)}"
+        text += f". {sum(row['marginal'] for row in of_reading)} verdicts are marginal."
+        plain = [row["by_run_metrics"] for row in free if row["by_run_metrics"]]
         if plain:
             count = sum(verdict["verdict"] == REPRODUCED for verdict in plain)
-            text += f" Measured with the default's metrics, {count} are reproduced."
-        lines.append(f"- {reading}: {text}")
+            text += f" By the metrics of a run {count} of the {len(plain)} hold."
+        lines.append(f"- {of_reading[0]['column']}: {text}")
+        once = [
+            f"{row['id']} is the number of {row['same_as']}" for row in of_reading if row["same_as"]
+        ]
+        if once:
+            lines[-1] += f" Counted once: {'; '.join(once)}."
     warning = few_seeds(rows)
     return [*lines, "", warning] if warning else lines
 
 
-def _readings(rows: Sequence[Row]) -> list[str]:
-    return list(dict.fromkeys(row["reading"] for row in rows))
+def _held(rows: Sequence[Row]) -> str:
+    """How many of some claims hold; what was fitted holds where the fit succeeded."""
+    return f"{sum(row['verdict'] in (REPRODUCED, CALIBRATED) for row in rows)} of {len(rows)}"
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """What stands below the claims."""
+    return [line.removeprefix("- ") for line in counts(rows)]
+
+
+def _by_reading(rows: Sequence[Row]) -> list[list[Row]]:
+    grouped: dict[str, list[Row]] = {}
+    for row in rows:
+        grouped.setdefault(row["reading"], []).append(row)
+    return list(grouped.values())
 
 
 def _verdict(row: Row) -> str:
-    return f"{row['verdict']} (marginal)" if row["marginal"] else str(row["verdict"])
+    """The verdict in words; of a claim in part, which of its legs hold."""
+    words = str(row["verdict"])
+    if row["verdict"] == IN_PART:
+        legs = (f"{leg['name']} {leg['held']} of {leg['effects']}" for leg in row["legs"])
+        words += f" ({', '.join(legs)})"
+    if row["same_as"]:
+        words += f", the number of {row['same_as']}"
+    return f"{words}, marginal" if row["marginal"] else words
 
 
 def _numbers(finding: Finding | None) -> dict[str, float | None]:
@@ -259,7 +286,7 @@ def _words(name: str) -> str:
 
 def _number(row: Row) -> str:
     if row["value"] is None:
-        return "-"
+        return "not measured:"
     number = f"{row['value']:.3g}"
     return number if row["unit"] == "1" else f"{number} {row['unit']}"
 

@@ -4,9 +4,11 @@ const FIGURES = new Map(DATA.figures.map((one) => [one.name, one]));
 const KINDS = {
   input: "true by construction: it was put in, or what was put in leaves no other outcome", near_input: "follows closely from what was put in",
   calibrated: "one of the two numbers that two parameters were fitted to", prediction: "the simulator could have contradicted it",
+  retrodicted: "the simulator could have contradicted it, but outcomes were in sight when the reading was chosen",
   invariant: "must hold in every run", table: "arithmetic on the paper's own table",
 };
 const READINGS = DATA.readings.map((one) => one.name);
+const COLUMNS = new Map(DATA.readings.map((one) => [one.name, words(one.name) + (one.retrodicted ? ", retrodicted" : "")]));
 const verdictClass = (verdict) => `verdict v${DATA.verdicts.indexOf(verdict)}`;
 const foundText = (one) => (value) => (one.unit === "1" ? digits(value) : `${digits(value)} ${one.unit}`);
 const scenarioText = (name) => ({ case_study: "case study", all: "all" })[name] || name.replace(/^(\d)car_/, (_, n) => `${n} car${n > 1 ? "s" : ""}, `).replace(/(hetero|homo)$/, "$1.");
@@ -47,7 +49,8 @@ function expected(claim) {
 
 const listed = (items) => make("ul", {}, ...items.map((item) => make("li", {}, item)));
 const defined = (facts) => make("dl", {}, ...facts.map(([name, value]) => make("div", {}, make("dt", {}, name), make("dd", {}, value))));
-const said = (one) => one.verdict + (one.marginal ? "; marginal: another set of seeds could say otherwise" : "");
+const legsText = (one) => one.legs.map((leg) => `${leg.name}: ${leg.held} of ${leg.effects}`).join("; ");
+const said = (one) => one.verdict + (one.same_as ? `; the number of ${one.same_as}, counted once` : "") + (one.marginal ? "; marginal: another set of seeds could say otherwise" : "");
 
 function replicated(one) {
   if (one.n === 1) return one.found[1] === null ? "1 value" : "one seed: no interval";
@@ -55,29 +58,32 @@ function replicated(one) {
 }
 
 function finding(claim, name) {
-  const one = claim.found[name], by = one.by_default_metrics;
-  const facts = [["Verdict", said(one)], ...(one.kind === claim.kind ? [] : [["Kind", `${words(one.kind)}, as nothing was fitted`]]),
+  const one = claim.found[name], by = one.by_run_metrics;
+  const facts = [["Verdict", said(one)], ...(one.kind === claim.kind ? [] : [["Kind", `${words(one.kind)}: ${KINDS[one.kind]}`]]),
+    ...(one.legs.length ? [["Its parts that hold", legsText(one)]] : []),
     ["Found", isNumber(one.found[0]) ? `${withInterval(one.found, foundText(one))}, ${replicated(one)}` : "not measured"],
-    ...(one.note ? [["Note", one.note]] : []), ...(by ? [["By the default's metrics", `${by.verdict}: ${withInterval(by.found, foundText(one))}`]] : [])];
-  return [make("h4", {}, words(name)), defined(facts), scale(claim, one.found)];
+    ...(one.note ? [["Note", one.note]] : []), ...(by ? [["By the metrics of a run", `${by.verdict}: ${withInterval(by.found, foundText(one))}`]] : [])];
+  return [make("h4", {}, COLUMNS.get(name)), defined(facts), scale(claim, one.found)];
 }
 
 function evidence(claim) {
   const facts = [["Paper", claim.where], ...(claim.says.length ? [["Section V", listed(claim.says.map(([part, says]) => `${part}: ${says}`))]] : []),
-    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["Expected", expected(claim) === "> 0" ? "each effect > 0; found: their mean" : expected(claim)]];
+    ["Kind", `${words(claim.kind)}: ${KINDS[claim.kind] || ""}`], ["Test", claim.test], ["The paper's value", claim.paper],
+    ["Expected", expected(claim) === "> 0" ? "each effect above 1 % of the value that it changes; found: the one that decides" : expected(claim)]];
   return [defined(facts), ...READINGS.flatMap((name) => finding(claim, name)), ...claim.figures.map(picture)];
 }
 
 function verdictCell(one) {
   const cell = make("td", {}, make("span", { class: verdictClass(one.verdict) }, one.verdict), one.marginal ? make("span", { class: "marginal" }, "marginal") : null);
   if (isNumber(one.found[0])) cell.append(make("small", { class: "found" }, withInterval(one.found, foundText(one))));
+  if (one.verdict === "in part") cell.append(make("small", { class: "found" }, legsText(one)));
   return cell;
 }
 
 function claimRow(claim) {
   const opener = make("button", { type: "button", class: "open", "aria-expanded": "false" }, claim.id);
   const row = make("tr", { class: "claim", id: claim.id }, make("th", { scope: "row" }, opener), make("td", {}, claim.claim), make("td", {}, words(claim.kind)),
-    make("td", { class: "number" }, expected(claim)), ...READINGS.map((name) => verdictCell(claim.found[name])));
+    make("td", { class: "number" }, claim.paper), ...READINGS.map((name) => verdictCell(claim.found[name])));
   const open = () => {
     const now = opener.getAttribute("aria-expanded") !== "true";
     opener.setAttribute("aria-expanded", String(now));
@@ -88,24 +94,24 @@ function claimRow(claim) {
   return row;
 }
 
-// How many claims are reproduced under each reading, by what kind of claim they are.
+// How many claims hold under each reading, kind by kind: never a sum over kinds. One number is counted once.
 function showCounts() {
-  const of = (name) => DATA.claims.map((claim) => claim.found[name]), reproduced = (one) => one.verdict === DATA.verdicts[0];
+  const of = (name) => DATA.claims.map((claim) => claim.found[name]).filter((one) => !one.same_as), reproduced = (one) => one.verdict === DATA.verdicts[0];
   const cell = (ones, holds) => make("td", { class: "number" }, ones.length ? `${ones.filter(holds).length} of ${ones.length}` : "");
-  const kinds = [...new Set(READINGS.flatMap((name) => of(name).map((one) => one.kind)))];
+  const free = (one) => one.kind === "retrodicted" || one.kind === "prediction";
+  const kinds = [...new Set(READINGS.flatMap((name) => of(name).map((one) => one.kind)))].sort((a, b) => free({ kind: b }) - free({ kind: a }));
   const row = (name, chosen, holds) => [name, ...READINGS.map((reading) => cell(of(reading).filter(chosen), holds))];
   const fitted = (one) => reproduced(one) || one.verdict === "calibrated";
-  table(byId("counts"), "Reproduced, by kind of claim", ["", ...READINGS.map(words)], [
-    ...kinds.map((kind) => row(words(kind), (one) => one.kind === kind, fitted)), row("all, what was fitted left out", () => true, reproduced),
-    ...(READINGS.some((name) => of(name)[0].by_default_metrics) ? [row("all, by the default's metrics", () => true, (one) => reproduced(one.by_default_metrics || one))] : [])]);
-  const predicted = (name) => of(name).filter((one) => one.kind === "prediction");
-  byId("headline").replaceChildren("Of ", strong(`${DATA.claims.length} claims`), ", reproduced are ", ...READINGS.flatMap((name, i) => [i ? "; " : "",
-    strong(`${of(name).filter(reproduced).length} under ${words(name)}`), `, among them ${predicted(name).filter(reproduced).length} of ${predicted(name).length} predictions`]), ".");
+  table(byId("counts"), "Claims that hold, by kind", ["", ...COLUMNS.values()], [
+    ...kinds.map((kind) => row(words(kind), (one) => one.kind === kind, fitted)),
+    ...(READINGS.some((name) => of(name)[0].by_run_metrics) ? [row("retrodicted or prediction, by the metrics of a run", free, (one) => reproduced(one.by_run_metrics || one))] : [])]);
+  byId("headline").replaceChildren("Of the claims that the simulator could have contradicted there hold ", ...READINGS.flatMap((name, i) => [i ? "; " : "",
+    strong(`${of(name).filter(free).filter(reproduced).length} of ${of(name).filter(free).length}`), ` under ${COLUMNS.get(name)}`]), ". All other kinds are counted apart.");
 }
 
 function showVerdicts() {
   const hidden = new Set(), kinds = [...new Set(DATA.claims.map((claim) => claim.kind))];
-  byId("reading").replaceChildren(...READINGS.map((name) => option(name, words(name))));
+  byId("reading").replaceChildren(...READINGS.map((name) => option(name, COLUMNS.get(name))));
   byId("kind").replaceChildren(option("", "all"), ...kinds.map((kind) => option(kind, words(kind))));
   byId("kinds").textContent = `Kinds: ${kinds.map((kind) => `${words(kind)}, ${KINDS[kind] || ""}`).join("; ")}.`;
   const under = (claim) => claim.found[byId("reading").value];
@@ -113,7 +119,7 @@ function showVerdicts() {
     const asked = byId("search").value.toLowerCase().split(/\s+/).filter(Boolean), kind = byId("kind").value;
     const shown = DATA.claims.filter((claim) => !hidden.has(under(claim).verdict) && (!kind || claim.kind === kind) && (!byId("marginal").checked || under(claim).marginal)
       && asked.every((word) => `${claim.id} ${claim.claim} ${claim.where} ${claim.test}`.toLowerCase().includes(word)));
-    table(byId("claims"), null, ["", "the paper says", "kind", "expected", ...READINGS.map(words)], []);
+    table(byId("claims"), null, ["", "the paper says", "kind", "the paper's value", ...COLUMNS.values()], []);
     byId("claims").tBodies[0].replaceChildren(...shown.map(claimRow));
     byId("count").textContent = `${shown.length} of ${DATA.claims.length}`;
   };

@@ -31,7 +31,7 @@ SLOWER = "edges[0].device=jetson_tx2"
 
 def ran(*settings: str, seed: int = 1, window: str = WINDOW) -> Run:
     return run_in_memory(
-        load_scenario("1car_hetero", [window, "record=[answers, held]", *settings], seed)
+        load_scenario("street_1car_hetero", [window, "record=[answers, held]", *settings], seed)
     )
 
 
@@ -208,7 +208,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
     shorter = ran(window="cars[0].route.window=[2 s, 4 s]")
     with pytest.raises(UserError, match=r"cannot be compared: other frames \(116 and 76\)"):
         compare([usual[0], shorter])
-    two = run_in_memory(load_scenario("2car_hetero", ["record=[answers, held]"]))
+    two = run_in_memory(load_scenario("street_2car_hetero", ["record=[answers, held]"]))
     with pytest.raises(UserError, match=r"cannot be compared: other drives \(car2"):
         compare([usual[0], two])
     with pytest.raises(UserError, match="no seed in common: 1 and 2"):
@@ -260,7 +260,7 @@ def test_the_command_and_the_library_say_the_same(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     made = run_to_folder(
-        load_scenario("1car_hetero", [WINDOW]), tmp_path, output=Output(page=False)
+        load_scenario("street_1car_hetero", [WINDOW]), tmp_path, output=Output(page=False)
     )
     assert (
         cli.main(["compare", str(made.folder), "--format", "csv", "--out", str(tmp_path / "page")])

@@ -25,7 +25,7 @@ from tests import made_up_run
 from tests.drawn_text import faults
 from tests.made_up_run import METHODS
 
-FOOTER = "3car_hetero, run 0123456789ab, seed 1"
+FOOTER = "street_3car_hetero, run 0123456789ab, seed 1"
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
 
 def run_of(frames, lookups, resources, methods=METHODS) -> Run:
     facts = {
-        "scenario": {"name": "3car_hetero", "seed": 1},
+        "scenario": {"name": "street_3car_hetero", "seed": 1},
         "methods": [asdict(method) for method in methods],
     }
     tables = {"frames": frames, "lookups": lookups, "resources": resources}
@@ -484,8 +484,8 @@ def test_figures_of_a_result_are_drawn_when_asked_for(capsys, tmp_path):
         "--out",
         str(tmp_path),
     ]
-    assert main(["run", "1car_homo", "--no-report", *few]) == 0
-    (folder,) = tmp_path.glob("1car_homo-*")
+    assert main(["run", "street_1car_homo", "--no-report", *few]) == 0
+    (folder,) = tmp_path.glob("street_1car_homo-*")
     capsys.readouterr()
     for out in ("a", "b"):
         assert (

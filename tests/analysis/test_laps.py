@@ -71,5 +71,5 @@ def test_one_lap_is_the_whole_run_and_not_judged_twice():
 
 def test_laps_stand_in_the_summary():
     settings = ["methods=[local]", "cars[0].route={window: [2 s, 3 s], laps: 2}"]
-    text = summary.markdown(run_in_memory(load_scenario("1car_hetero", settings)))
+    text = summary.markdown(run_in_memory(load_scenario("street_1car_hetero", settings)))
     assert "## Laps" in text and "recall in a lap, lap 2 [%]" in text

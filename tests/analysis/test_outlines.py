@@ -18,7 +18,7 @@ from genie_sim.record.results import MethodInfo, Metric, Run
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS
 
-FOOTER = "3car_hetero, run 0123456789ab, seed 1"
+FOOTER = "street_3car_hetero, run 0123456789ab, seed 1"
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def tables() -> dict[str, pd.DataFrame]:
 
 def run_of(tables: dict[str, pd.DataFrame]) -> Run:
     facts = {
-        "scenario": {"name": "3car_hetero", "seed": 1},
+        "scenario": {"name": "street_3car_hetero", "seed": 1},
         "methods": [asdict(method) for method in METHODS],
     }
     columns = {name: Columns.of(table) for name, table in tables.items()}

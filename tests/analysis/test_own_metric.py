@@ -58,7 +58,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def ran(name: str) -> Run:
-    scenario = load_scenario("1car_homo", [WINDOW, "record=[]", f"metrics=[own_metric:{name}]"])
+    scenario = load_scenario(
+        "street_1car_homo", [WINDOW, "record=[]", f"metrics=[own_metric:{name}]"]
+    )
     return run_in_memory(scenario)
 
 
@@ -93,7 +95,7 @@ def test_what_is_wrong_with_it_is_one_line(name: str, says: str):
 
 
 def test_a_scenario_without_any_is_what_it_was():
-    plain = plain_data(load_scenario("1car_homo"))
+    plain = plain_data(load_scenario("street_1car_homo"))
     assert "metrics" not in plain
     with pytest.raises(UserError, match=r"metrics.0.: unknown metric 'streaming_f1'"):
-        load_scenario("1car_homo", ["metrics=[streaming_f1]"])
+        load_scenario("street_1car_homo", ["metrics=[streaming_f1]"])

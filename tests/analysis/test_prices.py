@@ -168,7 +168,7 @@ def test_an_interface_awake_between_transfers_is_counted_once():
 def test_bytes_of_hosts_are_those_of_frames():
     made = run_in_memory(
         load_scenario(
-            "3car_hetero",
+            "street_3car_hetero",
             [
                 "methods=[remote,genie]",
                 *(f"cars[{i}].route.window=[{i} s, {i + 1} s]" for i in range(3)),
@@ -196,7 +196,7 @@ def test_energy_per_fresh_result_and_per_right_object():
     fresh = int(frames["fresh_answer_ns"].notna().sum())
     assert value(made, "energy_per_fresh", "remote") == pytest.approx(of_all / fresh, rel=1e-9)
     kitti = run_in_memory(
-        load_scenario("1car_hetero", ["methods=[remote]", "cars[0].route.window=[0 s, 2 s]"])
+        load_scenario("street_1car_hetero", ["methods=[remote]", "cars[0].route.window=[0 s, 2 s]"])
     )
     held = kitti.tables["held"].to_frame()
     right = held[held["what"] == "consumer"]["right"].sum()

@@ -21,7 +21,7 @@ def run() -> Run:
     spoof = "{fault: spoof, target: edge1, begin: 1 s, end: 2 s}"
     remove = "{fault: remove, target: edge1, begin: 2 s, end: 3 s}"
     faults = f"faults=[{outage}, {spoof}, {remove}]"
-    return run_in_memory(load_scenario("1car_hetero", [window, looks, faults]))
+    return run_in_memory(load_scenario("street_1car_hetero", [window, looks, faults]))
 
 
 def test_a_run_with_everything_has_a_number_of_every_metric(run: Run):

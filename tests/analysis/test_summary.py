@@ -24,7 +24,7 @@ def run_of(
     metrics: Sequence[Metric], methods: Sequence[MethodInfo] = made_up_run.METHODS, seed: int = 1
 ) -> Run:
     facts = {
-        "scenario": {"name": "3car_hetero", "seed": seed, "cars": [{}, {}], "edges": [{}]},
+        "scenario": {"name": "street_3car_hetero", "seed": seed, "cars": [{}, {}], "edges": [{}]},
         "methods": [asdict(method) for method in methods],
     }
     tables = {"frames": made_up_run.frames(2, 3).columns()}
@@ -186,7 +186,7 @@ def test_numbers_have_three_digits_and_a_unit():
 
 def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
     text = summary.markdown(run_of(found, seed=4))
-    assert text.startswith("# 3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
+    assert text.startswith("# street_3car_hetero\n\nRun `0123456789ab`, seed 4.\n")
     assert "95 % interval inside this run" in text
     assert "50 requests in a row" in text
     mean = next(

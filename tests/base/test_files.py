@@ -47,7 +47,7 @@ def test_a_shipped_file_is_found_by_name_from_any_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert files.find(files.SCENARIO, "3car_hetero").name == "3car_hetero.yaml"
+    assert files.find(files.SCENARIO, "street_3car_hetero").name == "street_3car_hetero.yaml"
     assert files.find(files.DEVICE, "jetson_tx2").name == "jetson_tx2.yaml"
 
 
@@ -225,9 +225,10 @@ def test_whatever_is_typed_ends_in_data_or_in_one_line(text: str) -> None:
 def test_a_file_that_is_not_there_but_comes_with_genie_sim_is_named():
     with pytest.raises(
         UserError,
-        match=r"^3car_hetero\.yaml: no such file; the scenario '3car_hetero' needs no path$",
+        match=r"^street_3car_hetero\.yaml: no such file; "
+        r"the scenario 'street_3car_hetero' needs no path$",
     ):
-        files.find(files.SCENARIO, "3car_hetero.yaml")
+        files.find(files.SCENARIO, "street_3car_hetero.yaml")
 
 
 def test_a_file_of_ones_own_under_a_shipped_name_is_used_and_told_once(

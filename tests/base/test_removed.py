@@ -29,7 +29,7 @@ def test_a_removed_command_is_answered_with_what_to_write_instead(monkeypatch, c
 
 @pytest.mark.parametrize(
     ("entry", "line"),
-    [("run --old", ["run", "3car_hetero", "--old", "5"]), ("--old", ["--old", "run"])],
+    [("run --old", ["run", "street_3car_hetero", "--old", "5"]), ("--old", ["--old", "run"])],
 )
 def test_a_removed_option_is_answered_with_what_to_write_instead(entry, line, monkeypatch, capsys):
     monkeypatch.setitem(removed.OPTIONS, entry, INSTEAD)
@@ -74,7 +74,7 @@ def test_a_removed_name_in_a_list_is_answered_with_what_to_write_instead(monkeyp
 
 def test_a_removed_key_of_a_sweep_is_answered_with_what_to_write_instead(monkeypatch):
     monkeypatch.setitem(removed.SETTINGS, "axes.*.old", INSTEAD)
-    data = {"name": "mine", "scenario": "3car_hetero", "axes": {"seeds": {"old": "seed"}}}
+    data = {"name": "mine", "scenario": "street_3car_hetero", "axes": {"seeds": {"old": "seed"}}}
     with pytest.raises(UserError, match=r"mine\.yaml: axes\.seeds\.old: was removed\. Write"):
         read_design(data, "mine.yaml")
 

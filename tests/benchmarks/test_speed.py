@@ -84,7 +84,7 @@ def test_a_command_that_fails_is_said_in_its_row(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(speed, "genie_sim", run)
     rows = speed.waits(2, ["reproduce"]).splitlines()
-    assert rows[3] == "| `genie-sim run scenarios/3car_hetero.yaml` | 3.00 | 2.00 | 100 |"
+    assert rows[3] == "| `genie-sim run scenarios/street_3car_hetero.yaml` | 3.00 | 2.00 | 100 |"
     assert rows[5] == "| `genie-sim reproduce` | genie-sim reproduce: no room / here |  |  |"
     assert "not measured" in rows[6] and next(asked) == 6
 

@@ -118,11 +118,11 @@ def test_yaml_that_is_not_a_scenario_gets_one_line(text, message, capsys):
 
 def test_an_unknown_scenario_lists_the_known_ones(capsys):
     assert main(["run", "3car_heteros"]) == 1
-    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean '3car_hetero'?)")
+    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean 'street_3car_hetero'?)")
 
 
 def test_an_override_is_named_in_its_error(capsys):
-    assert main(["run", "1car_homo", "--set", "cars[0].device=abacus"]) == 1
+    assert main(["run", "street_1car_homo", "--set", "cars[0].device=abacus"]) == 1
     _one_line(capsys, "--set cars[0].device=abacus: cars[0].device: unknown device 'abacus'")
 
 
@@ -348,7 +348,7 @@ def test_a_users_own_policy_decides_the_run_id_by_its_code(run_cli):
 def test_the_main_command_imports_nothing_that_it_does_not_need():
     """Each of these takes as long to import as the simulation takes."""
     code = (
-        "import sys; from genie_sim.cli.main import main; status = main(['run', '1car_homo',"
+        "import sys; from genie_sim.cli.main import main; status = main(['run', 'street_1car_homo',"
         " '--set', 'cars[0].route.window=[0 s, 1 s]']); print('imported:', sorted({'pandas',"
         " 'matplotlib', 'scipy', 'cv2', 'PIL'} & set(sys.modules))); sys.exit(status)"
     )

@@ -19,7 +19,7 @@ from genie_sim.cli import terminal
 from genie_sim.cli.main import main
 from tests.checkout import REPOSITORY
 
-SHORT = ["run", "1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
+SHORT = ["run", "street_1car_hetero", "--set", "cars[0].route.window=[0 s, 2 s]", "--no-report"]
 COMMAND = [sys.executable, "-m", "genie_sim"]
 HEAVY = {
     "numpy",
@@ -118,9 +118,10 @@ def test_the_examples_of_help_are_right():
     from genie_sim.scenario.reading import load_scenario
 
     assert (
-        load_scenario("3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device == "orin_nano"
+        load_scenario("street_3car_hetero", ["cars[0].device=orin_nano"], 7).cars[0].device
+        == "orin_nano"
     )
-    assert load_scenario("3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
+    assert load_scenario("street_3car_hetero", ["genie.eviction=lru"]).genie.eviction == "lru"
 
 
 @pytest.mark.process
@@ -155,7 +156,7 @@ def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
     words = r"(local|remote|genie), [\d,]+ frames/s, \d+ MB .* [\d.]+ of [\d.]+ s"
     assert re.search(words, bars[-1])
     assert max(map(len, bars)) <= 100
-    assert "Results: results/1car_hetero-" in plain(shown)
+    assert "Results: results/street_1car_hetero-" in plain(shown)
 
 
 @pytest.mark.process
@@ -200,7 +201,7 @@ def test_without_a_terminal_a_line_now_and_then_says_how_far_it_is(monkeypatch, 
 def test_show_and_copy_give_what_is_shipped(capsys):
     from genie_sim.base import files
 
-    for name, kind in (("3car_hetero", files.SCENARIO), ("jetson_tx2", files.DEVICE)):
+    for name, kind in (("street_3car_hetero", files.SCENARIO), ("jetson_tx2", files.DEVICE)):
         text = files.find(kind, name).read_text(encoding="utf-8")
         assert main(["show", name]) == 0
         assert capsys.readouterr().out == text
@@ -208,13 +209,13 @@ def test_show_and_copy_give_what_is_shipped(capsys):
         assert capsys.readouterr().out.startswith(f"{name}.yaml (from ")
         assert Path(f"{name}.yaml").read_text(encoding="utf-8") == text
     capsys.readouterr()
-    assert main(["show", "3car_hetero", "--copy-to", "3car_hetero.yaml"]) == 1
-    assert "3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
+    assert main(["show", "street_3car_hetero", "--copy-to", "street_3car_hetero.yaml"]) == 1
+    assert "street_3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
     Path("mine").mkdir()
-    assert main(["show", "3car_hetero", "--copy-to", "mine"]) == 0
-    assert Path("mine/3car_hetero.yaml").is_file()
+    assert main(["show", "street_3car_hetero", "--copy-to", "mine"]) == 0
+    assert Path("mine/street_3car_hetero.yaml").is_file()
     Path("link.yaml").symlink_to("nowhere.yaml")
-    assert main(["show", "3car_hetero", "--copy-to", "link.yaml"]) == 1
+    assert main(["show", "street_3car_hetero", "--copy-to", "link.yaml"]) == 1
     assert not Path("nowhere.yaml").exists()
     capsys.readouterr()
     assert main(["show", "baselines"]) == 1
@@ -250,18 +251,22 @@ def test_results_are_the_same_text_in_a_pipe_and_on_a_terminal(run_process):
     [
         (["rnu"], "unknown command 'rnu' (did you mean 'run'?)", 2),
         (["reprot", "results"], "did you mean 'report'?", 2),
-        (["run", "3car_hetero", "--sed", "3"], "--seed", 2),
+        (["run", "street_3car_hetero", "--sed", "3"], "--seed", 2),
         (["run", "3car_heter"], "did you mean '3car_hetero'?", 1),
-        (["run", "3car_hetero", "--set", "genei.eviction=lru"], "did you mean 'genie'?", 1),
+        (["run", "street_3car_hetero", "--set", "genei.eviction=lru"], "did you mean 'genie'?", 1),
         (
-            ["run", "3car_hetero", "--set", "duration=60 s"],
+            ["run", "street_3car_hetero", "--set", "duration=60 s"],
             "did you mean 'perception.duration'?",
             1,
         ),
-        (["run", "3car_hetero", "--set", "eviction=lru"], "did you mean 'genie.eviction'?", 1),
-        (["run", "3car_hetero", "--set", "edge=[]"], "did you mean 'edges'?", 1),
-        (["run", "3car_hetero", "--set", "genie.eviction=lur"], "did you mean 'lru'?", 1),
-        (["run", "3car_hetero", "--set", "cars[0].device=orin"], "did you mean", 1),
+        (
+            ["run", "street_3car_hetero", "--set", "eviction=lru"],
+            "did you mean 'genie.eviction'?",
+            1,
+        ),
+        (["run", "street_3car_hetero", "--set", "edge=[]"], "did you mean 'edges'?", 1),
+        (["run", "street_3car_hetero", "--set", "genie.eviction=lur"], "did you mean 'lru'?", 1),
+        (["run", "street_3car_hetero", "--set", "cars[0].device=orin"], "did you mean", 1),
         (["list", "evictoins"], "did you mean 'evictions'?", 1),
     ],
 )
@@ -295,11 +300,13 @@ def test_the_shell_completes_commands_names_and_settings():
         completed("run", "3car")
     )
     assert completed("list", "evi") == ["evictions"]
-    assert completed("run", "3car_hetero", "--set", "genie.object_map.th") == [
+    assert completed("run", "street_3car_hetero", "--set", "genie.object_map.th") == [
         "genie.object_map.threshold=",
         "genie.object_map.threshold.percentile=",
     ]
-    assert "cars[0].route.laps=" in completed("run", "3car_hetero", "--set", "cars[0].route.")
+    assert "cars[0].route.laps=" in completed(
+        "run", "street_3car_hetero", "--set", "cars[0].route."
+    )
     assert "where_it_pays" in completed("sweep", "where")
     assert completed("figures", "x", "--format", "svg,p") == ["svg,png", "svg,pdf"]
     assert completed("table", "x", "--format", "l") == ["latex"]
@@ -334,11 +341,11 @@ def test_every_completed_setting_is_one():
     from genie_sim.base.errors import UserError
     from genie_sim.scenario.reading import load_scenario
 
-    offered = completed("run", "3car_hetero", "--set", "")
+    offered = completed("run", "street_3car_hetero", "--set", "")
     assert len(offered) > 30
     for path in offered:
         try:
-            load_scenario("3car_hetero", [f"{path}nonsense"])
+            load_scenario("street_3car_hetero", [f"{path}nonsense"])
         except UserError as error:
             assert "unknown field" not in str(error), path
 

@@ -29,7 +29,7 @@ SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The result folder of a short run."""
-    folder = gs.run("1car_homo", SHORT, out=tmp_path_factory.mktemp("results")).folder
+    folder = gs.run("street_1car_homo", SHORT, out=tmp_path_factory.mktemp("results")).folder
     assert folder is not None
     return folder
 
@@ -81,7 +81,7 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
 
 
 def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
-    folder = gs.run("1car_homo", {**SHORT, "record": ["lookups"]}, out="bare").folder
+    folder = gs.run("street_1car_homo", {**SHORT, "record": ["lookups"]}, out="bare").folder
     assert main(["export", str(folder)]) == 1
     one_line(capsys.readouterr().err, "no poses")
     assert not list(folder.glob("*mcap*")) + list(folder.glob(".*"))
@@ -115,7 +115,7 @@ def test_every_path_is_taken_in_one_way():
         ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
         ["perceive", "--bag=~/nothing.bag", "--out=~/t.parquet"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
-        ["run", "1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
+        ["run", "street_1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],
     ids=lambda arguments: " ".join(arguments[:2]),
 )
@@ -142,7 +142,7 @@ def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
 
 def test_the_library_finds_home_too(monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
-    run = gs.run("1car_homo", SHORT, out="~/lab")
+    run = gs.run("street_1car_homo", SHORT, out="~/lab")
     assert run.folder.is_relative_to(Path("home").absolute())
     assert gs.load(f"~/lab/{run.folder.name}").report("~/page.html").is_file()
     assert not Path("~").exists()
@@ -150,7 +150,7 @@ def test_the_library_finds_home_too(monkeypatch):
 
 @pytest.mark.parametrize("character", ["\udcff", "\n", "\x1b"])
 def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
-    assert main(["run", "1car_homo", f"--out=a{character}b"]) == 1
+    assert main(["run", "street_1car_homo", f"--out=a{character}b"]) == 1
     one_line(
         capsys.readouterr().err, f"--out: {f'a{character}b'!r} holds the character {character!r}"
     )
@@ -162,7 +162,7 @@ def test_a_path_that_no_screen_can_show_gets_one_line(character, capsys):
 def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     """Nothing is looked up in a network, and nothing is read from elsewhere."""
     sweep = (
-        "scenario: 1car_homo\nset: {'cars[0].route.window': [0 s, 1 s], methods:"
+        "scenario: street_1car_homo\nset: {'cars[0].route.window': [0 s, 1 s], methods:"
         " [genie]}\nseeds: 1\n"
     )
     Path("s.yaml").write_text(sweep + "axes: {a: {set: genie.eviction, list: [lru, lfu]}}\n")
@@ -177,7 +177,7 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
 
 
 def test_whatever_a_name_holds_the_error_is_one_line(capsys):
-    assert main(["run", "1car_homo", "--set", "a\n\x1b[31mb"]) == 1
+    assert main(["run", "street_1car_homo", "--set", "a\n\x1b[31mb"]) == 1
     one_line(capsys.readouterr().err, "--set a\\n\\x1b[31mb: must be path=value")
 
 
@@ -231,7 +231,9 @@ def test_a_closed_output_is_no_reason_to_fail(closed):
 @pytest.mark.parametrize("backend", ["foo", "tkagg"])
 def test_figures_need_no_window(backend):
     short = "--set=cars[0].route.window=[0 s, 1 s]"
-    done = genie_sim("run", "1car_homo", short, "--no-report", "--figures", MPLBACKEND=backend)
+    done = genie_sim(
+        "run", "street_1car_homo", short, "--no-report", "--figures", MPLBACKEND=backend
+    )
     assert (done.returncode, done.stderr) == (0, "")
     assert list(Path("results").glob("*/figures/latency_cdf.svg"))
 
@@ -257,11 +259,11 @@ def genie_sim(
 @pytest.mark.parametrize(
     ("scenario", "setting"),
     [
-        ("1car_homo", "cars[0].route.laps=999999999999999999"),
-        ("1car_homo", "cars[0].route.start=2000000 h"),
-        ("1car_homo", "start_jitter=2000000 h"),
-        ("1car_homo", "cars[0].route={laps: 3, pause: 1000 h}"),
-        ("1car_homo", "cameras=[{name: a, recording: '02', phase: 2000000 h}]"),
+        ("street_1car_homo", "cars[0].route.laps=999999999999999999"),
+        ("street_1car_homo", "cars[0].route.start=2000000 h"),
+        ("street_1car_homo", "start_jitter=2000000 h"),
+        ("street_1car_homo", "cars[0].route={laps: 3, pause: 1000 h}"),
+        ("street_1car_homo", "cameras=[{name: a, recording: '02', phase: 2000000 h}]"),
         ("fleet_30", "perception.duration=1000 h"),
         ("fleet_30", "start_jitter=2000000 h"),
     ],
@@ -273,7 +275,7 @@ def test_years_of_simulated_time_get_one_line(scenario, setting, capsys):
 
 
 def test_a_month_is_not_too_long():
-    scenario = load_scenario("1car_homo", ["cars[0].route={laps: 2, pause: 719 h}"])
+    scenario = load_scenario("street_1car_homo", ["cars[0].route={laps: 2, pause: 719 h}"])
     check_time(scenario, "route", scenario.cars[0].route, 15 * 10**9)
 
 

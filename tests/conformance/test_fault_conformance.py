@@ -282,7 +282,7 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
     """``fault: my_module:Crash`` in a scenario, a folder away from the package."""
     (tmp_path / "my_module.py").write_text(CRASH)
     fault = "{fault: 'my_module:Crash', target: edge1, begin: 3 s, end: 4 s}"
-    ran = run_cli("run", "1car_homo", "--set", f"faults=[{fault}]", "--no-report")
+    ran = run_cli("run", "street_1car_homo", "--set", f"faults=[{fault}]", "--no-report")
     assert ran.returncode == 0, ran.stderr
     (folder,) = (tmp_path / "results").iterdir()
     import pandas as pd
@@ -292,7 +292,11 @@ def test_a_crash_in_a_file_of_ones_own(run_cli, tmp_path: Path):
     assert (rows["drop"] == "car1->edge1:crash").sum() > 5
     assert "my_module:Crash" in (folder / "run.json").read_text()
     wrong = run_cli(
-        "run", "1car_homo", "--set", f"faults=[{fault.replace('edge1', 'edge7')}]", "--no-report"
+        "run",
+        "street_1car_homo",
+        "--set",
+        f"faults=[{fault.replace('edge1', 'edge7')}]",
+        "--no-report",
     )
     assert wrong.returncode == 1 and "faults[0].target: unknown target 'edge7'" in wrong.stderr
 

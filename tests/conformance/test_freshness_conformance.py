@@ -24,7 +24,7 @@ def short_run(policy: str, *settings: str) -> Any:
     freshness = {"name": policy, **SETTINGS.get(policy, {})}
     window = [f"cars[{car}].route.window=[3 s, 6 s]" for car in range(3)]
     overrides = [*window, "methods=[genie]", f"genie.object_map.freshness={freshness}", *settings]
-    return run_in_memory(load_scenario("3car_hetero", overrides))
+    return run_in_memory(load_scenario("street_3car_hetero", overrides))
 
 
 def open_objects(rows: pd.DataFrame) -> pd.DataFrame:

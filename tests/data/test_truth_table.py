@@ -84,7 +84,7 @@ def test_a_table_without_its_trace_s_name_stops_a_run_in_one_line(run_cli, trace
     write_truth(path_beside(path), made_up(trace))
     assert list(Recordings(trace, path=path).provenance()) == []
     with_metadata(path_beside(path), provenance={"drive": "x"})
-    done = run_cli("run", "1car_hetero", "--set", f"perception.trace={path}")
+    done = run_cli("run", "street_1car_hetero", "--set", f"perception.trace={path}")
     assert done.returncode == 1
     assert done.stderr.startswith(f"genie-sim: {path_beside(path)}: metadata: provenance: 'trace'")
     assert done.stderr.count("\n") == 1

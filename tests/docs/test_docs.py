@@ -160,7 +160,7 @@ def test_a_class_in_the_current_folder_is_found_by_the_installed_command(tmp_pat
             "-m",
             "genie_sim",
             "run",
-            "1car_homo",
+            "street_1car_homo",
             "--set",
             "genie.similarity=same:Nobody",
         ],

@@ -40,10 +40,12 @@ def skip(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_the_method_of_the_guide_is_in_everything_that_a_run_makes(skip: Path, run_cli):
     window = "cars[0].route.window=[0 s, 3 s]"
-    ran = run_cli("run", "1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window)
+    ran = run_cli(
+        "run", "street_1car_hetero", "--methods", "local,genie,skip:Skip", "--set", window
+    )
     assert ran.returncode == 0, ran.stderr
     first, table = ran.stdout.splitlines()[0], ran.stdout
-    assert first == "1car_hetero runs code of its own: method skip:Skip"
+    assert first == "street_1car_hetero runs code of its own: method skip:Skip"
     headings = table.split("first answer")[0]  # on one line or two, as they fit
     for word in ("local", "Genie", "(DG)", "skip", "frames", "zero-delay"):
         assert word in headings.split(), table

@@ -167,7 +167,7 @@ def test_a_hit_is_wrong_below_an_f1_of_four_fifths():
 
 def short(*settings: str) -> Scenario:
     """Two seconds of one car."""
-    return load_scenario("1car_hetero", ["cars[0].route.window=[2 s, 4 s]", *settings])
+    return load_scenario("street_1car_hetero", ["cars[0].route.window=[2 s, 4 s]", *settings])
 
 
 def test_a_run_compares_every_answer_and_a_baseline_is_always_right():

@@ -320,7 +320,7 @@ def test_metrics_are_sums_over_instants():
 
 
 def short(*settings: str) -> Scenario:
-    return load_scenario("1car_hetero", ["cars[0].route.window=[2 s, 4 s]", *settings])
+    return load_scenario("street_1car_hetero", ["cars[0].route.window=[2 s, 4 s]", *settings])
 
 
 def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):

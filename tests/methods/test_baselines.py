@@ -67,12 +67,14 @@ def test_a_trace_without_features_still_runs_what_needs_none(tmp_path):
     }
     write_trace(tmp_path / "bare.parquet", Trace("bare", shipped.origin, bare, {}))
     told = [f"perception.trace={tmp_path / 'bare.parquet'}", "cars[0].route.window=[0 s, 0.3 s]"]
-    without = load_scenario("1car_hetero", [*told, "methods=[genie, central, deadline, oracle]"])
+    without = load_scenario(
+        "street_1car_hetero", [*told, "methods=[genie, central, deadline, oracle]"]
+    )
     assert len(run_in_memory(without).frames)
     with pytest.raises(
         UserError, match=r"the frames of bare have no feature 'hsv', but none: sim_lru cannot run"
     ):
-        run_in_memory(load_scenario("1car_hetero", [*told, "methods=[genie, sim_lru]"]))
+        run_in_memory(load_scenario("street_1car_hetero", [*told, "methods=[genie, sim_lru]"]))
 
 
 def test_the_central_cache_is_asked_by_other_edges_and_there_is_no_other():
@@ -149,7 +151,9 @@ def test_cachier_wants_a_cloud_that_its_edges_reach():
 def test_a_key_takes_its_time_where_it_is_made():
     """The accelerator of a car that makes ``yolox_gap`` keys has no time left for detections."""
     entries = "methods=[sim_lru, {name: gap, method: sim_lru, feature: yolox_gap, radius: 0.2}]"
-    run = run_in_memory(load_scenario("1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"]))
+    run = run_in_memory(
+        load_scenario("street_1car_hetero", [entries, "cars[0].route.window=[0 s, 3 s]"])
+    )
     value = {
         (one.metric, one.method, one.component): one.value
         for one in run.measured
@@ -208,7 +212,7 @@ def test_cars_without_cameras_edge_or_genie_are_allowed(method: str):
         "route: {window: [1 s, 1.6 s]}}"
     ]
     own = "{name: cachier, method: cachier, cloud: edge1}" if method == "cachier" else method
-    run = run_in_memory(load_scenario("case_study", [*cars, f"methods=[{own}]"]))
+    run = run_in_memory(load_scenario("street_case_study", [*cars, f"methods=[{own}]"]))
     frames = run.frames.astype({"car": str})
     answered = frames[frames["first_answer_ns"].notna()]
     assert {"car1", "plain"} <= set(answered["car"])

@@ -45,7 +45,7 @@ def test_a_frame_that_is_never_answered_is_given_up_after_a_second():
 
 def test_fewer_frames_go_up_than_with_remote_and_each_is_answered():
     settings = ["methods=[remote, paced_remote]", "cars[0].route.window=[0 s, 3 s]"]
-    tables = run_in_memory(load_scenario("1car_hetero", settings)).tables
+    tables = run_in_memory(load_scenario("street_1car_hetero", settings)).tables
     frames = Columns.of(tables["frames"])
     sent, answered = {}, {}
     for method in ("remote", "paced_remote"):
@@ -59,7 +59,9 @@ def test_fewer_frames_go_up_than_with_remote_and_each_is_answered():
 
 def test_a_car_without_an_edge_answers_nothing():
     settings = ["methods=[paced_remote]", "cars[0].edge=null", "cars[0].route.window=[0 s, 1 s]"]
-    frames = Columns.of(run_in_memory(load_scenario("1car_hetero", settings)).tables["frames"])
+    frames = Columns.of(
+        run_in_memory(load_scenario("street_1car_hetero", settings)).tables["frames"]
+    )
     assert not (frames.floats("first_answer_ns") > 0).any()
 
 
@@ -73,6 +75,8 @@ def test_a_car_without_an_edge_answers_nothing():
 )
 def test_a_setting_that_makes_no_sense_is_one_line(setting: str, message: str):
     with pytest.raises(UserError) as error:
-        scenario = load_scenario("1car_hetero", [f"methods=[{{method: paced_remote, {setting}}}]"])
+        scenario = load_scenario(
+            "street_1car_hetero", [f"methods=[{{method: paced_remote, {setting}}}]"]
+        )
         run_in_memory(scenario)
     assert message in str(error.value) and "\n" not in str(error.value)

@@ -12,9 +12,9 @@ from genie_sim.paper.runs import EvaluationRun
 WINDOW = ("cars[0].route.window=[0 s, 3 s]", "cars[1].route.window=[0 s, 3 s]")
 
 
-def facts(*settings, scenario="2car_hetero", methods=("genie",)):
-    window = WINDOW if scenario.startswith("2") else ()
-    return EvaluationRun(scenario, 1, (*window, *settings), methods).facts()
+def facts(*settings, scenario="street_2car_hetero", methods=("genie",)):
+    window = WINDOW if "2car" in scenario else ()
+    return EvaluationRun(scenario, 1, (*window, *settings), methods).simulate().facts
 
 
 @pytest.mark.parametrize("setting", ["genie.fresh_objects=confident", "genie.fresh_objects=all"])
@@ -55,7 +55,8 @@ def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, fr
 
 def test_a_car_without_a_detector_learns_from_its_edge_anyway():
     usual, own = (
-        facts(f"genie.car_learns={learns}", scenario="case_study") for learns in ("all", "own")
+        facts(f"genie.car_learns={learns}", scenario="street_case_study")
+        for learns in ("all", "own")
     )
     with_detector, without = (
         Fact("object_reuse", component=f"{car}/genie") for car in ("car1", "car2")

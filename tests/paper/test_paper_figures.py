@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from genie_sim.analysis import figures, genie_metrics, style
 from genie_sim.paper import figure_tables, paper_figures
 from genie_sim.paper.checks import ALL, HE, HO
-from genie_sim.paper.definitions import USUAL, Definitions
+from genie_sim.paper.definitions import USUAL, Definitions, meant
 from genie_sim.record import provenance
 from tests.checkout import REPOSITORY
 from tests.drawn_text import faults
@@ -122,9 +122,8 @@ def test_bars_and_error_bars_are_those_of_the_evaluation_s_numbers():
     for of_images, metric in ((True, "image_reuse"), (False, "object_reuse")):
         for scenario in (HO[1], HE[2]):
             for placement, (mean, low, high) in shown.bars(scenario, of_images).items():
-                expected = [
-                    numbers[scenario, name, placement] for name in (metric, f"{metric}_high")
-                ]
+                names = (meant(name, shown.definitions) for name in (metric, f"{metric}_high"))
+                expected = [numbers[scenario, name, placement] for name in names]
                 assert [mean, high] == pytest.approx(expected, rel=1e-5) and low <= mean
 
 

@@ -82,7 +82,9 @@ def arms(tmp_path_factory):
 def test_every_other_reading_or_value_is_another_run(arms):
     """But the values that the evaluation uses anyway, which are points of a curve."""
     loaded = {
-        name: EvaluationRun("3car_hetero", 1, (*calibrated_settings(), *settings)).load().to_yaml()
+        name: EvaluationRun("3car_hetero", 1, (*other_readings.street_settings(), *settings))
+        .load()
+        .to_yaml()
         for name, _, settings in arms
     }
     same = {name for name, scenario in loaded.items() if scenario == loaded["as it is"]} - {
@@ -151,15 +153,15 @@ def test_levels_are_drawn_evenly_and_more_points_begin_with_the_same():
         assert max(counts) - min(counts) <= 2, name
 
 
-def test_the_first_levels_are_the_default_reading_but_for_what_was_fitted():
+def test_the_first_levels_are_the_street_but_for_what_was_fitted():
     usual = {name: levels[0] for name, levels in contradictions.LEVELS.items()}
     settings = contradictions.settings_of(usual)
-    assert settings[0] == calibrated_settings()[0]
-    mine, default = (
+    assert calibrated_settings()[0] in settings
+    mine, street = (
         EvaluationRun("3car_hetero", 1, of).load().to_yaml()
-        for of in (settings, calibrated_settings())
+        for of in (settings, other_readings.street_settings())
     )
-    assert mine == default
+    assert mine == street
 
 
 def test_the_share_of_variance_is_that_beyond_chance():
@@ -305,12 +307,12 @@ def test_a_real_sequence_gives_the_committed_numbers(kitti_root, tmp_path):
     """The shortest one, with one seed."""
     trace, path = drives.trace_of(kitti_root, "0014", tmp_path)
     settings = drives.settings_of(path, len(trace.frames["02"]) / 10)
-    run = EvaluationRun("3car_hetero", 3, settings, shown=True)
+    run = EvaluationRun("street_3car_hetero", 3, settings, shown=True)
     committed = pd.read_csv(RESULTS / "drives" / "runs.csv", dtype={"sequence": str})
     (mine,) = committed.query(
-        "sequence == '0014' and scenario == '3car_hetero' and seed == 3"
+        "sequence == '0014' and scenario == 'street_3car_hetero' and seed == 3"
     ).to_dict("records")
-    facts: dict[Fact, float] = run.facts()
+    facts: dict[Fact, float] = run.simulate().facts
     for fact in drives.FACTS:
         assert rounded(facts[fact]) == pytest.approx(mine[str(fact)], rel=1e-6), fact
     assert drives.same_cell_share(trace) == pytest.approx(mine[drives.SAME_CELL], rel=1e-5)

@@ -89,7 +89,8 @@ def test_only_runs_that_are_shown_are_judged():
     """The shipped trace has a truth table, so that nobody needs KITTI's labels."""
     settings = ("cars[0].route.window=[3 s, 4 s]",)
     plain, judged = (
-        EvaluationRun("1car_homo", 1, settings, shown=wanted).facts() for wanted in (False, True)
+        EvaluationRun("street_1car_homo", 1, settings, shown=wanted).simulate().facts
+        for wanted in (False, True)
     )
     assert not any("ghost" in fact.metric for fact in plain)
     assert judged.keys() - plain.keys() == {Fact(name, by) for name in UNITS for by in JUDGED}

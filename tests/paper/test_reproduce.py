@@ -11,14 +11,20 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.analysis import renderers
-from genie_sim.analysis.result_table import ResultTable
-from genie_sim.paper import table1, verdict_table
+from genie_sim.paper import page, rows, table1, verdict_table
 from genie_sim.paper.checks import CASE, load_claims
-from genie_sim.paper.readings import NAMES, load_readings
-from genie_sim.paper.reproduce import ASSUMPTIONS, calibrated_settings, declared_seeds, reproduce
+from genie_sim.paper.readings import load_readings
+from genie_sim.paper.reproduce import (
+    QUICK_READINGS,
+    calibrated_settings,
+    declared_seeds,
+    judge_readings,
+    reproduce,
+)
+from genie_sim.paper.sources import ASSUMPTIONS, edited_set_ups, set_ups
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
+from tests.checkout import copied
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAPER = REPOSITORY / "results" / "paper"
@@ -34,11 +40,11 @@ MARKERS = {  # of a document's generated parts
 }
 
 
-def section_v(rows: list[dict]) -> str:
+def section_v(verdicts: list[dict]) -> str:
     """Section V sentence by sentence: the figure and the verdicts."""
-    found = verdict_table.by_claim(rows)
-    readings = list(next(iter(found.values())))
-    lines = [f"| Section V | the paper says | figure | {' | '.join(readings)} | here |"]
+    found = verdict_table.by_claim(verdicts)
+    readings = {row["reading"]: row["column"] for row in verdicts}
+    lines = [f"| Section V | the paper says | figure | {' | '.join(readings.values())} | here |"]
     lines.append(f"|---|---|---|{'---|' * len(readings)}---|")
     for one in verdict_table.sentences():
         figure = f"`{one['figure']}`" if one["figure"] else ""
@@ -53,31 +59,12 @@ def section_v(rows: list[dict]) -> str:
     return "\n".join(lines)
 
 
-def counts_table(rows: list[dict]) -> str:
-    """How many claims of each kind are reproduced under each reading; a number that was fitted, as
-    it was fitted.
-    """
-    readings = list(dict.fromkeys(one["reading"] for one in rows))
-    lines = []
-    for kind in dict.fromkeys(one["kind"] for one in rows):
-        mine = [
-            [one for one in rows if (one["reading"], one["kind"]) == (name, kind)]
-            for name in readings
-        ]
-        held = [
-            sum(one["verdict"] in ("reproduced", "calibrated") for one in ones) for ones in mine
-        ]
-        cells = [f"{n} of {len(ones)}" if ones else "" for n, ones in zip(held, mine, strict=True)]
-        lines.append([kind.replace("_", " "), *cells])
-    table = renderers.markdown(ResultTable.of_texts(["reproduced", *readings], lines))
-    return "\n".join([table, *verdict_table.counts(rows)])
-
-
 def generated_parts(folder: Path) -> dict[str, str]:
     """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
-    rows = verdict_table.read_rows(folder)
-    parts = {"verdicts": verdict_table.in_markdown(rows).rstrip(), "counts": counts_table(rows)}
-    parts |= {"section V": section_v(rows), "table I": table1.markdown()}
+    verdicts = verdict_table.read_rows(folder)
+    parts = {"verdicts": verdict_table.in_markdown(verdicts).rstrip()}
+    parts["counts"] = "\n".join(verdict_table.counts(verdicts))
+    parts |= {"section V": section_v(verdicts), "table I": table1.markdown()}
     parts["readings"] = verdict_table.readings_text(provenance.read_json(folder / "readings.json"))
     quality = folder / "quality.json"
     if quality.is_file():
@@ -127,9 +114,9 @@ def test_a_quick_evaluation_judges_every_claim_and_draws_every_figure(tmp_path):
     result = reproduce(
         tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what)
     )
-    rows = verdict_table.read_rows(result.folder)
-    assert [(one["reading"], one["id"]) for one in rows] == [
-        (name, one.id) for name in NAMES for one in load_claims()
+    verdicts = verdict_table.read_rows(result.folder)
+    assert [(one["reading"], one["id"]) for one in verdicts] == [
+        (name, one.id) for name in QUICK_READINGS for one in load_claims()
     ]
     assert told[-1][0] == told[-1][1] == len(told), "the progress ends at its end"
     for name in (
@@ -152,7 +139,7 @@ def test_an_interrupted_evaluation_leaves_nothing(tmp_path, monkeypatch):
     variants = {"base": ((CASE,), (), ("genie",))}
     monkeypatch.setattr("genie_sim.paper.reproduce.VARIANTS", variants)
     with pytest.raises(KeyboardInterrupt):
-        reproduce(tmp_path / "out", seeds=1, workers=1, reading="default", progress=interrupt)
+        reproduce(tmp_path / "out", seeds=1, workers=1, reading="street", progress=interrupt)
     assert not list(tmp_path.iterdir())
 
 
@@ -177,7 +164,59 @@ def test_the_committed_results_are_small():
         for path in PAPER.rglob("*")
         if path.is_file() and not any(path.match(f"{PAPER}/{pattern}") for pattern in ignored)
     ]
-    assert sum(path.stat().st_size for path in committed) < 4_000_000
+    assert sum(path.stat().st_size for path in committed) < 11_000_000
+
+
+def test_the_set_ups_are_the_declared_ones():
+    declared = ASSUMED["evaluation"]["scenarios"]
+    assert declared == {name: digest for name, _, digest in set_ups()}, (
+        "a set-up of the paper changed: if that is meant, declare it in assumptions.yaml"
+    )
+    assert edited_set_ups() == []
+
+
+def test_an_edited_set_up_is_said_in_one_line_and_on_the_page(tmp_path, monkeypatch, caplog):
+    """Whoever edits a copy of a set-up gets the numbers of the edited one, and is told so."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scenarios").mkdir()
+    shipped = (REPOSITORY / "scenarios" / "1car_homo.yaml").read_text()
+    own = tmp_path / "scenarios" / "1car_homo.yaml"
+    own.write_text(shipped.replace("# Boards side by side", "# Some boards"))
+    assert edited_set_ups() == [], "a comment changes nothing"
+    own.write_text(shipped.replace("laps: 2", "laps: 3"))
+    (line,) = edited_set_ups()
+    assert line == (
+        "scenarios/1car_homo.yaml: edited, no longer the paper's set-up; "
+        "the numbers are those of the edited one"
+    )
+    monkeypatch.setattr("genie_sim.paper.page.verdict_table.few_seeds", lambda rows: "")
+    copy = copied(PAPER, tmp_path / "evaluation")
+    about = json.loads((copy / "run.json").read_text()) | {"edited": [line]}
+    (copy / "run.json").write_text(json.dumps(about))
+    assert line in page.page_data(copy)["notes"]
+
+
+@pytest.mark.slow
+def test_the_committed_verdicts_follow_from_the_committed_numbers():
+    """The claims as they are now, judged from the rows of every run: nothing is simulated."""
+    places = rows.read(PAPER)
+    readings = load_readings()
+    facts = [
+        {place[1:]: list(of.values()) for place, of in places.items() if place[0] == one.name}
+        for one in readings
+    ]
+    settings = [one.settings(calibrated_settings()) for one in readings]
+    judged = judge_readings(readings, settings, facts, workers=1)
+    found = [
+        verdict_table.row(verdict, one.reading, plain)
+        for one in judged
+        for verdict, plain in zip(
+            one.verdicts, one.plain or [None] * len(one.verdicts), strict=True
+        )
+    ]
+    assert json.loads(json.dumps(found)) == verdict_table.read_rows(PAPER), (
+        "the claims changed: evaluate anew"
+    )
 
 
 @pytest.mark.parametrize("document", GENERATED, ids=lambda path: path.name)
@@ -186,7 +225,7 @@ def test_the_documents_show_the_committed_verdicts(document):
     for name, part in generated_parts(PAPER).items():
         shown = between(name, text)
         assert shown is None or shown == part, (
-            f"{document.name} shows other {name}: python tests/paper/test_reproduce.py"
+            f"{document.name} shows other {name}: python -m tests.paper.test_reproduce"
         )
     if document.name == "README.md":
         assert between("counts", text) is not None
@@ -204,7 +243,7 @@ def refresh(repository):
 
 
 def test_refreshing_what_is_committed_changes_nothing(tmp_path):
-    """What ``python tests/paper/test_reproduce.py`` does after an evaluation."""
+    """What ``python -m tests.paper.test_reproduce`` does after an evaluation."""
     for path in GENERATED:
         (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, tmp_path / path.relative_to(REPOSITORY))

@@ -6,21 +6,29 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
-from genie_sim.core.rules import GenieRules
-from genie_sim.paper.definitions import USUAL, Definitions
-from genie_sim.paper.facts import Fact
-from genie_sim.paper.readings import load_reading
-from genie_sim.paper.reproduce import calibrated_settings, check, declared_seeds, runs_of
-from genie_sim.paper.runs import EvaluationRun, simulate
+from genie_sim.paper import reproduce
+from genie_sim.paper.evidence import rounded
+from genie_sim.paper.facts import Fact, placed
+from genie_sim.paper.readings import MAIN, load_reading
+from genie_sim.paper.reproduce import (
+    calibrated_settings,
+    check,
+    declared_seeds,
+    outcomes_of,
+    runs_of,
+)
+from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, simulate
+from genie_sim.paper.sources import SET_UPS
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim import nodes
 
-BASE = calibrated_settings()
-OTHER = Definitions(boost="per_object")
+FITTED = calibrated_settings()
+STREET = load_reading("street").settings(FITTED)
 
 
 def windows_s(*settings, scenario="3car_homo", seed=1):
@@ -54,28 +62,45 @@ def test_the_car_without_cameras_drives_behind():
     assert blind < seeing
 
 
-def test_bench_plays_the_whole_bag_on_every_board_a_second_apart():
-    settings = load_reading("bench").settings(BASE)
-    scenario = EvaluationRun("3car_hetero", 1, settings).load()
+def same_but_for_names(one, other):
+    return replace(one, name="", description="") == replace(other, name="", description="")
+
+
+@pytest.mark.parametrize("name", SET_UPS)
+def test_the_scenarios_are_what_the_main_reading_says(name):
+    reading = load_reading(MAIN)
+    said = tuple(setting for choice in reading.choices for setting in choice.settings)
+    assert EvaluationRun(name, 1, said).load() == EvaluationRun(name, 1).load()
+
+
+def test_the_main_reading_plays_the_whole_bag_on_every_board():
+    scenario = load_scenario("3car_hetero")
     assert [(car.route.window_ns, car.route.start_ns, car.route.laps) for car in scenario.cars] == [
         (None, index * 1_000_000_000, 2) for index in range(3)
     ]
     genie = scenario.genie
     assert (genie.similarity.name, genie.object_map.location_key) == ("exact", "exact")
     assert (genie.car_learns, genie.share_filter) == ("own", "all")
-    blind = EvaluationRun("case_study", 1, settings).load().genie
+    blind = load_scenario("case_study").genie
     assert blind.similarity.name == "pose_grid", "a car without cameras has only its position"
 
 
+@pytest.mark.parametrize("name", SET_UPS)
+def test_street_is_the_scenario_of_a_street_with_what_was_fitted(name):
+    """So the overlay takes back all that makes the bench."""
+    overlaid = EvaluationRun(name, 3, STREET).load()
+    assert same_but_for_names(overlaid, EvaluationRun(f"street_{name}", 3, FITTED).load())
+
+
 def test_two_passes_changes_nothing_else():
-    settings = [load_reading(name).settings(BASE) for name in ("default", "two_passes")]
-    base, other = (EvaluationRun("3car_hetero", 1, mine).load() for mine in settings)
+    settings = load_reading("two_passes").settings(FITTED)
+    base, other = (EvaluationRun("3car_hetero", 1, mine).load() for mine in ((), settings))
     assert (base.genie.passes, other.genie.passes) == (1, 2)
-    assert replace(base, genie=GenieRules()) == replace(other, genie=GenieRules())
+    assert base == replace(other, genie=replace(other.genie, passes=1))
 
 
 def test_a_link_is_cut_in_mid_run_and_only_there():
-    for (variant, _), (run, *_) in runs_of(BASE, [1]).items():
+    for (variant, _), (run, *_) in runs_of((), [1]).items():
         assert [entry.fault.name for entry in run.load().faults] == ["outage"] * (
             variant == "cut_link"
         )
@@ -91,32 +116,33 @@ def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(s
     assert "\n" not in str(told.value)
 
 
-def test_a_run_is_simulated_once_and_judged_under_each_of_its_definitions():
-    run = EvaluationRun("1car_homo", 1, BASE, ("genie",), definitions=(USUAL, OTHER))
-    outcome = run.simulate()
-    usual, other = (outcome.facts[definitions] for definitions in (USUAL, OTHER))
-    different = {fact.metric for fact in usual if repr(usual[fact]) != repr(other[fact])}
-    assert different == {"confidence_boost"}
-    assert not outcome.tables, "no figure shows it"
-
-
-def test_it_is_the_run_of_the_public_interface():
-    """Whoever writes the evaluation's settings down gets its numbers."""
-    run = EvaluationRun("1car_hetero", 3, BASE)
-    found, plain = run.facts(), gs.run(run.load())
-    metrics = plain.metrics.query("method == 'genie'").set_index(["metric", "placement"])["value"]
-    for metric, placement in (
-        ("first_answer_mean", "all"),
-        ("image_reuse", "car"),
-        ("object_reuse", "edge"),
-        ("confidence_boost", "edge"),
-    ):
-        assert found[Fact(metric, placement=placement)] == metrics[metric, placement], metric
+@pytest.mark.slow
+def test_a_run_is_the_evaluation_s_row_of_its_name_and_seed(monkeypatch):
+    """And several seeds of it are its figure: one name, one set-up, one number."""
+    monkeypatch.setattr(
+        "genie_sim.paper.reproduce.VARIANTS", {"base": (("1car_hetero",), (), EVERY_METHOD)}
+    )
+    (outcomes,) = outcomes_of([runs_of((), [3, 4])], workers=1)
+    of_seeds = [outcome.facts for outcome in outcomes["base", "1car_hetero"]]
+    plain = gs.run("1car_hetero", seeds=[3, 4])
+    for facts, run in zip(of_seeds, plain.runs, strict=True):
+        shared = 0
+        for one in run.measured:
+            fact = Fact(one.metric, one.method, one.placement, one.component)
+            if fact in facts and one.value is not None:
+                assert facts[fact] == one.value, fact
+                shared += 1
+        assert shared > 60
+    means = plain.metrics.set_index(["metric", "method", "placement", "component"])
+    for fact in (Fact("first_answer_mean"), placed("image_reuse", "edge"), Fact("answered_share")):
+        shown = reproduce._metric("", fact, np.array([facts[fact] for facts in of_seeds]))
+        for name in ("value", "low", "high"):
+            assert shown[name] == rounded(means.loc[tuple(fact), name]), (fact, name)
 
 
 def test_the_number_of_processes_does_not_change_a_number():
     runs = [
-        EvaluationRun(scenario, seed, BASE, ("genie",))
+        EvaluationRun(scenario, seed, STREET, ("genie",))
         for scenario in ("1car_homo", "2car_hetero")
         for seed in (1, 2)
     ]
@@ -126,7 +152,7 @@ def test_the_number_of_processes_does_not_change_a_number():
 
 # What an observer sees of a run
 
-SHORT = load_scenario("1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])
+SHORT = load_scenario("street_1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])
 
 
 @pytest.mark.parametrize("harm", ["nothing", "wraps a method", "changes its topics"])
@@ -143,7 +169,11 @@ def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
         return genie
 
     monkeypatch.setattr("genie_sim.sim.world.attach", attach)
-    found = EvaluationRun("1car_homo", 1, ("cars[0].route.window=[0 s, 0.3 s]",)).facts()
+    found = (
+        EvaluationRun("street_1car_homo", 1, ("cars[0].route.window=[0 s, 0.3 s]",))
+        .simulate()
+        .facts
+    )
     assert found[Fact("detector_untouched")] == (harm == "nothing")
 
 

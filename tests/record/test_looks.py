@@ -144,7 +144,7 @@ def run(request: pytest.FixtureRequest) -> Any:
     laps = [f"cars[{car}].route.laps=2" for car in range(3)]
     window = [f"cars[{car}].route.window=[3 s, 5 s]" for car in range(3)]
     overrides = [*laps, *window, f"genie.object_map.freshness={policy}"]
-    return run_in_memory(load_scenario("3car_hetero", overrides))
+    return run_in_memory(load_scenario("street_3car_hetero", overrides))
 
 
 def test_no_look_is_newer_than_the_answer_that_shows_it(run: Any):

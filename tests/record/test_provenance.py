@@ -17,7 +17,7 @@ from genie_sim.record import provenance
 from genie_sim.record.provenance import check_writable, result_folder, run_id
 
 FACTS = {
-    "scenario": {"name": "3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
+    "scenario": {"name": "street_3car_hetero", "seed": 1, "cars": [{"name": "car1"}]},
     "devices": {},
     "traces": {"car1": "ab12"},
     "methods": [],
@@ -83,7 +83,7 @@ def test_not_a_number_has_no_run_id():
 
 
 def test_a_result_appears_once_it_is_complete(tmp_path):
-    final = tmp_path / "results" / "3car_hetero-0123456789ab"
+    final = tmp_path / "results" / "street_3car_hetero-0123456789ab"
     with result_folder(final) as partial:
         (partial / "frames.parquet").write_text("frames")
         assert not final.exists()

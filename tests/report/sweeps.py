@@ -8,7 +8,7 @@ from genie_sim.cli.main import main
 
 CROSSED = """
 description: DESCRIPTION
-scenario: 2car_homo
+scenario: street_2car_homo
 set: {"cars[0].route.window": [0 s, 1 s], "cars[1].route.window": [0.5 s, 1.5 s]}
 seeds: 2
 axes:
@@ -17,7 +17,7 @@ axes:
 """
 
 DRAWN = """
-scenario: 1car_homo
+scenario: street_1car_homo
 set: {genie.object_map.freshness: {name: ttl}, methods: [genie], "cars[0].route.window": [0 s, 1 s]}
 seeds: 1
 samples: 5

@@ -33,7 +33,7 @@ CHECK = """(async (only) => {
 @pytest.fixture(scope="module")
 def run() -> gs.Run:
     windows = {f"cars[{place}].route.window": ["0 s", "1 s"] for place in range(2)}
-    return gs.run("2car_homo", windows)
+    return gs.run("street_2car_homo", windows)
 
 
 def page_of(what: str, run: gs.Run, folder: Path) -> Path:
@@ -46,7 +46,7 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
         )
     if what == "seeds":
         short = {"cars[0].route.window": ["0 s", "1 s"]}
-        seeds = gs.run("1car_homo", short, seeds=2, jobs=1, out=folder)
+        seeds = gs.run("street_1car_homo", short, seeds=2, jobs=1, out=folder)
         return Path(str(seeds.folder)) / "report.html"
     if what == "comparison":
         return gs.compare(run).report(folder)

@@ -21,25 +21,32 @@ from tests.checkout import copied
 from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
-ROWS = [row for row in verdict_table.read_rows(PAPER) if row["reading"] == "default"]
+ROWS = [row for row in verdict_table.read_rows(PAPER) if row["reading"] == "street"]
 SHOWN = "[...byId('claims').querySelectorAll('tr.claim')].map(row => row.id)"
 
 
 def with_bench(folder: Path) -> Path:
-    """The committed evaluation under the default reading, and a made-up outcome of another: C14 is
-    turned round, C11 is a prediction, and by the default's metrics nothing holds.
+    """The committed evaluation under one reading, and a made-up outcome of another: C14 is turned
+    round, C11 is retrodicted, C16 holds in part, C25 is C23's number, and by the metrics of a run
+    nothing holds.
     """
-    by_default = dict.fromkeys(("value", "low", "high")) | {"verdict": "not reproduced"}
-    turned = {"C14": {"verdict": "reproduced", "marginal": True}, "C11": {"kind": "prediction"}}
+    by_run = dict.fromkeys(("value", "low", "high")) | {"verdict": "not reproduced"}
+    legs = [{"name": "higher", "held": 3, "effects": 3}, {"name": "more", "held": 0, "effects": 2}]
+    turned = {
+        "C14": {"verdict": "reproduced", "marginal": True},
+        "C11": {"kind": "retrodicted"},
+        "C16": {"verdict": "in part", "legs": legs},
+        "C25": {"same_as": "C23"},
+    }
     bench = [
         row
-        | {"reading": "bench", "by_default_metrics": by_default, "note": "made up"}
+        | {"reading": "bench", "by_run_metrics": by_run, "note": "made up"}
         | turned.get(row["id"], {})
         for row in ROWS
     ]
     (folder / "verdicts.json").write_text(json.dumps(ROWS + bench))
     shown = [
-        one.as_json() | {"settings": []} for one in (load_reading("default"), load_reading("bench"))
+        one.as_json() | {"settings": []} for one in (load_reading("street"), load_reading("bench"))
     ]
     (folder / "readings.json").write_text(json.dumps(shown))
     return folder
@@ -47,7 +54,7 @@ def with_bench(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory) -> str:
-    """Of the committed evaluation with a made-up reading beside the default."""
+    """Of the committed evaluation with a made-up reading beside it."""
     copy = copied(PAPER, tmp_path_factory.mktemp("page") / "evaluation")
     return evaluation.page(signed(with_bench(copy)))
 
@@ -80,11 +87,11 @@ def test_every_claim_is_there_with_what_was_expected_found_and_judged(page):
     for name in ("id", "claim", "kind", "expect", "test"):
         assert [one[name] for one in shown] == [row[name] for row in ROWS]
     for name in ("verdict", "marginal", "note"):
-        assert [one["found"]["default"][name] for one in shown] == [row[name] for row in ROWS]
+        assert [one["found"]["street"][name] for one in shown] == [row[name] for row in ROWS]
     found = [[row[name] for name in ("value", "low", "high")] for row in ROWS]
-    assert [one["found"]["default"]["found"] for one in shown] == found
+    assert [one["found"]["street"]["found"] for one in shown] == found
     other = {one["id"]: one["found"]["bench"] for one in shown}
-    assert (other["C14"]["verdict"], other["C11"]["kind"]) == ("reproduced", "prediction")
+    assert (other["C14"]["verdict"], other["C11"]["kind"]) == ("reproduced", "retrodicted")
 
 
 def test_a_bound_has_its_sign_and_is_that_of_the_verdict(page):
@@ -110,19 +117,23 @@ def test_a_bound_has_its_sign_and_is_that_of_the_verdict(page):
 
 def test_a_bound_is_written_with_its_sign(browser, file):
     browser.open(file)
-    told = browser.evaluate(
-        "['C14', 'C5', 'C3', 'C4', 'C1'].map((one) => byId(one).cells[3].textContent)"
-    )
-    assert told == ["> 0", "\u2264 1.1", "\u2265 0.99", "> 0", "0.82 \u00b1 0.05"]
-    browser.evaluate("byId('C4').querySelector('button').click()")
-    told = browser.evaluate("byId('C4').nextElementSibling.textContent")
-    assert "Expectedeach effect > 0" in told and "bound" not in told
+    told = browser.evaluate("['C14', 'C1'].map((one) => byId(one).cells[3].textContent)")
+    assert told == ["1 > 2 > 3 cars", "82 %"], "the paper's value"
+    for claim, expected in (
+        ("C5", "\u2264 1.1"),
+        ("C3", "\u2265 0.99"),
+        ("C4", "each effect above 1 % of the value"),
+        ("C1", "0.82 \u00b1 0.05"),
+    ):
+        browser.evaluate(f"byId('{claim}').querySelector('button').click()")
+        told = browser.evaluate(f"byId('{claim}').nextElementSibling.textContent")
+        assert f"Expected{expected}" in told, claim
 
 
 def test_each_reading_is_there_with_reasons_quotes_and_what_was_known(page):
-    default, bench = embedded(page)["readings"]
-    assert default["metrics"].keys() == bench["metrics"].keys()
-    assert default["metrics"]["boost"]["says"] != bench["metrics"]["boost"]["says"]
+    street, bench = embedded(page)["readings"]
+    assert street["metrics"].keys() == bench["metrics"].keys()
+    assert street["metrics"]["boost"]["says"] != bench["metrics"]["boost"]["says"]
     assert bench["known"] and all(choice["quote"] and choice["why"] for choice in bench["choices"])
 
 
@@ -140,7 +151,7 @@ def test_first_answers_and_results_are_those_of_the_metrics(page):
     metrics = {
         (one["scenario"], one["metric"], one["method"], one["component"]): one
         for one in rows
-        if one["reading"] == "default"
+        if one["reading"] == "street"
     }
     mean = embedded(page)["answers"][0]
     for answer in ("first", "result"):
@@ -205,7 +216,7 @@ def test_reproduce_writes_the_page(monkeypatch):
     from genie_sim.paper.reproduce import reproduce
 
     monkeypatch.delenv("GENIE_SIM_KITTI", raising=False)
-    made = reproduce(Path("out"), quick=True, seeds=1, workers=1, reading="default").folder
+    made = reproduce(Path("out"), quick=True, seeds=1, workers=1, reading="street").folder
     assert (made / "report.html").read_text(encoding="utf-8") == evaluation.page(made)
 
 
@@ -282,11 +293,12 @@ def test_the_reading_decides_which_verdicts_are_filtered(browser, file):
     counts = browser.evaluate("byId('counts').textContent")
     predictions = [row["verdict"] for row in ROWS if row["kind"] == "prediction"]
     assert f"prediction{predictions.count('reproduced')} of {len(predictions)}" in counts
-    assert "all, by the default's metrics" in counts
+    assert "retrodicted or prediction, by the metrics of a run" in counts
+    assert "all" not in counts.split(), "kinds are never added up"
     heads = browser.evaluate(
         "[...byId('claims').tHead.rows[0].cells].map(cell => cell.textContent)"
     )
-    assert heads[-2:] == ["default", "bench"]
+    assert heads[-2:] == ["street", "bench, retrodicted"]
     assert browser.evaluate("byId('C14').cells[4].textContent").startswith("not reproduced")
     assert browser.evaluate("byId('C14').cells[5].textContent").startswith("reproducedmarginal")
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
@@ -297,18 +309,26 @@ def test_the_reading_decides_which_verdicts_are_filtered(browser, file):
     )
     browser.evaluate("byId('verdict-filter').querySelector('button').click()")
     assert "C14" not in browser.evaluate(SHOWN)
-    choose(browser, "reading", "default")
+    choose(browser, "reading", "street")
     browser.evaluate("byId('marginal').click()")
     assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS if row["marginal"]]
+
+
+def test_the_parts_of_a_claim_and_what_is_counted_once_are_told(browser, file):
+    browser.open(file)
+    assert browser.evaluate("byId('C16').cells[5].textContent").endswith(
+        "higher: 3 of 3; more: 0 of 2"
+    )
+    browser.evaluate("byId('C25').querySelector('button').click()")
+    told = browser.evaluate("byId('C25').nextElementSibling.textContent")
+    assert "the number of C23, counted once" in told
 
 
 def test_readings_are_shown_with_what_they_mean(browser, file):
     browser.open(file)
     told = browser.evaluate("byId('reading-list').textContent")
     assert (
-        "on the bench" in told
-        and "similarity=exact" in told
-        and "Known when it was written" in told
+        "on a bench" in told and "similarity=exact" in told and "Known when it was written" in told
     )
     assert "objects then stored" in browser.evaluate("byId('meanings').textContent")
 
@@ -324,7 +344,7 @@ def test_a_click_on_a_claim_opens_its_evidence_and_its_figure(browser, file):
         and "made up" in told
         and f"{row['n']} seeds" in told
     )
-    assert "By the default's metrics" in told
+    assert "By the metrics of a run" in told
     (name,) = browser.evaluate(
         "[...byId('C14').nextElementSibling.querySelectorAll('img')].map(one => one.alt)"
     )

@@ -28,7 +28,7 @@ NS = 1_000_000_000
 
 
 def short_run(
-    scenario: str = "3car_hetero", cars: int = 3, seconds: float = 2.0, **settings: object
+    scenario: str = "street_3car_hetero", cars: int = 3, seconds: float = 2.0, **settings: object
 ) -> gs.Run:
     windows = {f"cars[{i}].route.window": ["0 s", f"{seconds} s"] for i in range(cars)}
     return gs.run(scenario, windows | settings)
@@ -157,7 +157,7 @@ def test_there_is_one_end_of_the_simulated_time(run, page):
 
 
 def test_the_page_lists_the_methods_that_ran_in_their_order():
-    run = short_run("1car_homo", 1, 1.0, methods=["genie", "local"])
+    run = short_run("street_1car_homo", 1, 1.0, methods=["genie", "local"])
     assert [one["name"] for one in embedded(html_page.page(run))["methods"]] == ["genie", "local"]
     for script in Path(html_page.__file__).parent.glob("*.js"):
         assert not re.search(
@@ -211,7 +211,7 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
 
 def test_what_a_map_forgets_is_gone_from_the_replay():
     run = short_run(
-        "1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}}
+        "street_1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}}
     )
     shown = embedded(html_page.page(run))["replay"]
     gone = sum(confidences.count(-1) for *_, confidences in of_method(shown, "genie")["objects"])
@@ -229,7 +229,7 @@ def test_a_run_without_poses_says_so(run):
 @pytest.mark.slow
 def test_two_minutes_of_three_cars_stay_below_8_megabytes():
     laps = {f"cars[{i}].route.laps": 12 for i in range(3)}
-    run = gs.run("3car_hetero", laps)
+    run = gs.run("street_3car_hetero", laps)
     assert run.poses["stamp_ns"].max() > 120 * NS
     page = html_page.page(run)
     print(f"{len(page.encode()) / MEGABYTE:.1f} MB")
@@ -245,7 +245,7 @@ def test_the_longest_replay_stays_below_8_megabytes(monkeypatch):
         "genie.similarity": "exact",
         "genie.eviction": "lru",
     }
-    page = html_page.page(gs.run("3car_hetero", settings | {"genie.capacity": "10 entries"}))
+    page = html_page.page(gs.run("street_3car_hetero", settings | {"genie.capacity": "10 entries"}))
     shown = embedded(page)
     assert any("every frame from" in note for note in shown["notes"])
     assert 4 * len(json.dumps(shown["replay"], separators=(",", ":"))) < 7.5 * MEGABYTE
@@ -256,8 +256,8 @@ def test_the_longest_replay_stays_below_8_megabytes(monkeypatch):
 
 def test_run_writes_the_page_unless_told_not_to(capsys):
     short = ["--set", "cars[0].route.window=[0 s, 1 s]", "--set", "methods=[genie]"]
-    assert main(["run", "1car_homo", *short, "--out", "with"]) == 0
-    assert main(["run", "1car_homo", *short, "--out", "without", "--no-report"]) == 0
+    assert main(["run", "street_1car_homo", *short, "--out", "with"]) == 0
+    assert main(["run", "street_1car_homo", *short, "--out", "without", "--no-report"]) == 0
     (made,), (bare,) = Path("with").iterdir(), Path("without").iterdir()
     assert (made / "report.html").is_file()
     assert not (bare / "report.html").exists()
@@ -578,7 +578,7 @@ def test_what_is_clicked_in_the_strip_stays_under_the_pointer(browser, tmp_path)
     """Of a run that is longer than the strip is wide: neither the page nor the strip's stretch of
     time moves.
     """
-    run = short_run("3car_hetero", 3, 9.0)
+    run = short_run("street_3car_hetero", 3, 9.0)
     browser.size(420, 800)
     browser.open(run.report(tmp_path / "r.html"))
     x, y = middle(browser, "strip")
@@ -905,7 +905,7 @@ def test_a_curve_is_read_off_with_the_pointer_and_with_keys(browser, file):
 
 
 def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
-    run = short_run("case_study", 2, 1.0)
+    run = short_run("street_case_study", 2, 1.0)
     browser.open(run.report(tmp_path / "r.html"))
     for stream, begin in (
         (0, "car1 takes the picture"),
@@ -919,17 +919,17 @@ def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
 @pytest.mark.parametrize(
     ("scenario", "cars", "settings"),
     [
-        ("case_study", 2, {}),
-        ("1car_homo", 1, {"methods": ["local"]}),
-        ("1car_homo", 1, {"methods": ["remote", "local"]}),
+        ("street_case_study", 2, {}),
+        ("street_1car_homo", 1, {"methods": ["local"]}),
+        ("street_1car_homo", 1, {"methods": ["remote", "local"]}),
         (
-            "1car_homo",
+            "street_1car_homo",
             1,
             {"cars[0].edge": None, "cars[0].link": None, "edges": [], "methods": ["genie"]},
         ),
-        ("2car_homo", 2, {"genie.algorithm": "literal"}),
+        ("street_2car_homo", 2, {"genie.algorithm": "literal"}),
         (
-            "2car_homo",
+            "street_2car_homo",
             2,
             {
                 "genie.object_map.threshold": "empirical",

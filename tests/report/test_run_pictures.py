@@ -26,7 +26,7 @@ WINDOWS = {"cars[0].route.window": ["0 s", "1 s"], "cars[1].route.window": ["0.5
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> gs.Run:
     settings = {**WINDOWS, "cars[0].route.laps": 2}
-    return gs.run("2car_homo", settings, out=tmp_path_factory.mktemp("runs"))
+    return gs.run("street_2car_homo", settings, out=tmp_path_factory.mktemp("runs"))
 
 
 def replay_of(page: str) -> dict:

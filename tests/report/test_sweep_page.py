@@ -22,7 +22,7 @@ pytestmark = pytest.mark.slow
 
 SMALL = """
 description: DESCRIPTION
-scenario: 1car_homo
+scenario: street_1car_homo
 set: {methods: [local], "cars[0].route.window": [0 s, 1 s], record: []}
 seeds: 1
 axes:

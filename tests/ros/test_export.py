@@ -28,7 +28,7 @@ def run() -> Run:
         "cars[0].route.window=[0 s, 2 s]",
         "genie.object_map.freshness={name: ttl, ttl: 300 ms}",
     ]
-    return run_in_memory(load_scenario("1car_hetero", settings))
+    return run_in_memory(load_scenario("street_1car_hetero", settings))
 
 
 @pytest.fixture(scope="module", params=["mcap", "bag"])
@@ -153,7 +153,7 @@ def test_a_result_folder_on_the_command_line(tmp_path, capsys):
     from genie_sim.cli.main import main
 
     folder = run_to_folder(
-        load_scenario("1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path
+        load_scenario("street_1car_hetero", ["cars[0].route.window=[0 s, 1 s]"]), tmp_path
     ).folder
     assert main(["export", str(folder)]) == 0
     assert capsys.readouterr().out.startswith(f"{folder / 'run.mcap'}: ")

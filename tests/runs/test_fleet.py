@@ -668,7 +668,9 @@ def test_a_fleet_changes_edges_without_delay_between_old_and_new():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("settings", [("3car_hetero",), ("fleet_30", "perception.duration=3 s")])
+@pytest.mark.parametrize(
+    "settings", [("street_3car_hetero",), ("fleet_30", "perception.duration=3 s")]
+)
 def test_a_run_makes_nothing_that_only_the_cycle_collector_frees(settings):
     """It is off meanwhile, and on again afterwards."""
     scenario, *overrides = settings

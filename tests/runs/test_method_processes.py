@@ -84,14 +84,14 @@ def test_progress_is_that_of_all_methods_together(tmp_path):
 @pytest.mark.parametrize("workers", [0, -1, 1.5, "two", True, None])
 def test_workers_are_a_whole_number_from_one_on(workers):
     with pytest.raises(gs.UserError, match=r"^workers: .*: expected a whole number from 1 on$"):
-        gs.run("1car_homo", workers=workers)
+        gs.run("street_1car_homo", workers=workers)
 
 
 def test_workers_are_for_one_run_and_jobs_for_several(capsys):
     with pytest.raises(gs.UserError, match="workers: is for one run; with seeds give jobs"):
-        gs.run("1car_homo", seeds=2, workers=2)
-    assert main(["run", "1car_homo", "--seeds", "2", "--workers", "2"]) == 1
-    assert main(["run", "1car_homo", "--jobs", "2"]) == 1
+        gs.run("street_1car_homo", seeds=2, workers=2)
+    assert main(["run", "street_1car_homo", "--seeds", "2", "--workers", "2"]) == 1
+    assert main(["run", "street_1car_homo", "--jobs", "2"]) == 1
     assert capsys.readouterr().err.splitlines() == [
         "genie-sim: --workers: is for one run; with --seeds give --jobs",
         "genie-sim: --jobs: goes with --seeds; for one run give --workers",
@@ -100,7 +100,7 @@ def test_workers_are_for_one_run_and_jobs_for_several(capsys):
 
 @pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
 def test_workers_that_are_none_are_refused_by_name(workers, capsys):
-    assert main(["run", "1car_homo", "--workers", workers]) == 2
+    assert main(["run", "street_1car_homo", "--workers", workers]) == 2
     assert "Invalid value for '--workers'" in capsys.readouterr().err
 
 
@@ -110,7 +110,7 @@ def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
 
     monkeypatch.setattr("genie_sim.runs.method_processes.in_processes", refuse)
     settings = {"cars[0].route.window": ["0 s", "0.3 s"]}
-    gs.run("1car_homo", settings, methods=["local"], workers=8)
+    gs.run("street_1car_homo", settings, methods=["local"], workers=8)
 
 
 def memory_told_by(program: str) -> list[int]:

@@ -219,7 +219,7 @@ def test_code_of_ones_own_that_raises_is_one_line_and_debug_shows_where(
     (tmp_path / "raising.py").write_text(RAISING)
     command = [
         "run",
-        "1car_homo",
+        "street_1car_homo",
         "--no-report",
         "--set",
         "cars[0].route.window=[0 s, 1 s]",
@@ -366,7 +366,7 @@ def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where
         + ("sys.exit('no licence')\n" if where else "")
     )
     ended = subprocess.run(
-        [sys.executable, "-m", "genie_sim", "run", "1car_homo", "--methods", "quits:Quits"],
+        [sys.executable, "-m", "genie_sim", "run", "street_1car_homo", "--methods", "quits:Quits"],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         capture_output=True,
@@ -380,7 +380,7 @@ def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where
 
 
 def test_a_module_is_named_without_its_suffix(capsys):
-    assert main(["run", "1car_hetero", "--methods", "skip.py:Skip"]) == 1
+    assert main(["run", "street_1car_hetero", "--methods", "skip.py:Skip"]) == 1
     assert "a module is named without .py: skip:Skip" in capsys.readouterr().err
 
 
@@ -388,5 +388,5 @@ def test_a_check_counts_only_for_the_methods_that_are_chosen():
     """No request waits for an answer where no Genie runs."""
     overrides = ["genie.request_expiry=1us"]
     with pytest.raises(UserError, match="request_expiry"):
-        load_scenario("1car_homo", overrides)
-    assert load_scenario("1car_homo", overrides, methods=["local", "remote"])
+        load_scenario("street_1car_homo", overrides)
+    assert load_scenario("street_1car_homo", overrides, methods=["local", "remote"])

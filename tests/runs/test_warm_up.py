@@ -27,7 +27,9 @@ OF_ALL = f"methods={METHODS}".replace("'", '"')
 
 
 def run(warm_up: str) -> Run:
-    return run_in_memory(load_scenario("2car_hetero", [*SHORT, f"warm_up={warm_up}", OF_ALL]))
+    return run_in_memory(
+        load_scenario("street_2car_hetero", [*SHORT, f"warm_up={warm_up}", OF_ALL])
+    )
 
 
 @pytest.fixture(scope="module")
@@ -111,12 +113,13 @@ def test_a_warm_up_longer_than_the_run_is_one_clear_line():
     with pytest.raises(UserError) as error:
         run("1 min")
     assert str(error.value) == (
-        "2car_hetero: warm_up: 60 s leaves nothing to count: the last frame is taken at 3.2 s"
+        "street_2car_hetero: warm_up: 60 s leaves nothing to count: the last frame is taken at"
+        " 3.2 s"
     )
 
 
 def test_everything_says_what_is_not_counted(tmp_path: Path):
-    scenario = load_scenario("1car_homo", [SHORT[0], "warm_up=1 s", "methods=[genie]"])
+    scenario = load_scenario("street_1car_homo", [SHORT[0], "warm_up=1 s", "methods=[genie]"])
     made = run_to_folder(scenario, tmp_path)
     said = "without the first 1 s"
     shown: Sequence[Callable[[Run], str]] = (

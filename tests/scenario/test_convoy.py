@@ -89,15 +89,15 @@ def test_a_mistake_in_a_convoy_is_told_in_one_line(data, said):
     ],
 )
 def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
-    made = EvaluationRun("3car_hetero", 1, (f"server={server}",)).load()
+    made = EvaluationRun("street_3car_hetero", 1, (f"server={server}",)).load()
     assert ([edge.device for edge in made.edges], [car.edge for car in made.cars]) == (
         devices,
         edges,
     )
-    alike = EvaluationRun("3car_homo", 1, (f"server={server}",)).load()
+    alike = EvaluationRun("street_3car_homo", 1, (f"server={server}",)).load()
     assert [edge.device for edge in alike.edges] == [XAVIER] * 3
     with pytest.raises(UserError, match="unknown server 'al'"):
-        EvaluationRun("3car_homo", 1, ("server=al",)).load()
+        EvaluationRun("street_3car_homo", 1, ("server=al",)).load()
 
 
 def test_cars_of_a_convoy_start_one_after_another():

@@ -329,12 +329,12 @@ def test_settings_of_methods_are_worked_out_once_a_run(monkeypatch):
     counting.__set_name__(Scenario, "method_settings")
     monkeypatch.setattr(Scenario, "method_settings", counting)
     short = [f"cars[{car}].route.window=[0 s, 0.3 s]" for car in range(3)]
-    run_in_memory(load_scenario("3car_hetero", short))
+    run_in_memory(load_scenario("street_3car_hetero", short))
     assert resolved == [3]
 
 
 def test_a_scenario_that_is_changed_has_settings_of_its_own():
-    setting = load_scenario("3car_hetero")
+    setting = load_scenario("street_3car_hetero")
     changed = replace(setting, queue_length=7)
     assert {one.queue_length for one in setting.method_settings.values()} == {1}
     assert {one.queue_length for one in changed.method_settings.values()} == {7}

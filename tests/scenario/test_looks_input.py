@@ -109,7 +109,7 @@ def test_the_file_or_the_option_is_named(
 def test_what_only_other_methods_use_is_not_refused():
     """A setting of the whole scenario concerns the paper's Genie beside the recommended one."""
     methods = "methods=[genie, {name: paced, method: genie, genie: {algorithm: recommended}}]"
-    scenario = load_scenario("1car_homo", [methods, "genie.similarity=exact"])
+    scenario = load_scenario("street_1car_homo", [methods, "genie.similarity=exact"])
     assert scenario.method_settings[scenario.methods[0].name].genie.similarity.name == "exact"
 
 
@@ -118,15 +118,17 @@ def test_a_car_without_cameras_has_a_cache_with_settings():
     genie = "algorithm: recommended, similarity: {cell: 2 m}, looks: {told: {gate: 1 m}}"
     with pytest.raises(UserError, match=r"genie\.looks\.told: cars replay recordings"):
         load_scenario(
-            "case_study", [f"methods=[{{name: paced, method: genie, genie: {{{genie}}}}}]"]
+            "street_case_study", [f"methods=[{{name: paced, method: genie, genie: {{{genie}}}}}]"]
         )
 
 
 def test_a_genie_in_front_of_edges_has_a_cache():
     """So its settings have an effect."""
-    load_scenario("1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")])
+    load_scenario(
+        "street_1car_homo", [LRU.replace("eviction", "looks: {edge: in_front}, eviction")]
+    )
     places = "looks: {edge: in_front}, object_map: {gate: 2 m}, eviction"
-    load_scenario("1car_homo", [LRU.replace("eviction", places)])
+    load_scenario("street_1car_homo", [LRU.replace("eviction", places)])
 
 
 @pytest.mark.parametrize(
@@ -144,11 +146,11 @@ def test_only_a_genie_beside_the_edge_tells_by_itself(edge: str, tells: bool):
 
 def test_without_a_genie_beside_the_edge_nobody_is_told_that_it_is_silent():
     entry = "{name: mine, method: genie, genie: {algorithm: recommended, looks: {edge: none}}}"
-    assert notes(load_scenario("3car_hetero", [f"methods=[{entry}]"])) == []
+    assert notes(load_scenario("street_3car_hetero", [f"methods=[{entry}]"])) == []
 
 
 def test_every_setting_written_out_is_read_back():
-    scenario = load_scenario("1car_homo", ["genie=recommended"])
+    scenario = load_scenario("street_1car_homo", ["genie=recommended"])
     assert read_scenario(parse(scenario.to_yaml(), "written")) == scenario
 
 
@@ -158,5 +160,5 @@ def test_the_time_to_pass_a_message_on_needs_looks():
 
 def refused(override: str, message: str) -> Any:
     with pytest.raises(UserError) as error:
-        load_scenario("1car_homo", [override])
+        load_scenario("street_1car_homo", [override])
     assert message in str(error.value) and "\n" not in str(error.value)

@@ -13,7 +13,7 @@ OTHER_TIMES = "cars replay recordings at different times, so what one sees is no
 
 
 def test_a_run_says_where_cars_cannot_share_what_they_see():
-    assert notes(load_scenario("3car_hetero", [RECOMMENDED])) == [
+    assert notes(load_scenario("street_3car_hetero", [RECOMMENDED])) == [
         f"mine: edges tell cars nothing, because {OTHER_TIMES}."
     ]
 
@@ -22,8 +22,8 @@ def test_a_run_says_where_cars_cannot_share_what_they_see():
     ("scenario", "genie"),
     [
         ("fleet_30", "recommended"),
-        ("3car_hetero", "{algorithm: recommended, looks: {told: null}}"),
-        ("3car_hetero", "{}"),
+        ("street_3car_hetero", "{algorithm: recommended, looks: {told: null}}"),
+        ("street_3car_hetero", "{}"),
     ],
     ids=["one world", "as the user wants it", "a Genie that looks at misses"],
 )
@@ -35,6 +35,8 @@ def test_and_says_nothing_elsewhere(scenario: str, genie: str):
 def test_what_edges_tell_is_refused_there_in_one_line():
     told = "{algorithm: recommended, looks: {told: {p_min: 0.9}}}"
     with pytest.raises(UserError) as error:
-        load_scenario("3car_hetero", [f"methods=[{{name: mine, method: genie, genie: {told}}}]"])
+        load_scenario(
+            "street_3car_hetero", [f"methods=[{{name: mine, method: genie, genie: {told}}}]"]
+        )
     assert f"methods[0].genie.looks.told: {OTHER_TIMES}; leave it out" in str(error.value)
     assert "\n" not in str(error.value)

@@ -84,12 +84,15 @@ def test_the_papers_six_scenarios(name: str) -> None:
     first_edge = "quadro_rtx_4000" if name.endswith("hetero") else "agx_xavier"
     assert [edge.device for edge in paper.edges] == [first_edge] + ["agx_xavier"] * (cars - 1)
     assert [car.edge for car in paper.cars] == [edge.name for edge in paper.edges]
+    routes = [(car.route.window_ns, car.route.start_ns, car.route.laps) for car in paper.cars]
+    assert routes == [(None, place * 1_000_000_000, 2) for place in range(cars)]
+    street = load_scenario(f"street_{name}")
     windows_s = [
-        [instant_ns / 1e9 for instant_ns in car.route.window_ns or ()] for car in paper.cars
+        [instant_ns / 1e9 for instant_ns in car.route.window_ns or ()] for car in street.cars
     ]
     assert windows_s == [[0, 9.2], [3.1, 12.3], [6.2, 15.4]][:cars]
     hint_for_editors, *lines = (ROOT / f"scenarios/{name}.yaml").read_text().splitlines()
-    assert hint_for_editors.startswith("# yaml-language-server") and len(lines) <= 12
+    assert hint_for_editors.startswith("# yaml-language-server") and len(lines) <= 20
 
 
 def test_defaults_are_those_of_the_semantics() -> None:
@@ -386,7 +389,10 @@ MISTAKES = [
     ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
-    ("scenario: 1car_homo\naxes: {}\n", "axes: belongs to a sweep, which 'genie-sim sweep' runs"),
+    (
+        "scenario: street_1car_homo\naxes: {}\n",
+        "axes: belongs to a sweep, which 'genie-sim sweep' runs",
+    ),
     # what does not exist
     (
         with_car(edge="edge9"),

@@ -105,7 +105,7 @@ def test_a_map_that_forgets_is_affected_and_tables_are_in_true_time():
     tables = []
     for faults in ([fault], []):
         settings = {"methods": [genie], "faults": faults, "record": ["lookups", "objects"]}
-        tables.append(simulate(prepare(load_scenario("3car_hetero", settings))))
+        tables.append(simulate(prepare(load_scenario("street_3car_hetero", settings))))
     objects, usual = (table["objects"].to_frame() for table in tables)
     assert not objects.equals(usual)
     frames, lookups = (tables[0][name].to_frame() for name in ("frames", "lookups"))

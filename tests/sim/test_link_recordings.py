@@ -307,7 +307,7 @@ def test_an_imported_drive_is_replayed(run_cli, tmp_path):
     assert drive.about["licence"] == "CC0" and len(drive.about["sha256"]) == 64
     assert drive.columns["t_ns"][0] == 0
     replayed = "{model: trace, rate: drive.parquet, rtt: drive.parquet}"
-    run = ("run", "1car_homo", "--set", "methods=[remote]", "--no-report")
+    run = ("run", "street_1car_homo", "--set", "methods=[remote]", "--no-report")
     ran = run_cli(*run, "--set", f"cars[0].link={replayed}")
     assert ran.returncode == 0, ran.stderr
 

@@ -85,7 +85,7 @@ def test_without_genie_a_car_without_cameras_has_nothing(method):
 
 
 def test_the_shipped_case_study_can_be_read():
-    assert [car.cameras for car in load_scenario("case_study").cars] == [True, False]
+    assert [car.cameras for car in load_scenario("street_case_study").cars] == [True, False]
 
 
 @pytest.mark.parametrize(

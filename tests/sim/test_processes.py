@@ -141,7 +141,7 @@ def test_a_broken_process_ends_the_run_with_one_line_and_writes_nothing(
     own = {"fault": f"{OWN}:{name}", "target": "edge1", "begin": "100 ms"}
     done = run_cli(
         "run",
-        "1car_homo",
+        "street_1car_homo",
         "--methods",
         "remote",
         "--set",

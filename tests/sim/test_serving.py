@@ -208,7 +208,7 @@ def test_one_picture_at_a_time_is_the_usual_detector_to_the_byte(monkeypatch):
     """
     short = [f"cars[{i}].route.window=[{i} s, {i + 2} s]" for i in range(3)]
     settings = load_scenario(
-        "3car_hetero", [*short, "methods=[remote,genie,sim_lru,{method: foggycache}]"]
+        "street_3car_hetero", [*short, "methods=[remote,genie,sim_lru,{method: foggycache}]"]
     )
     usual = run_in_memory(settings)
     monkeypatch.setattr(world, "ONE_BY_ONE", None)  # no setting is the usual detector's any more
@@ -220,7 +220,7 @@ def test_one_picture_at_a_time_is_the_usual_detector_to_the_byte(monkeypatch):
 
 def test_steps_of_a_batch_add_up_and_name_the_wait():
     settings = load_scenario(
-        "3car_hetero",
+        "street_3car_hetero",
         [
             "methods=[{method: remote, serving: {batch: 4, wait: 15 ms, queue: per_camera}}]",
             *(f"cars[{i}].route.window=[{i} s, {i + 2} s]" for i in range(3)),
@@ -303,7 +303,7 @@ def test_an_edge_has_a_serving_of_its_own_and_methods_another():
 )
 def test_wrong_settings_are_one_line(change: str, said: str):
     with pytest.raises(UserError) as error:
-        load_scenario("3car_hetero", [change])
+        load_scenario("street_3car_hetero", [change])
     assert said in str(error.value) and "\n" not in str(error.value)
 
 

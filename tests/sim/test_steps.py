@@ -333,5 +333,5 @@ def test_who_samples_right_behind_a_camera_follows_no_frame():
     its way, it would keep the run going until all patience is over, ten minutes after the last
     frame.
     """
-    run = run_in_memory(load_scenario("3car_homo", ["seed=7", "methods=[local]"]))
+    run = run_in_memory(load_scenario("street_3car_homo", ["seed=7", "methods=[local]"]))
     assert run.resources["t_ns"].max() < 20_000 * MS

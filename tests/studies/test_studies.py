@@ -51,7 +51,7 @@ def test_every_point_of_a_search_is_a_scenario(path: Path):
 @pytest.mark.parametrize("name", [*where_it_pays.WITHOUT_GENIE, where_it_pays.GENIE])
 def test_a_method_gets_the_settings_of_its_tracks(name: str):
     methods = [where_it_pays.tuned(name, 0.6, 100)]
-    scenario = load_scenario("3car_hetero", {"methods": methods})
+    scenario = load_scenario("street_3car_hetero", {"methods": methods})
     (setting,) = scenario.method_settings.values()
     if name == where_it_pays.GENIE:
         tracks = setting.genie.object_map.freshness.parameters

@@ -16,14 +16,14 @@ from genie_sim.study.design import load_design
 
 def design(seeds: int | list[int]) -> Any:
     axes = {"rate": {"set": "genie.object_map.rate", "list": [0.1, 0.5]}}
-    Path("s.yaml").write_text(dump({"scenario": "1car_homo", "seeds": seeds, "axes": axes}))
+    Path("s.yaml").write_text(dump({"scenario": "street_1car_homo", "seeds": seeds, "axes": axes}))
     return load_design(Path("s.yaml"))
 
 
 def test_the_footer_names_the_sweep_its_points_and_its_seeds():
-    assert printed.footer_of(design(3)) == "sweep s of 1car_homo, 2 points, seeds 1, 2, 3"
+    assert printed.footer_of(design(3)) == "sweep s of street_1car_homo, 2 points, seeds 1, 2, 3"
     assert printed.footer_of(design([4, 9]), "mine") == (
-        "mine, sweep s of 1car_homo, 2 points, seeds 4, 9"
+        "mine, sweep s of street_1car_homo, 2 points, seeds 4, 9"
     )
     assert printed.footer_of(design(5)).endswith("seeds 1, 2, 3, 4, 5")
     assert printed.footer_of(design(6)).endswith("2 points, 6 seeds")

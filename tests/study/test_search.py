@@ -101,7 +101,7 @@ def space(**parameters: Any) -> dict[str, Any]:
 def search_of(parameters: Mapping[str, Any], **more: Any) -> dict[str, Any]:
     return {
         "name": "made-up",
-        "scenario": "1car_homo",
+        "scenario": "street_1car_homo",
         "methods": {"m": {"method": "local", "space": dict(parameters)}},
         "objectives": {"minimize": [FIRST, SECOND]},
         "points": 20,

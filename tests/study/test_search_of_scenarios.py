@@ -42,7 +42,7 @@ SPACE = {
     },
 }
 SHORT = {
-    "scenario": "1car_homo",
+    "scenario": "street_1car_homo",
     "set": {"cars[0].route.window": ["0 s", "1.5 s"], "record": ["held"]},
     "methods": {"remote": SPACE},
     "objectives": {"maximize": "streaming_f1", "minimize": "first_answer_p95"},
@@ -102,7 +102,7 @@ def test_figures_are_of_the_tuning_set_and_in_the_words_of_metrics():
 
 
 def test_a_point_sets_what_its_parameters_say():
-    work = search("3car_hetero", ["sim_lru", "genie"])
+    work = search("street_3car_hetero", ["sim_lru", "genie"])
     values = {"radius": 0.25, "feature": "yolox_gap", "consumer": "tracker", "encoding": "jpeg90"}
     scenario = work.scenario(Point("a", "sim_lru", values), {})
     (entry,) = scenario.methods
@@ -132,7 +132,7 @@ def test_a_setting_that_is_fixed_is_not_searched_and_conditions_know_it():
         "genie.object_map.freshness.name": "recommended",
         "genie.object_map.freshness.measured": False,
     }
-    design = load("3car_hetero", ["genie"], {"set": fixed})
+    design = load("street_3car_hetero", ["genie"], {"set": fixed})
     space = design.methods["genie"]
     assert not {"encoding", "algorithm"} & space.free(design.settings).keys()
     names = {name for name, _ in space.samples(design.settings)}
@@ -147,7 +147,7 @@ def test_the_library_returns_the_designs():
 
 def test_every_metric_of_a_run_can_be_an_objective_or_a_constraint():
     """Also those of a lap, of a link and of a node of a host."""
-    run = gs.run("1car_homo", settings={"cars[0].route.window": ["0 s", "1.5 s"]}, out="r")
+    run = gs.run("street_1car_homo", settings={"cars[0].route.window": ["0 s", "1.5 s"]}, out="r")
     names = run.metrics[["metric", "placement", "component"]].drop_duplicates()
     targets = [target_of(*name) for name in names.itertuples(index=False)]
     assert any("->" in target for target in targets)
@@ -346,7 +346,7 @@ def test_names_that_are_unknown():
     with pytest.raises(UserError, match=r"unknown search or scenario 'where_it_pay' .did you mean"):
         load("where_it_pay")
     with pytest.raises(UserError, match=r"unknown space 'genies' .did you mean 'genie'"):
-        load("3car_hetero", ["genies"])
+        load("street_3car_hetero", ["genies"])
     for wrong in ("image_encoding", "=raw"):
         assert main(["search", "where_it_pays", "--set", wrong]) == 1
     assert main(["search", "where_it_pays", "--backend", "dask"]) == 2

@@ -18,7 +18,7 @@ from genie_sim.scenario.reading import load_scenario
 pytestmark = pytest.mark.slow
 
 SHORT = ["--set", "cars[0].route.window=[0 s, 2 s]", "--set", "methods=[remote, genie]"]
-RUN = ["run", "1car_hetero", *SHORT]
+RUN = ["run", "street_1car_hetero", *SHORT]
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def test_means_and_intervals_are_those_of_separate_runs(folder):
     overrides = SHORT[1::2]
     values = []
     for seed in (2, 5, 9):
-        run = run_in_memory(load_scenario("1car_hetero", overrides, seed))
+        run = run_in_memory(load_scenario("street_1car_hetero", overrides, seed))
         (metric,) = [
             metric
             for metric in run.measured
@@ -101,7 +101,7 @@ def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
 
 def test_of_three_methods_the_other_pairs_are_a_command_away(tmp_path, capsys):
     short = ["--set", "cars[0].route.window=[0 s, 1 s]", "--no-report", "--jobs", "1"]
-    assert main(["run", "1car_hetero", *short, "--seeds", "2", "--out", str(tmp_path)]) == 0
+    assert main(["run", "street_1car_hetero", *short, "--seeds", "2", "--out", str(tmp_path)]) == 0
     (folder,) = tmp_path.iterdir()
     told = capsys.readouterr().out
     assert f"Other pairs: genie-sim compare {folder} --methods remote,genie" in told
@@ -127,9 +127,11 @@ def test_a_label_is_what_tables_figures_and_pages_say(folder, tmp_path, capsys):
 
     shutil.copytree(folder, tmp_path / folder.name)
     assert main([*arguments, str(tmp_path)]) == 0
-    assert f"{label} (1car_hetero): 1 car" in capsys.readouterr().out
+    assert f"{label} (street_1car_hetero): 1 car" in capsys.readouterr().out
     runs = seeds_of(tmp_path / folder.name)
-    assert runs.title == label and runs.footer.startswith(f"{label}, 1car_hetero, seeds 2, 5, 9")
+    assert runs.title == label and runs.footer.startswith(
+        f"{label}, street_1car_hetero, seeds 2, 5, 9"
+    )
     assert label in (tmp_path / folder.name / "report.html").read_text(encoding="utf-8")
     one = tmp_path / "one"
     assert main([*RUN, "--seed", "2", "--label", label, "--out", str(one)]) == 0
@@ -163,7 +165,7 @@ def test_comparing_takes_folders_of_seeds_methods_and_labels_as_lists(folder, tm
 
 def test_a_sweep_without_axes_is_the_same_and_takes_seeds_and_methods(folder, tmp_path, capsys):
     text = """
-scenario: 1car_hetero
+scenario: street_1car_hetero
 set: {"cars[0].route.window": [0 s, 2 s], methods: [remote, genie]}
 seeds: [2, 5, 9]
 """
@@ -186,7 +188,7 @@ seeds: [2, 5, 9]
         (["--seeds", "0"], "--seeds: '0': expected how many, such as 5, or which, such as 3,7"),
         (["--seeds", "a"], "--seeds: 'a': expected how many"),
         (["--seeds", "1,,2"], "--seeds: '1,,2': expected how many"),
-        (["--seeds", "1,1"], "1car_hetero: seeds: the seed 1 comes twice"),
+        (["--seeds", "1,1"], "street_1car_hetero: seeds: the seed 1 comes twice"),
         (["--seeds", "2", "--seed", "3"], "--seed and --seeds: give one of them"),
         (["--jobs", "2"], "--jobs: goes with --seeds"),
         (["--label", "a\nb"], "--label: must be one line of at most 60 characters"),

@@ -57,7 +57,7 @@ def _draws_only_where_figures_matter(
 
 
 SMALL = """
-scenario: 1car_homo
+scenario: street_1car_homo
 set: {"cars[0].route.window": [0 s, 1 s], methods: [genie]}
 seeds: 3
 axes:
@@ -82,7 +82,7 @@ def points(text: str) -> pd.DataFrame:
 
 
 def sampled(axes: str, samples: int = 20, more: str = "") -> pd.DataFrame:
-    return points(f"scenario: 1car_homo\nsamples: {samples}\n{more}\naxes:\n{axes}")
+    return points(f"scenario: street_1car_homo\nsamples: {samples}\n{more}\naxes:\n{axes}")
 
 
 SHARE = {
@@ -126,18 +126,18 @@ def test_cases_have_settings_of_their_own_and_a_scenario_can_be_one():
     design = load_design(
         Path(
             write("""
-scenario: 1car_homo
+scenario: street_1car_homo
 axes:
-  cars: {set: scenario, list: [1car_homo, 2car_homo]}
+  cars: {set: scenario, list: [street_1car_homo, street_2car_homo]}
   load: {list: {quiet: {}, busy: {"cars[0].route.laps": 2, "spread": loaded}}}
 """)
         )
     )
     found = [(point.levels, point.scenario, point.overrides) for point in design.points()]
-    assert found[0] == (("1car_homo", "quiet"), "1car_homo", ())
+    assert found[0] == (("street_1car_homo", "quiet"), "street_1car_homo", ())
     assert found[3] == (
-        ("2car_homo", "busy"),
-        "2car_homo",
+        ("street_2car_homo", "busy"),
+        "street_2car_homo",
         ("cars[0].route.laps=2", 'spread="loaded"'),
     )
 
@@ -294,9 +294,9 @@ MISTAKES = {
         "s.yaml: axes: make 4,000,000 runs; at most 1,000,000",
     ),
     "an unknown scenario": (
-        "1car_homo",
+        "street_1car_homo",
         "1car_hom",
-        "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)",
+        "s.yaml: unknown scenario '1car_hom' (did you mean 'street_1car_homo'?)",
     ),
     "no code of that name": (
         RATES,
@@ -375,7 +375,7 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     overrides += ["genie.object_map.gate=3 m", "genie.view_range=3 m"]
     measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
-        made = simulate(prepare(load_scenario("1car_homo", overrides, seed)))
+        made = simulate(prepare(load_scenario("street_1car_homo", overrides, seed)))
         tables = {name: made[name].to_frame() for name in tasks.MEASURED}
         for one in metrics.compute(METHODS, tables):
             values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
@@ -412,7 +412,11 @@ def test_each_axis_has_a_figure_and_the_folder_says_what_it_is(uninterrupted):
         "rate-gate",
     }
     about = json.loads((uninterrupted / "sweep.json").read_text())
-    assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (4, 12, "1car_homo")
+    assert (about["points"], about["runs"], about["sweep"]["scenario"]) == (
+        4,
+        12,
+        "street_1car_homo",
+    )
 
 
 @pytest.mark.drawn
@@ -500,15 +504,15 @@ def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch)
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
-    made = genie_sim.sweep("1car_homo", axes, settings, seeds=3, jobs=1)
+    made = genie_sim.sweep("street_1car_homo", axes, settings, seeds=3, jobs=1)
     pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
     assert drawn == []
     genie_sim.sweep(
-        "1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept"
+        "street_1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept"
     )
     assert drawn == ["sweep"]
     with pytest.raises(UserError, match=r"^sweep: speed=1: speed: unknown field"):
-        genie_sim.sweep("1car_homo", {"speed": [1, 2]}, settings, seeds=1)
+        genie_sim.sweep("street_1car_homo", {"speed": [1, 2]}, settings, seeds=1)
 
 
 def test_formulas_are_made_harmless_for_spreadsheets_numbers_are_kept(
@@ -548,7 +552,9 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
         " list: [0.1, 0.5]}}"
     )
     window = '"cars[0].route.window": [0 s, 1 s]'
-    write(f"scenario: 1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 2\naxes: {axes}\n")
+    write(
+        f"scenario: street_1car_homo\nset: {{{window}, methods: [genie]}}\nseeds: 2\naxes: {axes}\n"
+    )
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     table = pd.read_csv("results/s/table.csv")
     assert set(table["spread"]) == {"isolated", "loaded"} and set(table["order"]) == {0.1, 0.5}

@@ -25,7 +25,14 @@ UNITS = {
 
 def design(axes: dict[str, object]) -> Design:
     Path("s.yaml").write_text(
-        dump({"scenario": "1car_homo", "set": {"methods": ["genie"]}, "seeds": 3, "axes": axes})
+        dump(
+            {
+                "scenario": "street_1car_homo",
+                "set": {"methods": ["genie"]},
+                "seeds": 3,
+                "axes": axes,
+            }
+        )
     )
     return load_design(Path("s.yaml"))
 
@@ -97,7 +104,7 @@ def test_two_axes_and_their_map():
 def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
     random = {"set": "genie.view_range", "latin_hypercube": {"from": "10 m", "to": "90 m"}}
     Path("s.yaml").write_text(
-        dump({"scenario": "1car_homo", "samples": 6, "axes": {"rule": RULE, "view": random}})
+        dump({"scenario": "street_1car_homo", "samples": 6, "axes": {"rule": RULE, "view": random}})
     )
     table = runs({"rule": ["ema", "noisy_or"], "view [m]": [12.0, 45.0, 88.0]}, seeds=1)
     drawn = dict(figures.of_sweep(load_design(Path("s.yaml")), table, TITLES, "made up"))

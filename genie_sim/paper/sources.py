@@ -1,0 +1,64 @@
+"""Which sources decided the numbers of an evaluation, as digests, and whether a set-up is still the
+paper's.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from genie_sim.base import files
+from genie_sim.paper.checks import ALL, CASE
+from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.version import PACKAGE_FOLDER
+
+SET_UPS = (*ALL, CASE)
+TRACE = "kitti_0005"
+ASSUMPTIONS = Path(__file__).with_name("assumptions.yaml")
+# Rooms whose code decides numbers; the others show them, or bring them in and out.
+ROOMS = (
+    *("base", "core", "sim", "methods", "faults", "data", "worlds", "scenario"),
+    *("record", "judge", "analysis", "runs", "paper"),
+)
+
+
+def digests() -> dict[str, str]:
+    """A digest of each kind of source: what is equal gives equal numbers, on the same versions of
+    the packages.
+    """
+    traces = files.find(files.TRACE, TRACE).parent.glob(f"{TRACE}*.parquet")
+    package = (path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*"))
+    found = {
+        "package": (path for path in package if path.suffix in (".py", ".yaml")),
+        "scenarios": (files.find(files.SCENARIO, name) for name in SET_UPS),
+        "device_profiles": files.available(files.DEVICE).values(),
+        "traces": traces,
+    }
+    return {kind: _digest(paths) for kind, paths in found.items()}
+
+
+def _digest(paths: Iterable[Path]) -> str:
+    """Of files with their names, whatever their order."""
+    named = sorted((path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths)
+    return hashlib.sha256(json.dumps(named).encode()).hexdigest()
+
+
+def edited_set_ups() -> list[str]:
+    """A line for each scenario that is no longer what the paper's evaluation declares. Raises
+    ``UserError``.
+    """
+    declared: dict[str, str] = read_mapping(ASSUMPTIONS)["evaluation"]["scenarios"]
+    return [
+        f"{path}: edited, no longer the paper's set-up; the numbers are those of the edited one"
+        for name, path, digest in set_ups()
+        if declared[name] != digest
+    ]
+
+
+def set_ups() -> Iterator[tuple[str, Path, str]]:
+    """Each set-up's name, its file, and a digest of what it sets; comments do not count."""
+    for name in SET_UPS:
+        path = files.find(files.SCENARIO, name)
+        content = {key: value for key, value in read_mapping(path).items() if key != "description"}
+        text = json.dumps(content, sort_keys=True, default=str)
+        yield name, path, hashlib.sha256(text.encode()).hexdigest()[:16]
