@@ -315,7 +315,7 @@ def test_the_report_is_told_and_kept(run_cli, tmp_path):
     rows = drive(10, 40, heading_deg=90).splitlines()
     (tmp_path / "poses.csv").write_text("\n".join(rows[:11] + rows[31:] + rows[12:14]))
     (tmp_path / "detections.csv").write_text(AHEAD.format(label="car", east=20) + "0,tram,9,1,1\n")
-    done = run_cli("import", "poses.csv", "detections.csv", "--out", "t")
+    done = run_cli("import", "tables", "poses.csv", "detections.csv", "--out", "t")
     assert done.returncode == 0, done.stderr
     told = [line.strip() for line in done.stdout.splitlines()[1:]]
     assert told == [

@@ -248,10 +248,10 @@ def test_a_trace_of_mahimahi_begins_again_after_its_last_time(tmp_path):
 def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
     header, _, rows = CICV5G.partition("\n")
     (tmp_path / "rounded.txt").write_text(header + f"\n{rows.splitlines()[0]}" * 31)
-    ran = run_cli("links", "import", "rounded.txt", "--format", "cicv5g", "--out", "a.parquet")
+    ran = run_cli("import", "link", "rounded.txt", "--format", "cicv5g", "--out", "a.parquet")
     assert ran.returncode == 1 and "31 messages have only 1 times: rounded" in ran.stderr
     options = ("--format", "cicv5g", "--out", "a.parquet", "--accept")
-    ran = run_cli("links", "import", "rounded.txt", *options)
+    ran = run_cli("import", "link", "rounded.txt", *options)
     assert ran.returncode == 0 and "warning: pub_time(ms): 31 messages" in ran.stdout
     told = recording.read(str(tmp_path / "a.parquet")).about["import"]
     assert told["left_out"] == {"messages sent in the millisecond of another": 30}
