@@ -8,11 +8,14 @@ from matplotlib.figure import Figure
 from genie_sim.analysis import style
 from genie_sim.analysis.compare import DRAWN, WITHOUT_TRUTH, ComparedRuns, Difference
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
+from genie_sim.analysis.metric import LOWER
 from genie_sim.analysis.registry import METRICS
-from genie_sim.analysis.style import CHARACTER_IN, PAGE_IN
+from genie_sim.analysis.style import PAGE_IN
 
 MAX_COLUMNS = 3
+FEW_ARMS = 3  # leave room for two panels instead of three in a column
 ROW_IN, MIN_PANEL_IN = 0.2, 0.76
+SMALL_ROW_IN, SMALL_PANEL_IN = 0.14, 0.52  # in a column
 
 
 @in_style()
@@ -35,9 +38,12 @@ def differences(
     styles = dict(zip(labels, style.method_styles(labels), strict=True))
     titles = {arm.label: arm.title for arm in comparison.arms}
     width_in = width_in or PAGE_IN
-    columns = min(max(len(metrics), 1), 1 if is_narrow(width_in) else MAX_COLUMNS)
+    narrow = is_narrow(width_in)
+    most = MAX_COLUMNS - 1 if narrow and len(arms) <= FEW_ARMS else MAX_COLUMNS
+    columns = min(max(len(metrics), 1), most)
     lines = -(-max(len(metrics), 1) // columns)
-    height_in = lines * (MIN_PANEL_IN + ROW_IN * len(arms))
+    row_in, panel_in = (SMALL_ROW_IN, SMALL_PANEL_IN) if narrow else (ROW_IN, MIN_PANEL_IN)
+    height_in = lines * (panel_in + row_in * len(arms))
     figure = Figure(figsize=(width_in, height_in + 0.2))
     grid = figure.subplots(lines, columns, squeeze=False)
     for number, axis in enumerate(grid.flat):
@@ -47,13 +53,14 @@ def differences(
         of_metric = {row.arm: row for row in rows if row.metric == metrics[number]}
         drawn = [of_metric.get(arm.label) for arm in arms]
         _draw(axis, metrics[number], drawn, [styles[arm.label] for arm in arms])
-        names = [arm.title for arm in arms] if number % columns == 0 else [""] * len(arms)
+        axis.set_xlabel(_label(metrics[number], narrow))
+        names = [arm.title if number % columns == 0 else "" for arm in arms]
         axis.set_yticks(range(len(arms)), names)
     references = list(dict.fromkeys(titles[row.against] for row in rows))
     against = references[0] if len(references) == 1 else "the first setting"
     by = " and ".join(sorted({row.by for row in rows if row.by}))
-    room = int(width_in / CHARACTER_IN)
-    note = f"difference from {against}, 95 % intervals paired by {by}"[:room]
+    by = by.replace(" ", "\u00a0")  # on one line
+    note = f"difference from {against}, 95 % intervals paired by {by}"
     finish(figure, "Paired differences with 95 % intervals", footer, note=note)
     return figure
 
@@ -85,7 +92,17 @@ def _draw(
     axis.margins(x=0.12)
     axis.grid(axis="y", visible=False)
     axis.locator_params(axis="x", nbins=3)
-    unit = "percentage points" if info.unit == "%" else info.unit
-    better = f"\n{info.better} is better" if info.better else ""
     axis.set_title(info.title)
-    axis.set_xlabel(f"[{unit}]{better}" if unit else f"difference{better}")
+
+
+def _label(metric: str, narrow: bool) -> str:
+    """The unit, and which side is better; in a column in one short line."""
+    info = METRICS[metric]
+    points = "points" if narrow else "percentage points"
+    unit = points if info.unit == "%" else info.unit
+    lines = [f"[{unit}]" if unit else "difference"]
+    if info.better and narrow:
+        lines.append("\u2190 better" if info.better == LOWER else "better \u2192")
+    elif info.better:
+        lines.append(f"{info.better} is better")
+    return (" " if narrow else "\n").join(lines)

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.style import context
+from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from genie_sim.analysis import style
@@ -25,12 +26,14 @@ Table = Union[Columns, "pd.DataFrame"]
 # by label: the table of a run, or those of its seeds
 Panels = Mapping[str, Table | Sequence[Table]]
 BAND_OPACITY = 0.22
-MAX_LEGEND = 0.2  # of the figure's height
+MAX_LEGEND = 0.2  # of the figure's height, if a column leaves room for it
+MAX_COLUMN_IN, MIN_PANELS_IN = 3.2, 1.3  # height of a figure in a column, and of its panels
+MAX_PANELS = 3  # side by side
+MANY_LABELS = 6  # in a legend
 COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
 # Within it, and in a function that it decorates, matplotlib draws in this style, whatever the
-# user's is. The small one is for several panels side by side in a column.
+# user's is.
 in_style = partial(context, ["default", style.RC])
-in_small_style = partial(context, ["default", style.RC, style.SMALL])
 
 
 def seeds_of(panel: Table | Sequence[Table]) -> list[Columns]:
@@ -42,18 +45,18 @@ def seeds_of(panel: Table | Sequence[Table]) -> list[Columns]:
 def figure_grid(
     panels: Mapping[str, object], width_in: float | None, ax: Axes | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """One panel a run: at most three side by side, as in the paper; one in a column's width. With
-    ``ax``, that one alone. Raises ValueError for several panels in one.
+    """One panel a run, at most ``MAX_PANELS`` side by side, as in the paper. With ``ax``, that one
+    alone. Raises ValueError for several panels in one.
     """
     if ax is not None:
         if len(panels) > 1:
             raise ValueError("several runs need several panels: leave out 'ax'")
         return _figure_of(ax), [ax]
-    columns = 1 if is_narrow(width_in) else min(len(panels), 3)
+    columns = min(len(panels), MAX_PANELS)
     rows = -(-len(panels) // columns)
-    figure = Figure(
-        figsize=(width_in or (COLUMN_IN if columns == 1 else PAGE_IN), 0.3 + 1.75 * rows)
-    )
+    width_in = width_in or (COLUMN_IN if columns == 1 else PAGE_IN)
+    row_in = 1.2 if is_narrow(width_in) and columns > 1 else 1.75
+    figure = Figure(figsize=(width_in, 0.3 + row_in * rows))
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     axes = list(grid.flat)
     for axis in axes[len(panels) :]:
@@ -105,7 +108,8 @@ def finish(
     figure: Figure, title: str, footer: str, axes: Iterable[Axes] = (), note: str = ""
 ) -> None:
     """Draws the common legend below the panels, for which the figure grows, and names the figure.
-    The panels grow, too, if the legend were more than ``MAX_LEGEND`` of the figure.
+    The panels grow, too, if the legend were more than ``MAX_LEGEND`` of the figure. Several panels
+    side by side in a column, and one with a long legend, have small text.
 
     The title, and which run it is, stand in the file alone: a paper has its own caption.
 
@@ -120,6 +124,20 @@ def finish(
     note : str
         What the panels do not show; it stands above them.
     """
+    axes = list(axes)
+    side_by_side = any(axis.get_position().x0 > 0.3 for axis in figure.axes)
+    is_crowded = side_by_side or len(handles(axes)) > MANY_LABELS
+    if is_narrow(figure.get_figwidth()) and is_crowded:
+        with context(style.SMALL):
+            for text in figure.findobj(Text):
+                text.set_fontsize(min(text.get_fontsize(), style.SMALL_POINTS))
+            _finish(figure, title, footer, axes, note)
+    else:
+        _finish(figure, title, footer, axes, note)
+
+
+def _finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes], note: str) -> None:
+    """Note, letters, sizes of ticks, legend and layout, with text as the style in force has it."""
     width_in, height_in = figure.get_size_inches()
     if note:
         characters = int((width_in - 0.1) / character_in("figure.titlesize"))
@@ -134,6 +152,8 @@ def finish(
         figure.legend(list(named.values()), list(named), loc="lower center", ncols=columns)
         legend_in = (-(-len(named) // columns) + 0.4) * line_in("legend.fontsize")
         height_in = max(height_in, (1 / MAX_LEGEND - 1) * legend_in)
+        if is_narrow(width_in):
+            height_in = min(height_in, max(MAX_COLUMN_IN - legend_in, MIN_PANELS_IN))
         figure.set_figheight(height_in + legend_in)
         below = legend_in / (height_in + legend_in)
     figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))

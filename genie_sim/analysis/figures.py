@@ -224,14 +224,15 @@ def confidence_boost(
     """Running mean of C_new - C_old over the updates of the object maps on cars and on edges
     (paper: Fig. "boost").
 
-    In greys; with several methods that run Genies, in the colour of each. The axis is that of the
-    curves after their first updates, which are means of few and may lie outside. Of several seeds
-    a curve is the mean of theirs, as far as all of them go, with its 95 % t interval.
+    In greys; with several methods that run Genies, in the colour of each. The axis begins at
+    zero and ends at most at twice what is reached after the first updates, which are means of few.
+    Of several seeds a curve is the mean of theirs, as far as all of them go,
+    with its 95 % t interval.
     """
+    settled: list[float] = []
     figure, axes = figure_grid(panels, width_in, ax)
     tables = {label: seeds_of(lookups) for label, lookups in panels.items()}
     several = len(_with_genies(tables, methods)) > 1
-    settled: list[float] = []
     for axis, (label, seeds) in zip(axes, tables.items(), strict=True):
         for method_style, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
@@ -256,10 +257,11 @@ def confidence_boost(
                     draw_band(axis, updates, low, high, colour=str(drawing["color"]))
         axis.set_title(label if len(panels) > 1 else "")
         axis.margins(x=0.02)
+    low, high = axes[0].get_ylim()
     if settled:
-        room = 0.08 * (max(settled) - min(settled)) or 0.01
-        axes[0].set_ylim(min(settled) - room, max(settled) + room)
-    label_outer(axes, "updates so far", "mean of C(new) - C(old)")
+        high = min(high, 2 * max(settled))
+    axes[0].set_ylim(min(low, 0.0), max(high, 0.0))
+    label_outer(axes, "updates so far", "confidence boost")
     title = "Confidence boost: running mean over the updates of the object maps"
     if ax is None:
         finish(figure, title, footer, axes)

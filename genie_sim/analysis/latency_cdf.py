@@ -16,6 +16,7 @@ from genie_sim.analysis.drawing import (
     finish,
     finish_axes,
     in_style,
+    is_narrow,
     label_outer,
     logarithmic_x,
     seeds_of,
@@ -95,7 +96,7 @@ def latency_cdf(
         axis.set_title("\n".join(lines))
         title_lines = max(title_lines, len(lines))
         axis.set_ylim(0, 1.02)
-        logarithmic_x(axis, low, high)
+        logarithmic_x(axis, low, high, (1,) if several and is_narrow(width_in) else (1, 2, 5))
     label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
     title = f"Response time from received to first answer, share of {of} frames"
     seeds = max(map(len, tables.values()))

@@ -150,18 +150,19 @@ class _Place(NamedTuple):
 
 class Table:
     """A table in a file: ``.parquet``, or else text. ``titles`` are those of its columns; a text
-    without a header has none.
+    without a header has none. ``uneven``: rows of a text may have more or fewer cells than the
+    header; of known formats only, whose columns stand in their order.
 
     Raises UserError for a file that cannot be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, uneven: bool = False) -> None:
         self.path = path
         if not path.is_file():
             raise UserError(f"{path}: no such file")
         self.is_text = path.suffix != ".parquet"
         if self.is_text:
-            self._text = _TextLayout(path)
+            self._text = _TextLayout(path, uneven)
             self.titles = self._text.titles
         else:
             with parquet.opened(path) as file:
@@ -289,8 +290,8 @@ def with_point(cell: Any) -> Any:
 class _TextLayout:
     """How a text is written: its encoding, its separator, its titles, and where its rows begin."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: Path, uneven: bool) -> None:
+        self.path, self._uneven = path, uneven
         with self._readable():
             with path.open("rb") as file:
                 head = file.read(HEAD_BYTES)
@@ -312,7 +313,7 @@ class _TextLayout:
                 break
             self._skipped += 1
         sample = [line for line in lines[self._skipped :][:SAMPLE_LINES] if line.strip(MARKS)]
-        self.separator = said or _separator(sample)
+        self.separator = said or _separator(sample[:1] if uneven else sample)
         header = _split(sample[0], self.separator) if sample else []
         self.columns = len(header)
         self.titles: tuple[str, ...] = ()
@@ -332,6 +333,9 @@ class _TextLayout:
             for number, cells in _numbered(file, self.separator, self._skipped):
                 if len(cells) != self.columns:
                     if not "".join(cells).strip():
+                        continue
+                    if self._uneven:
+                        yield number, cells + [""] * (self.columns - len(cells))
                         continue
                     if "".join(cells[self.columns :]) or len(cells) < self.columns:
                         raise UserError(

@@ -2,6 +2,7 @@
 and with the metrics as the first reading means them. What the paper prints stands in them as marks.
 """
 
+import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -38,6 +39,7 @@ PLACE_LINES: dict[str, dict[str, Any]] = {
     "car": {"linestyle": (0, (3, 1.2)), "linewidth": 1.0},
 }
 FORMATS = ("svg", "png", "pdf")
+HELD = ("object_precision", "object_recall_static", "object_recall_moving", "ghost_share")
 CURVE_POINTS = 400
 EVENTS = "recorded events"
 WHISKER: dict[str, Any] = {"color": "black", "linewidth": 0.8, "capsize": 2}
@@ -120,10 +122,6 @@ class Shown:
     def is_narrow(self) -> bool:
         """Whether it stands in a column."""
         return drawing.is_narrow(self.width_in)
-
-    def style(self) -> Any:
-        """The style in which it is drawn: with small text in a column."""
-        return drawing.in_small_style() if self.is_narrow else drawing.in_style()
 
     def panels(
         self, rows: int, columns: int, height_in: float, **options: Any
@@ -218,7 +216,7 @@ def _response_times(shown: Shown, of: str) -> Figure:
     low, high = latency_cdf.limits_ms(frames.values())
     low = min(low, *(0.8 * _improved_ms(of_scenario) for of_scenario in means.values()))
     best = min(ALL, key=lambda name: means[name]["genie"] / max(means[name].values()))
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(2, 3, 1.18, sharex=True, sharey=True)
         for row, (cluster, scenarios) in zip(grid, CLUSTERS.items(), strict=True):
             for axis, cars, scenario in zip(row, CARS, scenarios, strict=True):
@@ -283,7 +281,7 @@ def _reuse(shown: Shown, of_images: bool) -> Figure:
     what = "image reuse" if of_images else "object reuse"
     bars = {scenario: shown.bars(scenario, of_images) for scenario in ALL}
     means = {kind: _mean_bar(shown, kind) for kind in (True, False)}
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.5, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for side, (placement, place) in enumerate(reversed(PLACES.items())):
@@ -347,7 +345,7 @@ def _boosts(shown: Shown) -> Figure:
     """The confidence boost over the events of the object maps, remote and local, a panel a cluster
     (paper: Fig. "boost"): means over seeds, as far as all of them go.
     """
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.6, sharex=True, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for placement, place in PLACES.items():
@@ -392,7 +390,7 @@ def _case_study(shown: Shown) -> Figure:
     """
     without: dict[str, Any] = {"color": "0.1", "linewidth": 1.4}
     cameras: dict[str, Any] = {"color": "0.55", "linewidth": 1.4, "linestyle": style.DASHED}
-    with shown.style():
+    with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.6)
         times, reuse = grid[0]
         genie = shown.frames(CASE).where(method="genie")
@@ -440,16 +438,11 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
     """Precision, recall and false objects of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
     """
-    names = {
-        "object_precision": "precision",
-        "object_recall_static": "recall,\nstatic",
-        "object_recall_moving": "recall,\nmoving",
-        "ghost_share": METRICS["ghost_share"].title,
-    }
+    names = {name: textwrap.fill(METRICS[name].title, 12) for name in HELD}
     by_method = {(row["method"], row["name"]): row for row in rows}
     styles = style.method_styles([method.name for method in METHODS])
-    with shown.style():
-        figure, grid = shown.panels(1, 1, 1.6)
+    with drawing.in_style():
+        figure, grid = shown.panels(1, 1, 2.0)
         axis = grid[0, 0]
         for place, (look_number, method) in enumerate(zip(styles, METHODS, strict=True)):
             look = style.method_bar(look_number) | {"label": method.title}
@@ -468,4 +461,4 @@ def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
         axis.set_ylabel("share of objects")
         axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
         title = "What the consumer holds at each instant, against KITTI's labels (drive 0005)"
-        return shown.finish(figure, title, "what the consumer holds, with 95 % intervals")
+        return shown.finish(figure, title, "means and 95 % intervals")

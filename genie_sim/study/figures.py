@@ -32,7 +32,7 @@ MAX_TICKS = 8
 MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
-SIDE_BY_SIDE = (  # of these, where each value of another axis has a column of panels
+SIDE_BY_SIDE = (  # of these in a column, and where each value of another axis has its panels
     "image_reuse",
     "object_reuse",
     "first_answer_mean",
@@ -45,8 +45,9 @@ SHARES = {metric for metric in PANELS if METRICS[metric].unit == "%"}
 HEAT_COLOURS = mpl.colormaps["Blues"]
 BESIDE = 0.4  # how far the points at a value that is no number lie apart, of its room
 MAX_SHADES = 9
+MAX_STEP = 0.1  # of a share, between two shades
 MAX_SCALE_TICKS = 5
-LABEL_CHARACTERS = 20  # in a line beside an axis
+LABEL_CHARACTERS, SHORT_LABEL_CHARACTERS = 20, 15  # in a line beside an axis; in a column
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
 
@@ -165,12 +166,16 @@ def along(
     shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
     means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
     labels = {metric: _label(metric) for metric in PANELS if (means["metric"] == metric).any()}
+    narrow = is_narrow(width_in)
     shown_metrics = [
-        panel for panel in labels.items() if beside is None or panel[0] in SIDE_BY_SIDE
+        panel
+        for panel in labels.items()
+        if (beside is None and not narrow) or panel[0] in SIDE_BY_SIDE
     ]
-    wide = (1 if is_narrow(width_in) else 3) if beside is None else len(shown_levels)
+    wide = (2 if narrow else 3) if beside is None else len(shown_levels)
     rows = max(1, -(-len(shown_metrics) // wide)) if beside is None else max(1, len(shown_metrics))
-    figure = Figure(figsize=(width_in, 0.6 + (1.8 if beside is None else 1.3) * rows))
+    row_in = 0.8 if narrow else 1.8 if beside is None else 1.3
+    figure = Figure(figsize=(width_in, (0.2 if narrow else 0.6) + row_in * rows))
     grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
     panels = [(metric, label, level) for metric, label in shown_metrics for level in shown_levels]
     for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
@@ -179,8 +184,8 @@ def along(
             of_panel = of_panel[of_panel[beside] == level]
         _draw(panel, axis, column, means=of_panel, titles=titles)
         spot = panel.get_subplotspec()
-        panel.set_ylabel(_wrapped(label) if beside is None or spot.is_first_col() else "")
-        if beside is None or spot.is_last_row():
+        panel.set_ylabel(_wrapped(label, narrow) if beside is None or spot.is_first_col() else "")
+        if (beside is None and not narrow) or spot.is_last_row():
             panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
         if level is not None and spot.is_first_row():
             panel.set_title(f"{beside} = {_shortened(level)}")
@@ -224,8 +229,8 @@ def heat(
     """Means across seeds over two axes, a row of panels a metric, a column a method.
 
     Darker is more, on one scale a metric. A step of the scale is as wide as the median 95 %
-    interval of a cell, so cells that differ by less look alike or nearly so. Of Genies' metrics
-    those on cars are shown.
+    interval of a cell, so cells that differ by less look alike or nearly so, but no step of a share
+    is wider than ``MAX_STEP``. Of Genies' metrics those on cars are shown.
 
     Parameters
     ----------
@@ -254,7 +259,7 @@ def heat(
     grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
     for row, metric in zip(grid, metrics, strict=False):
         of_metric = means[means["metric"] == metric]
-        scale, drawn = _scale(of_metric), list[Axes]()
+        scale, drawn = _scale(of_metric, metric in SHARES), list[Axes]()
         for panel, method in zip(row, methods, strict=True):
             cells = of_metric[of_metric["method"] == method].pivot_table(
                 index=first, columns=second, values="value", sort=False
@@ -284,13 +289,13 @@ def _label(metric: str) -> str:
     return info.title if metric in SHARES else info.label
 
 
-def _wrapped(label: str) -> str:
-    return textwrap.fill(label, LABEL_CHARACTERS)
+def _wrapped(label: str, narrow: bool = False) -> str:
+    return textwrap.fill(label, SHORT_LABEL_CHARACTERS if narrow else LABEL_CHARACTERS)
 
 
-def _scale(cells: "pd.DataFrame") -> BoundaryNorm:
-    """Steps from the least to the greatest value, none narrower than the median interval; equal
-    ratios where the values span decades.
+def _scale(cells: "pd.DataFrame", share: bool = False) -> BoundaryNorm:
+    """Steps from the least to the greatest value, none narrower than the median interval, and of a
+    ``share`` none wider than ``MAX_STEP``; equal ratios where the values span decades.
     """
     columns = cells[["value", "low", "high"]]
     logarithmic = spans_much(cells["value"].tolist())
@@ -300,6 +305,8 @@ def _scale(cells: "pd.DataFrame") -> BoundaryNorm:
     widths = (highs - lows)[np.isfinite(highs - lows)]
     width = float(np.median(widths)) if len(widths) else 0.0
     steps = MAX_SHADES if width == 0 else min(max(int((high - low) / width), 1), MAX_SHADES)
+    if share and not logarithmic:
+        steps = max(steps, math.ceil((high - low) / MAX_STEP))
     if high == low:
         low, high = low - 0.5, high + 0.5
     high += 1e-9 * (high - low)  # the greatest value is in the last step, not beyond it

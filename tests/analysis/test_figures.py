@@ -22,6 +22,7 @@ from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.record.results import MethodInfo, Metric, Run
 from genie_sim.record.tables import Table
 from tests import made_up_run
+from tests.drawn_text import faults
 from tests.made_up_run import METHODS
 
 FOOTER = "street_3car_hetero, run 0123456789ab, seed 1"
@@ -117,11 +118,36 @@ def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables
         assert path.read_bytes() == (folders[1] / path.name).read_bytes(), path.name
 
 
-def test_text_is_at_least_8_points_in_a_figure_of_a_column_s_width(tables):
-    for figure in figures.of_run(run_of(*tables)).values():
-        assert figure.get_figwidth() in (figures.COLUMN_IN, figures.PAGE_IN)
-        for text in figure.findobj(mpl.text.Text):
-            assert text.get_fontsize() >= 8
+@pytest.mark.slow
+def test_figures_fit_a_column_and_their_text_is_legible(tables):
+    """At most 3.2 inches high there, but for the use of devices, which needs a page."""
+    one = run_of(*tables)
+    drawn = figures.of_run(one, style.COLUMN_IN)
+    panels = {f"{cars} cars": tables[0] for cars in (1, 2, 3, 4)}
+    drawn["several runs"] = figures.latency_cdf(panels, METHODS, FOOTER, style.COLUMN_IN)
+    many = [MethodInfo(f"m{place}", f"cache {place}", baseline=False) for place in range(8)]
+    frames = pd.concat([tables[0].assign(method=method.name) for method in many])
+    drawn["many methods"] = figures.latency_cdf({"run": frames}, many, FOOTER, style.COLUMN_IN)
+    for name, figure in drawn.items():
+        figures.svg(figure)  # lays it out
+        assert faults(figure) == [], name
+        assert figure.get_figheight() <= 3.2 or name == "resources", name
+
+
+@pytest.mark.slow
+def test_curves_of_several_runs_in_one_panel_differ_in_line_and_marker(tables):
+    names = [f"{run}: {method}" for run in ("old", "new") for method in ("local", "genie")]
+    methods = [MethodInfo(name, name, baseline=False) for name in names]
+    frames = pd.concat(
+        [
+            tables[0][tables[0]["method"] == name.partition(": ")[2]].assign(method=name)
+            for name in names
+        ]
+    )
+    figure = figures.latency_cdf({"run": frames}, methods, FOOTER)
+    firsts = [line for line in figure.axes[0].lines if line.get_label() in names]
+    looks = {(str(line.get_linestyle()), line.get_marker()) for line in firsts}
+    assert len(looks) == len(firsts) == 4
 
 
 def test_methods_and_placements_differ_without_colour():

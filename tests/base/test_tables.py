@@ -90,3 +90,15 @@ def test_a_column_that_nobody_asked_for_is_known(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("n,time_ms,up_mbps,rest\n1,2,3,4\n")
     assert Table(path).unused(COLUMNS) == ["n", "rest"]
+
+
+def test_rows_of_a_known_format_may_be_uneven(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("time_s up_mbps note\n0 12.5 a b c\n0.5 1\n")
+    assert [row.values for row in Table(path, uneven=True).rows(COLUMNS)] == [
+        (0.0, 12.5, "a"),
+        (0.5, 1.0, None),
+    ]
+    path.write_text("time_s up_mbps note\n0\n")
+    with pytest.raises(UserError, match="line 2: up_mbps: is empty"):
+        list(Table(path, uneven=True).rows(COLUMNS))

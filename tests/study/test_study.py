@@ -1002,3 +1002,10 @@ def test_values_within_one_step_of_a_heat_map_have_one_colour():
     assert len({figures.HEAT_COLOURS(scale(value)) for value in cells["value"]}) == 1
     narrow = figures._scale(cells.assign(low=0.85, high=0.86))
     assert len({figures.HEAT_COLOURS(narrow(value)) for value in cells["value"]}) == 3
+
+
+def test_a_heat_map_tells_61_from_80_per_cent_however_wide_the_intervals():
+    cells = pd.DataFrame({"value": [0.61, 0.70, 0.80], "low": [0.3] * 3, "high": [0.9] * 3})
+    scale = figures._scale(cells, share=True)
+    low, _, high = (figures.HEAT_COLOURS(scale(value)) for value in cells["value"])
+    assert low != high

@@ -33,9 +33,11 @@ CSV_FACTORS = {
 }
 
 
-def _read(path: Path, columns: Sequence[FileColumn]) -> tuple[list[str], list[tuple[Any, ...]]]:
+def _read(
+    path: Path, columns: Sequence[FileColumn], uneven: bool = False
+) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Where each row stands, and the values of each column. Raises ``UserError``."""
-    rows = list(Table(path).rows(columns))
+    rows = list(Table(path, uneven=uneven).rows(columns))
     values = list(zip(*(row.values for row in rows), strict=True)) or [()] * len(columns)
     return [row.where for row in rows], values
 
@@ -82,7 +84,9 @@ def from_cicv5g(path: Path, direction: Direction, report: ImportReport) -> Colum
     row's. Of several messages sent in the same millisecond the first is taken.
     """
     names = ("pub_time_ms", "delay_ms", "utmX_m", "utmY_m")
-    _, (sent_ms, delays_ms, *places) = _read(path, [FileColumn(name) for name in names])
+    columns_read = [FileColumn(name) for name in names]
+    # some files have two columns more than titles
+    _, (sent_ms, delays_ms, *places) = _read(path, columns_read, uneven=True)
     first = [row for row, t_ms in enumerate(sent_ms) if row == 0 or t_ms != sent_ms[row - 1]]
     if len(first) < KEPT_SHARE * len(sent_ms):
         report.refuse(
