@@ -331,7 +331,7 @@ def _metric(scenario: str, fact: Fact, values: Values) -> dict[str, Any]:
     """
     value, low, high = interval(values)
     known = METRICS.get(fact.metric)
-    if known is not None and known.unit == "1" and not fact.metric.startswith(NO_SHARES):
+    if known is not None and known.unit_in_files == "1" and not fact.metric.startswith(NO_SHARES):
         low, high = wilson(value, high - value)
     return {
         "scenario": scenario,
