@@ -1,14 +1,14 @@
 """Overrides of single settings from the command line: ``--set cars[0].device=orin_nano``."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.scenario.yaml_input import parse
 
 _STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")
-_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d{1,6}\])*")
+_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[(\d{1,6}|\*)\])*")
 # settings that may be a mere name
 _SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}
 
@@ -21,8 +21,8 @@ class Override(NamedTuple):
 
 
 def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[Override]:
-    """Sets each ``path=value`` in ``settings``, the value read as YAML. Raises ``UserError`` naming
-    the override.
+    """Sets each ``path=value`` in ``settings``, the value read as YAML; ``[*]`` in a path stands
+    for every entry of a list. Raises ``UserError`` naming the override.
     """
     applied = []
     for assignment in overrides:
@@ -31,15 +31,34 @@ def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[
         path = path.strip()
         if not equals or not path:
             raise UserError(f"{text}: must be path=value, such as cars[0].device=orin_nano")
-        _assign(settings, _steps(path, text), parse(value, text), text)
-        applied.append(Override(path, text))
+        if not _PATH.fullmatch(path):
+            raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
+        for of_entry in list(_of_every_entry(settings, path, text)):
+            _assign(settings, _steps(of_entry), parse(value, text), text)
+            applied.append(Override(of_entry, text))
     return applied[::-1]  # of two with the same path the last counts
 
 
-def _steps(path: str, text: str) -> list[str | int]:
+def _of_every_entry(settings: Any, path: str, text: str) -> Iterator[str]:
+    """``cars[*].link`` to ``cars[0].link``, ``cars[1].link`` ..."""
+    before, every, after = path.partition("[*]")
+    if not every:
+        yield path
+        return
+    node = settings
+    for step in _steps(before):
+        try:
+            node = node[step]
+        except (KeyError, IndexError, TypeError):
+            node = None
+    if not isinstance(node, list) or not node:
+        raise UserError(f"{text}: {before}: is no list with entries in the scenario")
+    for place in range(len(node)):
+        yield from _of_every_entry(settings, f"{before}[{place}]{after}", text)
+
+
+def _steps(path: str) -> list[str | int]:
     """``cars[1].genie`` to ``["cars", 1, "genie"]``."""
-    if not _PATH.fullmatch(path):
-        raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
     return [name or int(place) for name, place in _STEP.findall(path)]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.scenario.overrides import Override, apply_overrides
+from genie_sim.scenario.reading import load_scenario
 
 
 def settings() -> dict[str, Any]:
@@ -87,3 +88,17 @@ def test_one_entry_is_counted_as_one():
         UserError, match=r"cars: has 1 entry, counted from 0; the next is cars\[1\]"
     ):
         apply_overrides({"cars": [{}]}, ["cars[2].name=x"])
+
+
+def test_a_star_stands_for_every_entry_of_a_list():
+    links = ["cars[*].link=wifi", "cars[1].link=nr5g", "edges[*].device=jetson_tx2"]
+    each = ["cars[0].link=wifi", "cars[1].link=nr5g", "cars[2].link=wifi"]
+    scenario, named = load_scenario("3car_hetero", links), load_scenario("3car_hetero", each)
+    assert [car.link for car in scenario.cars] == [car.link for car in named.cars]
+    assert {edge.device for edge in scenario.edges} == {"jetson_tx2"}
+
+
+@pytest.mark.parametrize("path", ["convoy[*].link", "cars[*][*].link", "cars[0].route[*].laps"])
+def test_a_star_where_no_list_is_names_the_place(path: str):
+    with pytest.raises(UserError, match=r"^--set .*: is no list with entries in the scenario"):
+        load_scenario("3car_hetero", [f"{path}=wifi"])
