@@ -24,7 +24,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.docs.blocks import matches, script, session
+from tests.docs.blocks import abbreviated, matches, script, session
 
 FENCE = re.compile(r'(?P<indent> *)```(?P<language>\w*)(?: title="(?P<title>[^"]+)")?(?: .*)?')
 LONGEST_BLOCK_S = 300
@@ -94,7 +94,8 @@ class Reader:
                     return  # what follows builds on it
             elif block.language == "text":
                 if not matches(list(block.lines), self._printed):
-                    self._wrong(block, "prints", self._printed, self._printed.splitlines())
+                    instead = abbreviated(list(block.lines), self._printed)
+                    self._wrong(block, "prints", self._printed, instead)
             elif block.language == "bash":
                 status, printed = shell(script(block.lines))
                 if status:
@@ -123,7 +124,8 @@ class Reader:
             fails |= (status != 0) != an_error_is_shown
             if fails or not matches(shown, printed):
                 wrong += f"$ {command}  [status {status}]\n{printed}"
-            lines += [f"$ {command}", *(line.rstrip() for line in printed.rstrip().splitlines())]
+                shown = abbreviated(shown, printed)
+            lines += [f"$ {command}", *(line.rstrip() for line in shown)]
         if wrong:
             self._wrong(block, "prints", wrong, None if fails else lines)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from difflib import SequenceMatcher
 
 # Done by whoever runs this test: getting the project, installing it, and the tests themselves.
 SET_UP = re.compile(
@@ -37,6 +38,37 @@ def session(lines: tuple[str, ...]) -> list[tuple[str, list[str]]]:
     return [
         (without_set_up(command), output) for command, output in shown if without_set_up(command)
     ]
+
+
+CHANGING = (  # from one run to the next; shown as ``...``
+    (re.compile(r"(?<=-)[0-9a-f]{12}\b"), "..."),
+    (re.compile(r"[\d.,]+(?= s simulated)"), "..."),
+)
+
+
+def abbreviated(shown: list[str], printed: str) -> list[str]:
+    """The printed lines, left out where ``shown`` leaves lines out: of the others those that are
+    most alike. All of them where that does not match.
+    """
+    waiting = [line.rstrip() for line in printed.strip().splitlines()]
+    found: list[str] = []
+    for line in "\n".join(shown).strip().splitlines():
+        if line.strip() == "..." or not waiting:
+            found.append(line)
+            continue
+        alike = [SequenceMatcher(None, line, other).ratio() for other in waiting]
+        place = alike.index(max(alike))
+        if "..." in line:
+            waiting[place] = _without_changing(waiting[place])
+        found.append(waiting[place])
+        del waiting[: place + 1]
+    return found if matches(found, printed) else printed.rstrip().splitlines()
+
+
+def _without_changing(line: str) -> str:
+    for pattern, instead in CHANGING:
+        line = pattern.sub(instead, line)
+    return line
 
 
 def matches(shown: list[str], printed: str) -> bool:

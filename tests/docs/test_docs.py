@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.docs.blocks import abbreviated
 from tests.run_page import Reader, accepted, blocks
 from tests.test_imports import MAY_IMPORT
 
@@ -249,3 +250,18 @@ def test_a_block_that_fails_is_noticed():
     reader.read("```python\nanswer = 1 / 0\n```\n```bash\ntouch after\n```\n")
     assert "ZeroDivisionError" in reader.problems[0] and "line 2" in reader.problems[0]
     assert not Path("after").exists(), "nothing that builds on it is run"
+
+
+def test_accepted_output_leaves_out_what_the_page_leaves_out():
+    shown = ["run-...: ... s simulated", "...", "first answer [ms]   9", "...", "Results: x"]
+    printed = (
+        "run-0123456789ab: 9.3 s simulated\n\nother [ms]    4\nfirst answer [ms]   8\nResults: x\n"
+    )
+    assert abbreviated(shown, printed) == [
+        "run-...: ... s simulated",
+        "...",
+        "first answer [ms]   8",
+        "...",
+        "Results: x",
+    ]
+    assert abbreviated(["a", "b"], "a\nc\nb\n") == ["a", "c", "b"], "else all of it"
