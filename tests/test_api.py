@@ -247,7 +247,7 @@ def test_progress_is_told_in_simulated_seconds():
 @pytest.mark.parametrize(
     ("do", "message"),
     [
-        (lambda: gs.run("3car_heterro"), "did you mean 'street_3car_hetero'?"),
+        (lambda: gs.run("3car_heterro"), "did you mean '3car_hetero'?"),
         (lambda: gs.run("street_1car_homo", {"genie.eviction": "lruu"}), "unknown eviction 'lruu'"),
         (
             lambda: gs.run("street_1car_homo", "genie.eviction=lru"),

@@ -55,13 +55,18 @@ def markdown(table: ResultTable, intervals: bool = True) -> str:
     """The title as a heading, the table, and its notes as a paragraph."""
     sides = "".join("---:|" if is_number else "---|" for is_number in _are_numbers(table))
     rows = [
-        " | ".join(text.replace("|", r"\|") for text in row)
+        " | ".join(markdown_text(text).replace("|", r"\|") for text in row)
         for row in (map(one_line, table.headings), *table.texts(intervals))
     ]
     lines = [f"| {rows[0].lstrip()} |", f"|---|{sides}", *(f"| {row} |" for row in rows[1:])]
-    notes = textwrap.fill(one_line(" ".join(filter(None, table.notes))), NOTE_WIDTH)
-    parts = [table.title and f"## {table.title}", "\n".join(lines), notes]
+    notes = textwrap.fill(markdown_text(one_line(" ".join(filter(None, table.notes)))), NOTE_WIDTH)
+    parts = [table.title and f"## {markdown_text(table.title)}", "\n".join(lines), notes]
     return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def markdown_text(text: str) -> str:
+    """A text as Markdown shows it: no HTML, and no link."""
+    return text.replace("<", r"\<").replace("](", r"]\(")
 
 
 def _are_numbers(table: ResultTable) -> Iterator[bool]:

@@ -287,11 +287,15 @@ def about_laws(run: Run | SeedRuns) -> str:
 
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
+    title = f"# {renderers.markdown_text(run.title)}"
     if isinstance(run, SeedRuns):
         ids = ", ".join(f"`{of_seed.run_id}`" for of_seed in run.runs)
-        parts, about_intervals = [f"# {run.title}", f"Runs {ids}."], about_seeds(run)
+        parts, about_intervals = (
+            [title, f"Runs {ids}."],
+            about_seeds(run),
+        )
     else:
-        parts = [f"# {run.title}", f"Run `{run.run_id}`, seed {run.seed}."]
+        parts = [title, f"Run `{run.run_id}`, seed {run.seed}."]
         about_intervals = ABOUT_INTERVALS
     if run.runs[0].warm_up:
         parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."

@@ -670,11 +670,9 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _status_of(stop: SystemExit) -> int:
-    """The exit status; a text, with which a class of the user's own may end the program, is shown
-    first.
-    """
-    if stop.code is None or isinstance(stop.code, int):
+    """The exit status. A class of the user's own that ends the program is named, whatever it says."""
+    fault = plugins.custom_fault(stop)
+    if fault is None and isinstance(stop.code, int | None):
         return stop.code or 0
-    text = plugins.custom_fault(stop) or str(stop.code)
-    print(f"genie-sim: {one_line(text)}", file=sys.stderr)
+    print(f"genie-sim: {one_line(fault or str(stop.code))}", file=sys.stderr)
     return 1

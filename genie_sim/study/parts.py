@@ -1,6 +1,7 @@
 """The finished runs of a study in its folder: what is there is not run again."""
 
 import contextlib
+import logging
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,11 +12,21 @@ from genie_sim.base.paths import PARTIAL, atomic_write
 from genie_sim.base.progress import Progress
 from genie_sim.record import tables
 from genie_sim.record.columns import Columns
-from genie_sim.study.tasks import PART, DaskWorkers, Failure, LocalWorkers, Shared, StudyRun, Task
+from genie_sim.study.tasks import (
+    PART,
+    DaskWorkers,
+    Failure,
+    LocalWorkers,
+    Shared,
+    StudyRun,
+    Task,
+    content_digest,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
 
+log = logging.getLogger(__name__)
 TASK_FRAMES = 30_000  # about ten seconds of work, which is what a kill may cost a worker
 MIN_TASKS_A_WORKER = 4  # so that no worker waits long for the last one
 
@@ -26,6 +37,7 @@ class Parts:
 
     folder: Path
     _ids: dict[Path, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+    _whole: dict[Path, bool] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def parts(self) -> Path:
@@ -36,7 +48,7 @@ class Parts:
         return self.folder / "failures"
 
     def done(self) -> set[str]:
-        """The ids of all runs that are there. Raises ``UserError`` for an unreadable part."""
+        """The ids of all runs that are there."""
         return {run_id for path in self._paths() for run_id in self._ids_in(path)}
 
     def run(
@@ -112,7 +124,7 @@ class Parts:
         for path in self._paths():
             wanted = remaining & self._ids_in(path)
             if wanted:
-                part = _part(path)
+                part = tables.read(path, PART)
                 yield part.rows(part["run_id"].isin(wanted))
                 remaining -= wanted
 
@@ -122,16 +134,27 @@ class Parts:
 
         for leftover in self.parts.glob(f".*{PARTIAL}"):
             leftover.unlink(missing_ok=True)
+        for path in self.parts.glob("*.parquet"):
+            if not self._is_whole(path):
+                path.unlink(missing_ok=True)
         shutil.rmtree(self.failures, ignore_errors=True)
 
     def _paths(self) -> list[Path]:
-        paths = self.parts.glob("*.parquet")
-        return sorted(path for path in paths if not path.name.startswith("."))
+        paths = self.parts.glob("[!.]*.parquet")
+        return sorted(path for path in paths if self._is_whole(path))
+
+    def _is_whole(self, path: Path) -> bool:
+        """Whether a part is as it was written. The runs of another one are made again."""
+        if path not in self._whole:
+            self._whole[path] = path.stem.rpartition("-")[2] == content_digest(path)
+            if not self._whole[path]:
+                log.warning("%s: was changed since it was written: its runs are made again", path)
+        return self._whole[path]
 
     def _ids_in(self, path: Path) -> frozenset[str]:
         """The runs of a part, whose name stands for its content: it is read once."""
         if path not in self._ids:
-            self._ids[path] = frozenset(_part(path)["run_id"].unique())
+            self._ids[path] = frozenset(tables.read(path, PART)["run_id"].unique())
         return self._ids[path]
 
     def _failure(self, run_id: str) -> Path:
@@ -161,10 +184,3 @@ def tasks_of(runs: Sequence[StudyRun], workers: int, folder: Path) -> list[Task]
         groups[-1].append(run)
         room -= run.frames
     return [Task(tuple(group), str(folder.absolute())) for group in groups]
-
-
-def _part(path: Path) -> Columns:
-    try:
-        return tables.read(path, PART)
-    except UserError as error:
-        raise UserError(f"{error}; delete it, and its runs are made again") from error

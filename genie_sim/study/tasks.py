@@ -8,7 +8,9 @@ unpacked once in each worker.
 
 import functools
 import hashlib
+import logging
 import pickle
+import secrets
 import traceback
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,11 +21,11 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import PARTIAL, replace_durably, usable
 from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric
+from genie_sim.record.results import Metric, changed_files
 from genie_sim.record.tables import Column, Schema, Table
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs import folder as run_folder
@@ -35,6 +37,7 @@ from genie_sim.version import VERSION
 
 SCHEDULER_TIMEOUT_S = 10
 WORKERS_TIMEOUT_S = 120
+log = logging.getLogger(__name__)
 # the tables that a part's metrics are from
 MEASURED = (
     "frames",
@@ -120,14 +123,21 @@ class PointRun:
         return {self.run_id: _metrics_of(prepared, run.tables)}
 
     def is_kept(self, study_folder: Path) -> bool:
-        """Whether its results are where they are to be kept, or need not be kept."""
+        """Whether its results are where they are to be kept, as they were written, or need not be
+        kept.
+        """
         if not self.keep:
             return True
+        folder = self._results(study_folder)
         try:
-            about = provenance.read_run_json(self._results(study_folder))
+            about = provenance.read_run_json(folder)
+            changed = changed_files(folder, about)
         except UserError:
             return False
-        return bool(about["run_id"] == self.run_id)
+        if changed:
+            names = ", ".join(changed)
+            log.warning("%s: %s: changed since: the run is made again", folder, names)
+        return about["run_id"] == self.run_id and not changed
 
     def _results(self, study_folder: Path) -> Path:
         return study_folder / RUNS / folder_name(self.scenario.seed)
@@ -145,8 +155,8 @@ class Task:
 
     @property
     def part(self) -> Path:
-        """The file of their metrics; named by its content, so that a task that is done twice leaves
-        one file.
+        """The file of their metrics, without the digest of its content that its name gets when it
+        is whole. A task that is done twice leaves one file.
         """
         content = hashlib.sha256(" ".join(run.run_id for run in self.runs).encode()).hexdigest()
         return Path(self.folder) / f"{content[:16]}.parquet"
@@ -183,7 +193,7 @@ def run_task(task: Task, packed: bytes) -> Finished:
     for run in task.runs:
         try:
             judgements = run.measure(shared, Path(task.folder))
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             what = f"{type(error).__name__}: {error}"
             failures.append(Failure(run.run_id, what, traceback.format_exc()))
             continue
@@ -193,10 +203,18 @@ def run_task(task: Task, packed: bytes) -> Finished:
     finished = Finished(len(task.runs) - len(failures), tuple(failures))
     if not finished.runs:
         return finished
-    with atomic_write(task.part) as beside:
+    with usable(task.part):
         task.part.parent.mkdir(parents=True, exist_ok=True)
+        beside = task.part.with_name(f".{task.part.name}.{secrets.token_hex(4)}{PARTIAL}")
         table.write(beside)
+        digest = content_digest(beside)
+        replace_durably(beside, task.part.with_stem(f"{task.part.stem}-{digest}"))
     return finished
+
+
+def content_digest(path: Path) -> str:
+    """What the name of a part ends with: it says whether the file was changed since."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def measured(prepared: Prepared) -> Sequence[Metric]:

@@ -118,7 +118,7 @@ def test_yaml_that_is_not_a_scenario_gets_one_line(text, message, capsys):
 
 def test_an_unknown_scenario_lists_the_known_ones(capsys):
     assert main(["run", "3car_heteros"]) == 1
-    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean 'street_3car_hetero'?)")
+    _one_line(capsys, "unknown scenario '3car_heteros' (did you mean '3car_hetero'?)")
 
 
 def test_an_override_is_named_in_its_error(capsys):

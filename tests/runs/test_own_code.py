@@ -357,13 +357,14 @@ def test_wherever_a_folder_names_a_class_it_is_not_imported(
 
 
 @pytest.mark.process
+@pytest.mark.parametrize("said", ["'no licence'", "0"])
 @pytest.mark.parametrize("where", ["", "    def __init__(self):\n        "])
-def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where, tmp_path):
+def test_own_code_that_ends_the_program_is_named_with_status_1(where, said, tmp_path):
     (tmp_path / "quits.py").write_text(
         "import sys\nfrom genie_sim.methods.local import Local\n\n"
         "class Quits(Local):\n    title = 'quits'\n"
-        + (where or "sys.exit('no licence')\n")
-        + ("sys.exit('no licence')\n" if where else "")
+        + (where or f"sys.exit({said})\n")
+        + (f"sys.exit({said})\n" if where else "")
     )
     ended = subprocess.run(
         [sys.executable, "-m", "genie_sim", "run", "street_1car_homo", "--methods", "quits:Quits"],
@@ -375,7 +376,8 @@ def test_own_code_that_ends_the_program_with_a_text_is_named_with_status_1(where
     )
     assert ended.returncode == 1
     last = ended.stderr.splitlines()[-1]
-    assert "method 'quits:Quits': SystemExit: 'no licence' (quits.py, line " in last
+    text = repr(said.strip("'"))
+    assert f"method 'quits:Quits': SystemExit: {text} (quits.py, line " in last
     assert ended.stderr.count("\n") == 1
 
 

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 import genie_sim
@@ -296,7 +298,7 @@ MISTAKES = {
     "an unknown scenario": (
         "street_1car_homo",
         "1car_hom",
-        "s.yaml: unknown scenario '1car_hom' (did you mean 'street_1car_homo'?)",
+        "s.yaml: unknown scenario '1car_hom' (did you mean '1car_homo'?)",
     ),
     "no code of that name": (
         RATES,
@@ -754,7 +756,9 @@ def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
         table = Table(tasks.PART)
         for run_id in run_ids:
             table.append((run_id, "image_reuse", "genie", "car", "", 0.5, "1", None, None, 10))
-        table.write(parts.parts / f"{len(run_ids)}.parquet")
+        path = parts.parts / f"{len(run_ids)}.parquet"
+        table.write(path)
+        path.rename(path.with_stem(f"{path.stem}-{tasks.content_digest(path)}"))
     assert sorted(parts.read(["first", "second"])["run_id"]) == ["first", "second"]
     assert list(parts.read(["second"])["run_id"]) == ["second"]
 
@@ -847,16 +851,22 @@ def test_an_out_folder_that_cannot_be_written_is_found_before_simulating(capsys)
     one_line(capsys, "results/s: no results can be written there")
 
 
-@pytest.mark.parametrize("content", [b"", b"PAR1 and then nothing"])
-def test_a_broken_part_is_named(content, uninterrupted, capsys):
+@pytest.mark.parametrize("how", ["empty", "cut", "another number"])
+def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, caplog):
     finished(uninterrupted)
+    before = Path("results/s/table.csv").read_bytes()
     part = min(Path("results/s/parts").iterdir())
-    part.write_bytes(content)
-    capsys.readouterr()
-    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
-    one_line(capsys, f"{part}: not a readable Parquet file")
-    part.unlink()
+    if how == "another number":
+        edited = pq.read_table(part)
+        values = pa.array([0.001] * len(edited), pa.float64())
+        place = edited.schema.get_field_index("value")
+        edited = edited.set_column(place, edited.schema.field(place), values)
+        pq.write_table(edited.replace_schema_metadata(pq.read_schema(part).metadata), part)
+    else:
+        part.write_bytes(b"" if how == "empty" else part.read_bytes()[:1000])
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert f"{part}: was changed since it was written" in caplog.text
+    assert Path("results/s/table.csv").read_bytes() == before
 
 
 def test_a_worker_with_another_version_is_refused():
