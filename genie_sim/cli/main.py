@@ -670,7 +670,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _status_of(stop: SystemExit) -> int:
-    """The exit status. A class of the user's own that ends the program is named, whatever it says."""
+    """The exit status. A class of the user's own that ends the program is named."""
     fault = plugins.custom_fault(stop)
     if fault is None and isinstance(stop.code, int | None):
         return stop.code or 0
