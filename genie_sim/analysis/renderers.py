@@ -5,6 +5,7 @@ No cell can steer a terminal, end its row, or run a command of LaTeX or a formul
 
 import csv
 import io
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
@@ -66,7 +67,7 @@ def markdown(table: ResultTable, intervals: bool = True) -> str:
 
 def markdown_text(text: str) -> str:
     """A text as Markdown shows it: no HTML, and no link."""
-    return text.replace("<", r"\<").replace("](", r"]\(")
+    return re.sub(r"<(?=[A-Za-z/!?])", r"\\<", text).replace("](", r"]\(")
 
 
 def _are_numbers(table: ResultTable) -> Iterator[bool]:
