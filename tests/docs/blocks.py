@@ -50,9 +50,9 @@ def abbreviated(shown: list[str], printed: str) -> list[str]:
     """The printed lines, left out where ``shown`` leaves lines out: of the others those that are
     most alike. All of them where that does not match.
     """
-    waiting = [line.rstrip() for line in printed.strip().splitlines()]
+    waiting = [line.rstrip() for line in printed.strip("\n").splitlines()]
     found: list[str] = []
-    for line in "\n".join(shown).strip().splitlines():
+    for line in "\n".join(shown).strip("\n").splitlines():
         if line.strip() == "..." or not waiting:
             found.append(line)
             continue
