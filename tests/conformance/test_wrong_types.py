@@ -26,9 +26,10 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_what_a_frame_source_returns_is_checked_every_time(monkeypatch: pytest.MonkeyPatch):
-    returned = iter([{"street": {}}])
-    monkeypatch.setattr(own.Street, "provenance", lambda _: next(returned, "x"))
+    returned: dict[str, Any] = {"now": {"street": {}}}
+    monkeypatch.setattr(own.Street, "provenance", lambda _: returned["now"])
     setting = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
     prepared = prepare(setting)
+    returned["now"] = "x"
     with pytest.raises(UserError, match=r"provenance\(\) is 'x', but must be a mapping"):
         prepared.frames.provenance()

@@ -192,8 +192,7 @@ def test_the_paper_s_facts_count_cached_answers_as_results(run: Any):
         method: facts[Fact("result_answered_share", method)]
         for method in ("local", "remote", "genie")
     }
-    assert not any("fresh" in fact.metric for fact in facts)
     by_method = run.frames.groupby("method", observed=True)["result_answer_ns"]
     assert share == pytest.approx((by_method.count() / by_method.size()).to_dict())
     own = {one.method: one.value for one in run.measured if one.metric == "fresh_answered_share"}
-    assert own["genie"] < share["genie"] and own["local"] == share["local"]
+    assert own["genie"] < share["genie"] and own["local"] == pytest.approx(share["local"])

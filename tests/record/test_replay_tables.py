@@ -65,7 +65,7 @@ def test_what_a_map_forgets_has_a_last_row_without_confidence():
     tables = simulate(prepare_with_frames(setting, Recordings(street()), devices))
     objects, lookups = tables["objects"].to_frame(), tables["lookups"].to_frame()
     sightings = lookups[lookups["kind"] == "sighting"]
-    assert objects["confidence"].isna().sum() > 10
+    assert objects["confidence"].isna().any()
     for genie, changes in objects.groupby("genie", observed=True):
         held: set[int] = set()
         told = iter(sightings[sightings["genie"] == genie].itertuples())

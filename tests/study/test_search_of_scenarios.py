@@ -118,7 +118,9 @@ def test_a_point_sets_what_its_parameters_say():
 def test_the_methods_of_the_scenario_are_reported_as_they_are():
     work = search("where_it_pays", ["remote"])
     points = work.references()
-    assert [point.name for point in points] == ["local", "remote", "genie", "genie_recommended"]
+    trackers = ["local_tracker", "remote_tracker"]
+    expected = ["local", "remote", *trackers, "genie", "genie_recommended"]
+    assert [point.name for point in points] == expected
     scenario = work.scenario(points[-1], {})
     assert [entry.name for entry in scenario.methods] == ["genie_recommended"]
     looks = scenario.method_settings[scenario.methods[0].name].genie.looks
