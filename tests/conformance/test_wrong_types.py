@@ -26,7 +26,7 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_what_a_frame_source_returns_is_checked_every_time(monkeypatch: pytest.MonkeyPatch):
-    returned: dict[str, Any] = {"now": {"street": {}}}
+    returned: dict[str, object] = {"now": {"street": {}}}
     monkeypatch.setattr(own.Street, "provenance", lambda _: returned["now"])
     setting = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
     prepared = prepare(setting)
