@@ -26,6 +26,15 @@ def install(session: nox.Session, *requirements: str) -> None:
         session.install(*requirements)
 
 
+def passes(session: nox.Session, *command: str) -> bool:
+    """Whether a command ends well; what comes after it runs all the same."""
+    try:
+        session.run(*command)
+    except nox.command.CommandFailed:
+        return False
+    return True
+
+
 @nox.session
 def lint(session: nox.Session) -> None:
     """The hooks of pre-commit over all files: layout, ruff's rules, ends of files, large files."""
@@ -56,14 +65,14 @@ def rest(session: nox.Session) -> None:
     more, alone, and both runs are printed.
     """
     install(session, ".[test]")
-    session.run("python", "-m", "pytest", "-m", REST, "--durations=15", *session.posargs)
-    processes = ("python", "-m", "pytest", "-m", PROCESSES, "--durations=15", *session.posargs)
-    try:
-        session.run(*processes)
-    except nox.command.CommandFailed:
+    pytest = ("python", "-m", "pytest", "--durations=15", *session.posargs)
+    failed = not passes(session, *pytest, "-m", REST)
+    if not passes(session, *pytest, "-m", PROCESSES):
         session.warn("What failed beside other tests runs again, alone.")
-        session.run(*processes, "--last-failed", "-n0")
-    session.run("python", "-m", "pytest", "-m", "not nightly", "tools")
+        failed |= not passes(session, *pytest, "-m", PROCESSES, "--last-failed", "-n0")
+    failed |= not passes(session, "python", "-m", "pytest", "-m", "not nightly", "tools")
+    if failed:
+        session.error("Some tests failed; see above.")
 
 
 @nox.session

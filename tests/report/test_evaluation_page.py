@@ -361,7 +361,7 @@ def test_the_measure_of_first_and_fresh_answers_is_chosen(browser, file):
     titles = browser.evaluate(
         "[...byId('answer-charts').querySelectorAll('h3')].map(one => one.textContent)"
     )
-    assert titles == ["Mean: first answer, logarithmic", "Mean: fresh result, logarithmic"]
+    assert titles == ["Mean: first answer, logarithmic", "Mean: result, logarithmic"]
     ticks = browser.evaluate(
         "[...byId('answer-charts').querySelector('svg[role=img]').querySelectorAll('text')]"
         ".map(one => one.textContent)"

@@ -14,7 +14,7 @@ import random
 import signal
 import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -232,13 +232,13 @@ def busy_elsewhere(during_s: float = 2.0) -> float:
 
 
 class KnownTimes:
-    """Service times known in advance, in the place of a law to draw them from."""
+    """Service times known in advance, in the order of the frames, in the place of a law."""
 
     def __init__(self, times_ns: Sequence[int]) -> None:
-        self._times_ns = times_ns
+        self._times_ns = iter(times_ns)
 
-    def draws(self, rng: Any) -> Iterator[int]:
-        return iter(self._times_ns)
+    def at(self, _: float) -> int:
+        return next(self._times_ns)
 
 
 def profile_of(parts: Parts) -> dict[str, Any]:

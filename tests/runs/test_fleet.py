@@ -602,7 +602,8 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
     assert len(made.runs) == 4 and not made.shared, "no worker is sent thousands of drives"
     task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
     assert run_task(task, pickle.dumps(made.shared)) == Finished(4)
-    table = pd.read_parquet(task.part)
+    (part,) = task.part.parent.glob("*.parquet")
+    table = pd.read_parquet(part)
     for run_id, one in made.runs.items():
         mine = table[
             (table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")
