@@ -3,20 +3,16 @@ imports. They decide what a run gives, so they belong to what identifies its res
 """
 
 import ast
+import functools
 import hashlib
-import importlib.util
+import importlib
 import inspect
+import os
 import sys
-import sysconfig
-import uuid
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_INSTALLED = tuple(
-    Path(sysconfig.get_path(name)).resolve()
-    for name in ("stdlib", "platstdlib", "purelib", "platlib")
-)
 _PACKAGE = Path(__file__).resolve().parents[1]
 _imported: dict[str, dict[Path, str]] = {}  # of each module: the digests of its files when imported
 _tokens: dict[int, tuple[object, str]] = {}  # of classes without a file; holds them, or ids recur
@@ -30,7 +26,7 @@ def digest(made: Any) -> str:
     try:
         inspect.getfile(inspect.unwrap(made))
     except (TypeError, OSError):
-        _, token = _tokens.setdefault(id(made), (made, uuid.uuid4().hex))
+        _, token = _tokens.setdefault(id(made), (made, os.urandom(16).hex()))
         return f"in no file: {token}"
     module = inspect.unwrap(made).__module__
     found = sorted(_digests(module).values())
@@ -81,8 +77,10 @@ def _file_of(module: str) -> Path | None:
     loaded = getattr(sys.modules.get(module), "__file__", None)
     if loaded is not None:
         return Path(loaded).resolve()
+    from importlib.util import find_spec
+
     try:
-        spec = importlib.util.find_spec(module)
+        spec = find_spec(module)
     except (ImportError, ValueError, AttributeError):
         return None
     return None if spec is None or spec.origin is None else Path(spec.origin).resolve()
@@ -91,8 +89,17 @@ def _file_of(module: str) -> Path | None:
 def _is_own(path: Path) -> bool:
     """Whether a file belongs to no installed package."""
     return path.suffix == ".py" and not any(
-        path.is_relative_to(folder) for folder in (*_INSTALLED, _PACKAGE)
+        path.is_relative_to(folder) for folder in (*_installed(), _PACKAGE)
     )
+
+
+@functools.cache
+def _installed() -> tuple[Path, ...]:
+    """Where Python and its packages are."""
+    import sysconfig
+
+    kinds = ("stdlib", "platstdlib", "purelib", "platlib")
+    return tuple(Path(sysconfig.get_path(kind)).resolve() for kind in kinds)
 
 
 def _imports(module: str, path: Path) -> Iterator[str]:

@@ -275,7 +275,7 @@ def result_folders(folder: Path) -> Case:
         if what == 0:
             with (
                 plugins.own_code(False),
-                mock.patch("genie_sim.runs.folder._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.folder.write", side_effect=UserError("stopped")),
             ):
                 rerun(run, allow_changed=True)
         elif what == 1:

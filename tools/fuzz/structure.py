@@ -305,7 +305,7 @@ def result_contents(folder: Path) -> Case:
             with (
                 contextlib.chdir(run),
                 mock.patch("genie_sim.analysis.figures.save"),
-                mock.patch("genie_sim.runs.folder._fill", side_effect=UserError("stopped")),
+                mock.patch("genie_sim.runs.folder.write", side_effect=UserError("stopped")),
             ):
                 run_command(list(rng.choice(commands)))
         finally:
