@@ -319,8 +319,11 @@ def _reuse_marks(axis: Axes, what: str, mean: float, image_mean: float) -> None:
     else:
         lines[f"paper: mean {percent_text(average)}"] = (average, "--")
         lines[f"paper: highest {percent_text(most)}"] = (most, ":")
-        if times * image_mean <= 1:  # no share is higher
-            lines[f"paper: {times:g} × image reuse"] = (times * image_mean, style.DASH_DOT)
+        label = f"paper: {times:g} × image reuse"
+        if times * image_mean <= 1:
+            lines[label] = (times * image_mean, style.DASH_DOT)
+        else:  # no share is that high: only the legend tells
+            axis.plot([], [], " ", label=f"{label} is above 100 %")
     for label, (y, dashes) in lines.items():
         axis.axhline(y, color="black", linewidth=0.9, linestyle=dashes, label=label)
 

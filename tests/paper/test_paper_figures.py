@@ -98,7 +98,9 @@ def test_axes_begin_at_zero_and_cut_nothing_off(drawn):
 
 def test_the_paper_s_numbers_stand_in_the_figures(drawn):
     for name, labels in MARKS.items():
-        assert set(labels) <= set(legend(drawn[name])), name
+        told = legend(drawn[name])
+        for label in labels:
+            assert any(text.startswith(label) for text in told), (name, label)
     heights = {float(y) for _, y in first_points(drawn["object_reuse"])}
     assert {0.31, 0.67} <= heights
     assert {8.8, 33.0} <= {float(x) for x, _ in first_points(drawn["latency_cdf"])}
