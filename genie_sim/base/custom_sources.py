@@ -37,9 +37,10 @@ def forget_edited(module: str) -> None:
     """Lets a module, and what it imports of the user's, be imported anew where a file of theirs was
     edited since. Classes that are in use stay as they are.
     """
-    before = _imported.pop(module, None)
+    before = _imported.get(module)
     if before is None or module == "__main__" or _digests(module) == before:
         return
+    del _imported[module]
     for name in [name for name, _ in _own_modules(module)]:
         sys.modules.pop(name, None)
     importlib.invalidate_caches()
@@ -47,7 +48,8 @@ def forget_edited(module: str) -> None:
 
 def note(module: str) -> None:
     """A module has been imported, as its files are now."""
-    _imported.setdefault(module, _digests(module))
+    if module not in _imported:
+        _imported[module] = _digests(module)
 
 
 def _digests(module: str) -> dict[Path, str]:

@@ -12,7 +12,7 @@ import functools
 import hashlib
 import logging
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -217,9 +217,7 @@ def open_drive(
             f"out of {', '.join(CAMERAS)}"
         )
     calibration = day_calibration(day)
-    for camera in cameras:
-        if camera not in CAMERAS:
-            raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
+    check_cameras(folder, cameras, CAMERAS)
     images = {
         camera: numbered_images(folder / f"image_{camera}" / "data", camera, report)
         for camera in cameras
@@ -242,7 +240,6 @@ def open_drive(
     decisive += [
         paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths
     ]
-    named = tuple((path.relative_to(root).as_posix(), path) for path in decisive)
     return KittiDrive(
         name=drive,
         origin=origin,
@@ -250,8 +247,20 @@ def open_drive(
         world_SE3_imu=poses,
         calibration=calibration,
         scan_paths=scan_paths,
-        _decisive_files=named,
+        _decisive_files=named_below(root, decisive),
     )
+
+
+def check_cameras(where: object, cameras: Iterable[str], known: Collection[str]) -> None:
+    """Raises UserError for a camera that a drive cannot have."""
+    for camera in cameras:
+        if camera not in known:
+            raise UserError(f"{where}: {unknown('camera', camera, known)}")
+
+
+def named_below(root: Path, paths: Iterable[Path]) -> tuple[tuple[str, Path], ...]:
+    """Each file with its path below ``root``, by which it counts wherever the data lies."""
+    return tuple((path.relative_to(root).as_posix(), path) for path in paths)
 
 
 def read_image(path: Path) -> np.ndarray:

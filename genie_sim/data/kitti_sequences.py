@@ -20,8 +20,10 @@ from genie_sim.data.kitti import (
     CameraFrame,
     KittiDrive,
     SensorCalibration,
+    check_cameras,
     check_scans,
     drive_frames,
+    named_below,
     numbered,
     numbered_images,
     stamps_ns_of,
@@ -76,9 +78,7 @@ def open_sequence_of(
     """
     is_360 = drive.startswith(KITTI_360)
     known = CAMERAS_360 if is_360 else CAMERAS
-    for camera in cameras:
-        if camera not in known:
-            raise UserError(f"{drive}: {unknown('camera', camera, known)}")
+    check_cameras(drive, cameras, known)
     read = _kitti_360 if is_360 else _odometry
     files, poses, calibration = read(root, drive.partition("/")[2], cameras)
     images = {camera: numbered_images(files.pictures[camera], camera, report) for camera in cameras}
@@ -106,9 +106,7 @@ def open_sequence_of(
         world_SE3_imu=poses,
         calibration=calibration,
         scan_paths=scan_paths,
-        _decisive_files=tuple(
-            (path.relative_to(root).as_posix(), path) for path in dict.fromkeys(decisive)
-        ),
+        _decisive_files=named_below(root, dict.fromkeys(decisive)),
     )
 
 

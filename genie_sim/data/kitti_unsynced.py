@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.geometry import Array, Geodetic, inverse
 from genie_sim.data.files import matrices, named_rows, within
@@ -23,8 +23,10 @@ from genie_sim.data.kitti import (
     KittiDrive,
     Rectification,
     SensorCalibration,
+    check_cameras,
     day_calibration,
     drive_folders,
+    named_below,
     numbered,
     numbered_images,
     stamps_ns_of,
@@ -54,9 +56,7 @@ def open_unsynced(
     folder = unsynced_folder(root, drive)
     assert folder is not None
     calibration = day_calibration(folder.parent)
-    for camera in cameras:
-        if camera not in CAMERAS:
-            raise UserError(f"{folder}: {unknown('camera', camera, CAMERAS)}")
+    check_cameras(folder, cameras, CAMERAS)
     report.choose("drive", "_extract", ["_extract", "_sync"])
     oxts_paths = numbered(folder / "oxts" / "data", "txt")
     oxts_ns, packets = _packets(folder / "oxts", oxts_paths, report)
@@ -105,8 +105,6 @@ def open_unsynced(
             raise UserError(f"{folder}: camera {camera} has no frame while a position is known")
         frames[camera] = tuple(of_camera)
         decisive.append(path)
-    named = [(path.relative_to(root).as_posix(), path) for path in dict.fromkeys(decisive)]
-    named += [(path.relative_to(root).as_posix(), path) for path in oxts_paths.values()]
     return KittiDrive(
         name=drive,
         origin=origin,
@@ -114,7 +112,7 @@ def open_unsynced(
         world_SE3_imu=poses,
         calibration=calibration,
         scan_paths=scan_paths,
-        _decisive_files=tuple(named),
+        _decisive_files=named_below(root, [*dict.fromkeys(decisive), *oxts_paths.values()]),
     )
 
 

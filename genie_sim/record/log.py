@@ -51,7 +51,7 @@ class ComparedAnswer(NamedTuple):
     detected: Sequence[Detection]
 
 
-class Agreement(Protocol):
+class AnswerJudge(Protocol):
     """Compares answers with the detector's (``judge.agreement``)."""
 
     def add(self, answer: ComparedAnswer) -> None: ...
@@ -92,7 +92,7 @@ class Log:
         ``steps``, and what a replay needs, ``poses`` and ``objects``.
     samples : str
         The resources that are sampled: ``all``, those of ``edges``, ``processors``, or ``none``.
-    agreement : Agreement, optional
+    agreement : AnswerJudge, optional
         Compares the answers with the detector's.
     judge : Judge, optional
         Judges what the consumers hold, where the truth is known.
@@ -107,7 +107,7 @@ class Log:
         record: Collection[str] = ("lookups",),
         *,
         samples: Samples = "all",
-        agreement: Agreement | None = None,
+        agreement: AnswerJudge | None = None,
         judge: Judge | None = None,
         earlier_hosts: Collection[str] = (),
     ) -> None:
