@@ -266,16 +266,18 @@ def which_cache() -> str:
         "town": "towns, 5G",
         "cell": "towns, shared cells",
     }
-    table = pd.read_csv(RESULTS / "which_cache" / "compared.csv").set_index(["search", "method"])
+    table: Any = pd.read_csv(RESULTS / "which_cache" / "compared.csv")
+    table = table.set_index(["search", "method"])
     rows = []
     for search, title in names.items():
         of_search = table.loc[search]
         genie, others = of_search.loc["genie"], of_search.drop(["genie", "as_it_ships"])
         best = others.loc[others["f1"].idxmax()]
         difference = {"gain": best["gain"], "low": best["gain low"], "high": best["gain high"]}
-        prices = []
-        for metric in ("bytes_up_per_frame", "accelerator_time/edge"):
-            prices.append(f"{genie[metric] / best[metric]:.0%}" if best[metric] else "-")
+        prices = [
+            f"{genie[metric] / best[metric]:.0%}" if best[metric] else "-"
+            for metric in ("bytes_up_per_frame", "accelerator_time/edge")
+        ]
         name = str(best.name).replace("_", " ")
         rows.append(
             [title, name, f"{best['f1']:.3f}", f"{genie['f1']:.3f}", gain(difference), *prices]

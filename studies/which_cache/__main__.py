@@ -25,6 +25,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -57,7 +58,8 @@ def compared(folder: Path) -> pd.DataFrame:
     with the paired difference of the tuned Genie to it, of the Genie as it ships to itself.
     """
     designs = pd.read_csv(folder / "designs.csv").set_index("design")
-    differences = pd.read_csv(folder / "differences.csv").set_index(["metric", "design", "from"])
+    differences: Any = pd.read_csv(folder / "differences.csv")
+    differences = differences.set_index(["metric", "design", "from"])
     points = pd.read_csv(folder / "points.csv")
     points = points[points["state"] == "COMPLETE"]
     points["design"] = points["method"] + "-" + points["number"].astype(str)
@@ -72,8 +74,7 @@ def compared(folder: Path) -> pd.DataFrame:
         row |= {"high": design[f"{objective} high"]}
         row |= {metric: design[metric] for metric in PRICES}
         if method not in ("genie", "as_it_ships"):
-            pair = (objective, str(best.loc["genie", "design"]), point["design"])
-            gain = differences.loc[pair]
+            gain = differences.loc[(objective, best.loc["genie", "design"], point["design"])]
             row |= {"gain": gain["value"], "gain low": gain["low"], "gain high": gain["high"]}
         rows.append(row)
     return pd.DataFrame(rows)
