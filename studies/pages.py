@@ -47,8 +47,10 @@ def points_of(study: str) -> pd.DataFrame:
     return points[(points["along"] == "") & (points["placement"] == "all")]
 
 
-def value(points: pd.DataFrame, **where: Any) -> float:
+def value(points: pd.DataFrame, component: str = "", **where: Any) -> float:
     """The one value where every column is as given."""
+    if "component" in points:
+        where["component"] = component
     for column, text in where.items():
         points = points[points[column] == text]
     (found,) = points["value"]
