@@ -266,7 +266,6 @@ def which_cache() -> str:
         "ten": "ten cars on one Quadro",
         "streets": "four other streets, 5G",
         "town": "towns, 5G",
-        "cell": "towns, shared cells",
     }
     table: Any = pd.read_csv(RESULTS / "which_cache" / "compared.csv")
     table = table.set_index(["search", "method"])
