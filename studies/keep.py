@@ -47,14 +47,6 @@ METRICS = {
         "bytes_up_rate",
         "energy_per_frame",
     ),
-    "trust": (
-        "object_recall",
-        "ghost_share",
-        "bytes_up_per_frame",
-        "bytes_down_per_frame",
-        "poisoned_objects",
-        "suppressed_objects",
-    ),
 }
 
 

@@ -151,43 +151,6 @@ def freshness() -> str:
     return markdown(["policy", *(f"{place}: {m}" for place in places for m in metrics)], rows)
 
 
-DEFENCES = ("none", "corroborate", "reputation", "guarded", "strict")
-
-
-def trust() -> str:
-    """docs/trust.md, what attacks add and hide."""
-    points = points_of("trust")
-    points = points.assign(applied=points["applied"].astype(str))
-    rows = []
-    for attack in points["attack"].unique():
-        metric = "suppressed_objects" if attack.startswith("remove") else "poisoned_objects"
-        of_attack = {"attack": attack, "metric": metric}
-        numbers = [value(points, **of_attack, applied="False", method="none")]
-        numbers += [value(points, **of_attack, applied="True", method=name) for name in DEFENCES]
-        rows.append([f"{metric.split('_')[0]}: {attack}", *(f"{n:.4f}" for n in numbers)])
-    return markdown(["attack", "clean", "no defence", *DEFENCES[1:]], rows)
-
-
-def trust_price() -> str:
-    """docs/trust.md, what a defence costs where nobody attacks."""
-    points = points_of("trust")
-    points = points[points["applied"].astype(str) == "False"]
-    metrics = {
-        "recall [%]": ("object_recall", "{:.1%}"),
-        "false objects [%]": ("ghost_share", "{:.1%}"),
-        "bytes up, a frame": ("bytes_up_per_frame", "{:,.0f}"),
-        "bytes down, a frame": ("bytes_down_per_frame", "{:,.0f}"),
-    }
-    rows = []
-    for defence in DEFENCES:
-        cells = []
-        for metric, form in metrics.values():
-            wanted = points[(points["metric"] == metric) & (points["method"] == defence)]
-            cells.append(form.format(wanted["value"].mean()).removesuffix("%"))
-        rows.append([defence, *cells])
-    return markdown(["defence", *metrics], rows)
-
-
 def gain(row: Mapping[Any, Any]) -> str:
     """A gain with its interval."""
     return f"{row['gain']:+.3f} ({row['low']:+.3f} to {row['high']:+.3f})"
@@ -292,7 +255,6 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/shared-uplink.md": {"shared_uplink": shared_uplink},
     "docs/failing-edge.md": {"failing_edge": failing_edge},
     "docs/explanation/freshness.md": {"freshness": freshness},
-    "docs/trust.md": {"trust": trust, "trust_price": trust_price},
     "docs/where-it-pays.md": {
         "reported": lambda: where_it_pays("reported"),
         "development": lambda: where_it_pays("development"),
