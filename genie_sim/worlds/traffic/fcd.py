@@ -87,7 +87,7 @@ class _Content:
     earlier_s: float = -math.inf  # the step before, wanted or not
     seen: set[int] = field(default_factory=set)  # vehicles of this step
     begins_late: bool = False  # after the first step
-    is_over: bool = False  # the time that is wanted, without a vehicle in it
+    is_over: bool = False  # the time that is wanted: this step only tells where vehicles go
     invalid: int = 0
     others: int = 0
 
@@ -105,9 +105,9 @@ class _Content:
         begin_s = self.begin_s
         if begin_s is None:
             self._clear()  # a step without vehicles
-        # One step before the beginning and one after the end, for places in between.
-        elif self.times_s and self.times_s[-1] >= begin_s + self.duration_s:
-            if self.types:
+        # One step before the beginning and one at or after the end, for places in between.
+        elif self.times_s and time_s >= begin_s + self.duration_s:
+            if self.is_over and self.types:
                 raise _Enough
             self.is_over = True
         elif time_s <= begin_s and self.times_s:
@@ -147,12 +147,14 @@ class _Content:
                 self.invalid += 1
                 return
             raise self._wrong(attributes, is_person)
-        if self.is_over:
+        if self.is_over and not self.types:
             raise UserError(
                 f"{self.path}: has no vehicles from {self.begin_s:g} s to "
                 f"{(self.begin_s or 0.0) + self.duration_s:g} s; the first one comes at "
                 f"{self.earlier_s:g} s: set 'begin' or 'duration'"
             )
+        if self.is_over and (name, is_person) not in self.numbers:
+            return
         if self.begin_s is None:
             self.begin_s = self.times_s[-1]
             self.begins_late = self.begin_s != self.first_s
