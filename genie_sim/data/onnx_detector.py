@@ -10,17 +10,18 @@ import threading
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 
-from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory, unknown
 from genie_sim.core.caches.features import packed
 from genie_sim.core.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.core.messages import Box
-from genie_sim.data.onnx_files import read_network
+from genie_sim.data.onnx_files import limited_memory, read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -121,6 +122,10 @@ NMS_IOU = 0.30
 GREY = 114  # what fills the rest of a letter box
 # that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
 MAX_PIXELS = 2**25
+# What a network may take for its first picture: some bytes for each pixel and each of its own, and
+# seconds for each picture of a batch. A hundred times what published networks take.
+FIRST_BYTES, BYTES_OF_PIXEL, COPIES = 2 * 10**9, 1000, 4
+FIRST_S = 60.0
 
 
 class DetectedBox(NamedTuple):
@@ -208,6 +213,26 @@ class OnnxDetector(ABC):
         self._unused: Counter[str] = Counter()
         self._lock = threading.Lock()
         self.cells, self.cell_strides = _cells(self.size, self.strides)
+        self._run_options: Any = None
+        more_bytes = FIRST_BYTES + BYTES_OF_PIXEL * width * height * batch
+        more_bytes += COPIES * network.ByteSize()
+        # Devices other than the processor take addresses for all their memory.
+        bound = limited_memory(more_bytes) if (*providers,) == (CPU,) else nullcontext()
+        try:
+            with bound:
+                self._open(weights, network, providers)
+        except Exception as error:
+            if tells_of_low_memory(error.__cause__ or error):
+                raise UserError(
+                    f"{weights}: needs more than {more_bytes / 1e9:.1f} GB for a picture of "
+                    f"{width}x{height}"
+                ) from error
+            raise
+
+    def _open(self, weights: Path, network: Any, providers: Sequence[str]) -> None:
+        """Opens the network and looks at a grey picture, for a limited time."""
+        import onnxruntime
+
         self._session = self._opened(weights, network, providers)
         self._input = self._session.get_inputs()[0].name
         kind = self._session.get_inputs()[0].type
@@ -216,7 +241,22 @@ class OnnxDetector(ABC):
                 f"{weights}: its input is a {kind}; known: {', '.join(KINDS)}: export it so"
             )
         self._kind = KINDS[kind]
-        self._check(weights)
+        self._run_options = options = onnxruntime.RunOptions()
+        limit_s = FIRST_S * self.batch
+        timer = threading.Timer(limit_s, setattr, (options, "terminate", True))
+        timer.daemon = True
+        timer.start()
+        try:
+            self._check(weights)
+        except Exception as error:
+            if options.terminate:
+                raise UserError(
+                    f"{weights}: has no answer to its first picture after {limit_s:g} s"
+                ) from error
+            raise
+        finally:
+            timer.cancel()
+            self._run_options = None
 
     @classmethod
     def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
@@ -278,7 +318,8 @@ class OnnxDetector(ABC):
         """
         filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
         blob = filled[0] if self.batch == 1 else np.concatenate(filled)
-        outputs = self._session.run(None, {self._input: blob.astype(self._kind, copy=False)})
+        feed = {self._input: blob.astype(self._kind, copy=False)}
+        outputs = self._session.run(None, feed, self._run_options)
         plain = [
             output.astype(np.float32) if output.dtype == np.float16 else output
             for output in outputs
