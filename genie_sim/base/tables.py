@@ -1,20 +1,24 @@
 """Tables that somebody else wrote, as text or Parquet: rows of typed values, and errors that name
 file, line and column.
 
-Text is in UTF-8 or UTF-16. What separates its columns, the decimal mark and the units are found in
-the file: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are the column ``time_s``.
+Text is in UTF-8 or UTF-16, plain or compressed by gzip. What separates its columns, the decimal
+mark and the units are found in the file: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are the
+column ``time_s``.
 """
 
 import codecs
 import csv
+import gzip
 import io
 import math
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple, cast
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
@@ -25,6 +29,9 @@ MAX_TEXT = 100
 BATCH_ROWS = 65_536  # of a Parquet file, in memory at once
 HEAD_BYTES = 65_536  # of a text, in which the header stands and its separator is found
 SAMPLE_LINES = 20  # that tell the separator
+GZIP = b"\x1f\x8b"  # how a file begins that is compressed so
+MAX_UNPACKED_BYTES = 2 * 10**9
+MAX_LINE = 1_000_000  # characters
 BLANKS = " "  # separates columns: any number of spaces and tabs
 MARKS = ",; \t\r\n"  # a line of nothing else is empty
 SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
@@ -293,7 +300,10 @@ class _TextLayout:
     def __init__(self, path: Path, uneven: bool) -> None:
         self.path, self._uneven = path, uneven
         with self._readable():
-            with path.open("rb") as file:
+            self._is_packed = is_gzip(path)
+            if self._is_packed:
+                self._check_unpacked()
+            with self._opened() as file:
                 head = file.read(HEAD_BYTES)
             is_utf_16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
             self.encoding = "utf-16" if is_utf_16 else "utf-8-sig"
@@ -327,10 +337,15 @@ class _TextLayout:
         """The number of each line that is not empty, and its cells. Raises UserError for one with
         another number of cells than the header.
         """
-        with self._readable(), self.path.open(encoding=self.encoding, newline="") as file:
+        with (
+            self._readable(),
+            self._opened() as data,
+            io.TextIOWrapper(data, encoding=self.encoding, newline="") as file,
+        ):
+            lines = _lines(file)
             for _ in range(self._skipped):
-                next(file, "")
-            for number, cells in _numbered(file, self.separator, self._skipped):
+                next(lines, "")
+            for number, cells in _numbered(lines, self.separator, self._skipped):
                 if len(cells) != self.columns:
                     if not "".join(cells).strip():
                         continue
@@ -346,6 +361,22 @@ class _TextLayout:
                     continue
                 yield number, cells
 
+    def _opened(self) -> IO[bytes]:
+        if self._is_packed:
+            return cast(IO[bytes], gzip.open(self.path))
+        return self.path.open("rb")
+
+    def _check_unpacked(self) -> None:
+        """Raises UserError for a file that unpacks to too much: before anything is parsed."""
+        unpacked = 0
+        with self._opened() as file:
+            while chunk := file.read(HEAD_BYTES):
+                unpacked += len(chunk)
+                if unpacked > MAX_UNPACKED_BYTES:
+                    raise UserError(
+                        f"{self.path}: unpacks to more than {MAX_UNPACKED_BYTES:,} bytes"
+                    )
+
     @contextmanager
     def _readable(self) -> Iterator[None]:
         """What the file's bytes or quotes have wrong becomes a UserError."""
@@ -353,20 +384,34 @@ class _TextLayout:
         with (
             usable(self.path, "cannot be read"),
             as_user_error(f"{what}: save it as UTF-8", UnicodeError),
-            as_user_error(what, csv.Error),
+            as_user_error(what, csv.Error, EOFError, zlib.error, gzip.BadGzipFile),
         ):
             yield
 
 
-def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line of a file of which ``before`` lines have been read."""
+def is_gzip(path: Path) -> bool:
+    """Whether a file is compressed by gzip."""
+    with path.open("rb") as file:
+        return file.read(len(GZIP)) == GZIP
+
+
+def _lines(file: IO[str]) -> Iterator[str]:
+    """The lines of a file. Raises ``csv.Error`` for one without an end."""
+    for line in iter(partial(file.readline, MAX_LINE), ""):
+        if len(line) == MAX_LINE:
+            raise csv.Error(f"has a line of {MAX_LINE:,} characters or more")
+        yield line
+
+
+def _numbered(lines: Iterator[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each of some lines, before which ``before`` others have been read."""
     if separator == BLANKS:
-        for number, line in enumerate(file, before + 1):
+        for number, line in enumerate(lines, before + 1):
             yield number, line.split()
         return
-    lines = csv.reader(file, delimiter=separator, strict=True)
-    for cells in lines:
-        yield before + lines.line_num, cells
+    rows = csv.reader(lines, delimiter=separator, strict=True)
+    for cells in rows:
+        yield before + rows.line_num, cells
 
 
 def _separator(lines: Sequence[str]) -> str:

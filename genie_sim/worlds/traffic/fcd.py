@@ -20,14 +20,13 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import FAST_SHARE, ImportReport
-from genie_sim.base.tables import FileColumn, Table
+from genie_sim.base.tables import FileColumn, Table, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.core.geometry import Array
 from genie_sim.data.world_table import MAX_M
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
-GZIP = b"\x1f\x8b"
 UNKNOWN_TYPE = ""  # of a vehicle without the attribute
 MAX_TIME_S = 1e11
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
@@ -308,7 +307,7 @@ def read_fcd(
     with ExitStack() as stack:
         stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
         file = _opened(path, stack)
-        if path.suffix in (".csv", ".parquet"):
+        if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
             content = _Content(path, begin_s, duration_s, lambda: str(path), report)
             _read_table(Table(path), content)
         else:
@@ -320,11 +319,7 @@ def read_fcd(
 
 def _opened(path: Path, stack: ExitStack) -> IO[bytes]:
     file: IO[bytes] = stack.enter_context(path.open("rb"))
-    is_compressed = file.read(len(GZIP)) == GZIP
-    file.seek(0)
-    if is_compressed:
-        return cast(IO[bytes], stack.enter_context(gzip.open(file)))
-    return file
+    return cast(IO[bytes], stack.enter_context(gzip.open(file))) if is_gzip(path) else file
 
 
 def _rows(content: _Content) -> VehicleRows:
