@@ -145,18 +145,19 @@ class OnnxDetector(ABC):
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
-    ``outputs`` it has (``more_outputs``: others may follow, which are not used) and of which
-    shapes, how it wants a picture (``prepare``) and what its outputs mean (``decode``). ``gap``
-    names the feature that the mean over the backbone's last activation makes, for networks that
-    pool at several sizes there.
+    ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
+    outputs mean (``decode``). Others may follow them that are not used (``more_outputs``). With the
+    size of the picture as second input it has ``sized_outputs``. ``gap`` names the feature that the
+    mean over the backbone's last activation makes, for networks that pool at several sizes there.
     """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
-    outputs: ClassVar[int] = 1
+    outputs: int = 1
     more_outputs: ClassVar[bool] = False
+    sized_outputs: ClassVar[int] = 0
     gap: ClassVar[str] = ""
 
     def __init__(
@@ -185,7 +186,9 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        network, self.sha256 = read_network(weights, self.outputs, more_outputs=self.more_outputs)
+        counts = [(1, self.outputs), *([(2, self.sized_outputs)] * bool(self.sized_outputs))]
+        network, self.sha256 = read_network(weights, counts, more_outputs=self.more_outputs)
+        self.outputs = len(network.graph.output)
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -324,7 +327,11 @@ class OnnxDetector(ABC):
             output.astype(np.float32) if output.dtype == np.float16 else output
             for output in outputs
         ]
-        return [[output[i] for output in plain] for i in range(len(blobs))]
+        return [self.of_picture(plain, i) for i in range(len(blobs))]
+
+    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
+        """What the outputs of a batch say of one of its pictures."""
+        return [output[number] for output in outputs]
 
     def found(
         self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
@@ -358,6 +365,7 @@ class OnnxDetector(ABC):
         picture.
         """
         import onnxruntime
+        from onnx import numpy_helper
 
         for provider in providers:
             if provider not in onnxruntime.get_available_providers():
@@ -367,6 +375,10 @@ class OnnxDetector(ABC):
         dims = network.graph.input[0].type.tensor_type.shape.dim
         for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
             dim.dim_value = value
+        for value in network.graph.input[1:]:
+            sizes = np.array([self.size] * self.batch, np.int64)
+            network.graph.initializer.append(numpy_helper.from_array(sizes, value.name))
+        del network.graph.input[1:]
         for number, output in enumerate(network.graph.output):
             for axis, dim in enumerate(output.type.tensor_type.shape.dim):
                 dim.dim_param = f"output_{number}_{axis}"
@@ -418,6 +430,7 @@ class OnnxDetector(ABC):
             "yolov5": (3 * cells, 5 + classes),
             "yolov10": (None, 6),
             "rtdetr": (None, 4 + classes),
+            "yolov7": (7,),  # the first row of all
         }
         for name, layout in layouts.items():
             if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):

@@ -16,7 +16,9 @@ from tests.kitti_folder import make_network
 from tests.made_up_networks import (
     make_nanodet,
     make_rtdetr,
+    make_sized_rtdetr,
     make_yolov5,
+    make_yolov7,
     make_yolov8,
     make_yolov10,
 )
@@ -208,6 +210,35 @@ class TestYolov10(Conformance):
         assert car.box == pytest.approx((124, 72, 204, 112), abs=0.5)
 
 
+class TestYolov7(Conformance):
+    name, size, layout = "yolov7", (320, 320), "yolov5"
+
+    def network(self, folder):
+        return make_yolov7(folder / "yolov7.onnx")
+
+    def test_networks_without_suppression_see_the_same(self, detector, tmp_path):
+        plain = make_detector("yolov7", make_yolov5(tmp_path / "plain.onnx"), self.size, 0.05)
+        (car,), (same,) = (one.detect(self.picture((20, 11))) for one in (detector, plain))
+        assert car.box == pytest.approx(same.box, abs=0.5)
+        assert detector.notes == ["yolov7: the network suppresses boxes itself"]
+        assert plain.notes == []
+
+
+class TestSizedRtDetr(Conformance):
+    name, size, layout = "rtdetr", (320, 320), "rtdetr"
+
+    def network(self, folder):
+        return make_sized_rtdetr(folder / "sized.onnx")
+
+    def test_it_finds_what_rtdetr_finds(self, detector, tmp_path):
+        other = make_detector("rtdetr", make_rtdetr(tmp_path / "other.onnx"), self.size, 0.05)
+        for scale in (1, 2):
+            (car,), (same,) = (
+                one.detect(self.picture((20, 11), scale=scale)) for one in (detector, other)
+            )
+            assert car.label == same.label and car.box == pytest.approx(same.box, abs=0.5)
+
+
 class TestRtDetr(Conformance):
     name, size, layout = "rtdetr", (320, 320), "rtdetr"
 
@@ -228,10 +259,14 @@ def white_cell() -> np.ndarray:
 
 def test_another_layout_is_named(tmp_path):
     yolov5 = make_yolov5(tmp_path / "a.onnx", more=False)
-    for name, path in (("yolov5", yolov5), ("yolov10", make_yolov10(tmp_path / "b.onnx"))):
+    yolov7, yolov10 = make_yolov7(tmp_path / "c.onnx"), make_yolov10(tmp_path / "b.onnx")
+    for name, path in (("yolov5", yolov5), ("yolov7", yolov7), ("yolov10", yolov10)):
         message = f"is no yolov8 network: .*; --detector {name} has such an output"
         with pytest.raises(UserError, match=message):
             make_detector("yolov8", path)
+    sized = make_sized_rtdetr(tmp_path / "d.onnx")
+    with pytest.raises(UserError, match=r"has 2 inputs and 3 outputs, expected 1 and 1"):
+        make_detector("yolov8", sized)
 
 
 def external(path: Path, folder: Path) -> Path:
