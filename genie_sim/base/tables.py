@@ -16,7 +16,6 @@ import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import IO, Any, Literal, NamedTuple, cast
 
@@ -31,7 +30,7 @@ HEAD_BYTES = 65_536  # of a text, in which the header stands and its separator i
 SAMPLE_LINES = 20  # that tell the separator
 GZIP = b"\x1f\x8b"  # how a file begins that is compressed so
 MAX_UNPACKED_BYTES = 2 * 10**9
-MAX_LINE = 1_000_000  # characters
+MAX_LINE_BYTES = 1_000_000
 BLANKS = " "  # separates columns: any number of spaces and tabs
 MARKS = ",; \t\r\n"  # a line of nothing else is empty
 SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
@@ -114,7 +113,10 @@ class FileColumn:
         return text
 
     def _number(self, raw: object, factor: float) -> float:
-        number = plain_number(raw)
+        try:  # what most cells hold
+            number = float(raw if type(raw) is str and raw.isascii() and "_" not in raw else "")
+        except ValueError:
+            number = plain_number(raw)
         if factor != 1.0:
             number *= factor
         if not (math.isfinite(number) and self.lowest <= number <= self.highest):
@@ -245,9 +247,10 @@ class Table:
         if not self.is_text:
             yield from self._parquet_cells(indices)
             return
+        begin = f"{self.path}: line "
         for number, cells in self._text.rows():
             yield (
-                f"{self.path}: line {number}",
+                f"{begin}{number}",
                 [None if index is None else cells[index].strip() for index in indices],
             )
 
@@ -301,8 +304,7 @@ class _TextLayout:
         self.path, self._uneven = path, uneven
         with self._readable():
             self._is_packed = is_gzip(path)
-            if self._is_packed:
-                self._check_unpacked()
+            self._check_size()
             with self._opened() as file:
                 head = file.read(HEAD_BYTES)
             is_utf_16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
@@ -342,10 +344,9 @@ class _TextLayout:
             self._opened() as data,
             io.TextIOWrapper(data, encoding=self.encoding, newline="") as file,
         ):
-            lines = _lines(file)
             for _ in range(self._skipped):
-                next(lines, "")
-            for number, cells in _numbered(lines, self.separator, self._skipped):
+                next(file, "")
+            for number, cells in _numbered(file, self.separator, self._skipped):
                 if len(cells) != self.columns:
                     if not "".join(cells).strip():
                         continue
@@ -366,15 +367,23 @@ class _TextLayout:
             return cast(IO[bytes], gzip.open(self.path))
         return self.path.open("rb")
 
-    def _check_unpacked(self) -> None:
-        """Raises UserError for a file that unpacks to too much: before anything is parsed."""
-        unpacked = 0
+    def _check_size(self) -> None:
+        """Raises UserError for a file that unpacks to too much or has a line without an end: before
+        anything is parsed.
+        """
+        size = begun = 0
         with self._opened() as file:
             while chunk := file.read(HEAD_BYTES):
-                unpacked += len(chunk)
-                if unpacked > MAX_UNPACKED_BYTES:
+                size += len(chunk)
+                if self._is_packed and size > MAX_UNPACKED_BYTES:
                     raise UserError(
                         f"{self.path}: unpacks to more than {MAX_UNPACKED_BYTES:,} bytes"
+                    )
+                end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
+                begun = len(chunk) - end - 1 + (begun if end < 0 else 0)
+                if begun > MAX_LINE_BYTES:
+                    raise UserError(
+                        f"{self.path}: has a line of more than {MAX_LINE_BYTES:,} bytes"
                     )
 
     @contextmanager
@@ -395,21 +404,13 @@ def is_gzip(path: Path) -> bool:
         return file.read(len(GZIP)) == GZIP
 
 
-def _lines(file: IO[str]) -> Iterator[str]:
-    """The lines of a file. Raises ``csv.Error`` for one without an end."""
-    for line in iter(partial(file.readline, MAX_LINE), ""):
-        if len(line) == MAX_LINE:
-            raise csv.Error(f"has a line of {MAX_LINE:,} characters or more")
-        yield line
-
-
-def _numbered(lines: Iterator[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each of some lines, before which ``before`` others have been read."""
+def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line of a file of which ``before`` lines have been read."""
     if separator == BLANKS:
-        for number, line in enumerate(lines, before + 1):
+        for number, line in enumerate(file, before + 1):
             yield number, line.split()
         return
-    rows = csv.reader(lines, delimiter=separator, strict=True)
+    rows = csv.reader(file, delimiter=separator, strict=True)
     for cells in rows:
         yield before + rows.line_num, cells
 

@@ -62,7 +62,10 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
         (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
         (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
         (b"", "column 'time_s' is missing; the file has none"),
-        (b"time_s,up_mbps\n0," + b"1" * 2_000_000, "has a line of 1,000,000 characters or more"),
+        (
+            b"time_s,up_mbps\n0," + b"1" * 2_000_000,
+            "a.csv: has a line of more than 1,000,000 b",
+        ),
         (b"\x1f\x8bnot", "not a readable CSV file|cannot be read"),
         (gzip.compress(b"time_s,up_mbps\n0,1\n")[:-9], "not a readable CSV file: Compressed file"),
     ],
