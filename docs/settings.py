@@ -58,6 +58,7 @@ UNITS = {  # by the example that the schema gives of a quantity
     "30 ms": "duration",
     "1.4 MB": "size",
     "100 Mbit/s": "rate",
+    "5 Hz": "rate",
     "15 deg": "angle",
     "1 m": "length",
     "1000 entries": "entries or size",

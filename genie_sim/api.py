@@ -340,9 +340,9 @@ def compare(
     labels: Sequence[str] = (),
     allow_changed: bool = False,
 ) -> "Comparison":
-    """Compares runs, or result folders, that saw the same frames, or the methods of one: paired
-    differences with intervals, by seed where there are several of a setting, else by blocks of one
-    second.
+    """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
+    where there are several of a setting, else by blocks of one second. They are paired where both
+    sides saw the same frames; those of other cars or drives are not.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
     in their order. ``allow_changed`` as in ``load``. Raises

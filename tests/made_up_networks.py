@@ -127,6 +127,66 @@ def make_yolov10(path: Path, side: int = 320) -> Path:
     return network.save(("Transpose", [network.last], {"perm": [0, 2, 1]}))
 
 
+def make_yolov7(path: Path, side: int = 320) -> Path:
+    """The output of YOLOv7's own export with suppression inside: the number of the picture, left,
+    top, right, bottom, class and score of each box that is left of all pictures.
+    """
+    network, (places, scores) = _parts_of_yolov8(path, side)
+    corners = network.constant(
+        "corners", [[[1, 0, -0.5, 0], [0, 1, 0, -0.5], [1, 0, 0.5, 0], [0, 1, 0, 0.5]]]
+    )
+    boxes = network.of(("MatMul", [corners, places], {}))
+    best = network.of(("ReduceMax", [scores], {"axes": [1], "keepdims": 1}))
+    number = network.of(("ArgMax", [scores], {"axis": 1}), ("Cast", ["@"], {"to": 1}))
+    rows = network.of(
+        ("Concat", [boxes, number, best], {"axis": 1}), ("Transpose", ["@"], {"perm": [0, 2, 1]})
+    )
+    few = network.constant("few", 0.01)
+    likely = network.of(
+        ("Squeeze", [best], {"axes": [1]}),
+        ("Greater", ["@", few], {}),
+        ("NonZero", ["@"], {}),
+        ("Transpose", ["@"], {"perm": [1, 0]}),
+    )
+    left = network.of(("GatherND", [rows, likely], {}))
+    first = [network.whole(values) for values in ([0], [1], [1])]
+    picture = network.of(("Slice", [likely, *first], {}), ("Cast", ["@"], {"to": 1}))
+    return network.save(("Concat", [picture, left], {"axis": 1}), axes=2)
+
+
+def make_sized_rtdetr(path: Path, side: int = 320) -> Path:
+    """The two inputs and three outputs of RT-DETR as its authors export it."""
+    from onnx import TensorProto, helper
+
+    network, (places, scores) = _parts_of_yolov8(path, side)
+    corners = network.constant(
+        "corners", [[[1, 0, -0.5, 0], [0, 1, 0, -0.5], [1, 0, 0.5, 0], [0, 1, 0, 0.5]]]
+    )
+    network.of(
+        ("MatMul", [corners, places], {}),
+        ("Transpose", ["@"], {"perm": [0, 2, 1]}),
+        ("Mul", ["@", network.constant("share", [[[1 / side]]])], {}),
+    )
+    shares = network.last
+    sizes = network.of(
+        ("Cast", ["orig_target_sizes"], {"to": 1}),
+        ("Concat", ["@", "@"], {"axis": 1}),
+        ("Unsqueeze", ["@"], {"axes": [1]}),
+    )
+    boxes = network.of(("Mul", [shares, sizes], {}))
+    classes = network.of(("ArgMax", [scores], {"axis": 1, "keepdims": 0}))
+    best = network.of(("ReduceMax", [scores], {"axes": [1], "keepdims": 0}))
+    graph = network.model.graph
+    graph.input.append(
+        helper.make_tensor_value_info("orig_target_sizes", TensorProto.INT64, [1, 2])
+    )
+    del graph.output[:]
+    for name, kind, axes in ((classes, "INT64", 2), (boxes, "FLOAT", 3), (best, "FLOAT", 2)):
+        value = helper.make_tensor_value_info(name, getattr(TensorProto, kind), [None] * axes)
+        graph.output.append(value)
+    return network.write()
+
+
 def make_rtdetr(path: Path, side: int = 320) -> Path:
     """The output of RT-DETR: places as shares of the picture."""
     network, (places, scores) = _parts_of_yolov8(path, side)
@@ -167,15 +227,19 @@ class _Network:
             self.last = name
         return self.last
 
-    def save(self, step, more: str = "") -> Path:
-        import onnx
+    def save(self, step, more: str = "", axes: int = 3) -> Path:
         from onnx import TensorProto, helper
 
         last = self.of(step)
         del self.model.graph.output[:]
         for name in [last, *([more] if more else [])]:
-            kind = helper.make_tensor_value_info(name, TensorProto.FLOAT, [None] * 3)
+            kind = helper.make_tensor_value_info(name, TensorProto.FLOAT, [None] * axes)
             self.model.graph.output.append(kind)
+        return self.write()
+
+    def write(self) -> Path:
+        import onnx
+
         onnx.save(self.model, str(self.path))
         return self.path
 

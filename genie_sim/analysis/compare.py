@@ -2,20 +2,28 @@
 
 Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the
 differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
-that says nothing of other seeds or drives.
+that says nothing of other seeds or drives. Runs that saw other frames, such as those of other cars,
+have nothing to pair: the interval is Welch's, over seeds or over blocks.
 """
 
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.registry import definition
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import Blocks, around, over_seeds, wilson
+from genie_sim.analysis.statistics import (
+    Blocks,
+    around,
+    error_of_mean,
+    of_difference,
+    over_seeds,
+    wilson,
+)
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
@@ -23,6 +31,7 @@ from genie_sim.record.columns import Floats, Text, joined
 from genie_sim.record.results import MethodInfo, Metric, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
+UNPAIRED = ", unpaired"  # after them
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
 GIVEN = "given"  # the value of a part that is in some settings alone
@@ -114,8 +123,9 @@ class Difference(NamedTuple):
     """A metric of an arm and, where there is another to compare with, its value minus that one's.
     ``by`` says what the interval is over, ``n`` over how many.
 
-    ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum of
-    both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
+    Of sides that are not paired ``by`` ends with ``UNPAIRED``, and ``n`` is that of the smaller
+    one. ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum
+    of both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
     """
 
     metric: str
@@ -135,7 +145,8 @@ class Difference(NamedTuple):
 class ComparedRuns:
     """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
     differs, with its value under every setting, in the order of ``names``.
-    ``warning`` says which files of the runs were changed; empty if none was.
+    ``warning`` says which files of the runs were changed; empty if none was. ``unpaired``: which
+    arms are not paired with what they are compared with, and why.
     """
 
     arms: Sequence[ComparedMethod]
@@ -143,6 +154,7 @@ class ComparedRuns:
     names: Sequence[str]
     settings: Mapping[str, Sequence[str]]
     warning: str = ""
+    unpaired: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def by(self) -> str:
@@ -150,14 +162,23 @@ class ComparedRuns:
         units = sorted({row.by for row in self.rows if row.by})
         if not units:
             return "nothing to compare with"
-        return f"95 % intervals of paired differences, by {' and '.join(units)}"
+        paired = "" if self.unpaired else "paired "
+        return f"95 % intervals of {paired}differences, by {' and '.join(units)}"
+
+    @property
+    def why_unpaired(self) -> str:
+        """A sentence that says what is not paired, and why; empty if all is."""
+        if not self.unpaired:
+            return ""
+        reasons = "; ".join(dict.fromkeys(self.unpaired.values()))
+        return f"Not paired, with Welch's interval, since both sides saw other frames: {reasons}."
 
 
 def compare(
     runs: Sequence[Run | SeedRuns], methods: Sequence[str] = (), labels: Sequence[str] = ()
 ) -> ComparedRuns:
-    """Compares runs that saw the same frames. Runs that differ in nothing but the seed are one
-    setting.
+    """Compares runs, paired where they saw the same frames. Runs that differ in nothing but the
+    seed are one setting.
 
     ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
     the order in which they come. The first setting is what the others are compared with, under the
@@ -187,6 +208,7 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
     names = _names(settings, labels)
     arms: list[ComparedMethod] = []
     references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
+    unpaired: dict[str, str] = {}
     for place, (name, by_seed) in enumerate(zip(names, settings, strict=True)):
         for method in _chosen(_any(by_seed), methods):
             label, title = method.name, method.title
@@ -195,18 +217,20 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
             arm = ComparedMethod(label, title, method, by_seed)
             reference = _reference(arm, arms, place, len(settings))
             if reference is not None:
-                _check(reference, arm)
+                why = _unpaired(reference, arm)
+                if why:
+                    unpaired[label] = f"{names[0]} and {name}: {why}"
                 references[label] = reference
             arms.append(arm)
     rows = []
     for metric in (*COMPARED, *_own(arms)):
         for arm in arms:
-            row = _difference(metric, arm, references.get(arm.label))
+            row = _difference(metric, arm, references.get(arm.label), arm.label not in unpaired)
             if row is not None:
                 rows.append(row)
     warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
     differing = _settings([_any(by_seed) for by_seed in settings])
-    return ComparedRuns(arms, rows, names, settings=differing, warning=warning)
+    return ComparedRuns(arms, rows, names, settings=differing, warning=warning, unpaired=unpaired)
 
 
 def _own(arms: Sequence[ComparedMethod]) -> list[str]:
@@ -293,8 +317,10 @@ def _common_seeds(arm: ComparedMethod, other: ComparedMethod) -> list[int]:
     return [seed for seed in arm.runs if seed in other.runs]
 
 
-def _check(reference: ComparedMethod, arm: ComparedMethod) -> None:
-    """Raises UserError unless both saw the same frames."""
+def _unpaired(reference: ComparedMethod, arm: ComparedMethod) -> str:
+    """Why the frames of the two cannot be paired; empty where both saw the same. Raises UserError
+    for arms without a seed in common.
+    """
     seeds = _common_seeds(arm, reference)
     if not seeds:
         of_each = [", ".join(map(str, sorted(side.runs))) for side in (reference, arm)]
@@ -304,21 +330,17 @@ def _check(reference: ComparedMethod, arm: ComparedMethod) -> None:
         )
     for seed in seeds:
         run, other = arm.runs[seed], reference.runs[seed]
-        problem = (
-            f"compare: {reference.label} ({other.run_id}) and {arm.label} ({run.run_id}) "
-            "cannot be compared"
-        )
         drives, others = run.facts["traces"], other.facts["traces"]
         if drives != others:
             cars = sorted({*drives, *others})
             differing = [car for car in cars if drives.get(car) != others.get(car)]
-            raise UserError(f"{problem}: other drives ({', '.join(differing[:3])})")
+            return f"other drives ({', '.join(differing[:3])})"
         frames, others = _frames(run, arm.method), _frames(other, reference.method)
         if frames != others:
-            raise UserError(
-                f"{problem}: other frames ({len(others):,} and {len(frames):,}): "
-                "other cars or cameras"
+            return (
+                f"other frames ({len(others):,} and {len(frames):,}): other cars, cameras or times"
             )
+    return ""
 
 
 def _frames(run: Run, method: MethodInfo) -> set[tuple[str, str, int]]:
@@ -329,7 +351,7 @@ def _frames(run: Run, method: MethodInfo) -> set[tuple[str, str, int]]:
 
 
 def _difference(
-    metric: str, arm: ComparedMethod, reference: ComparedMethod | None
+    metric: str, arm: ComparedMethod, reference: ComparedMethod | None, is_paired: bool
 ) -> Difference | None:
     """A metric of an arm, with its difference from that of the reference, if there is one; ``None``
     where the arm has no value.
@@ -342,37 +364,39 @@ def _difference(
     alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
     if reference is None:
         return alone
-    other_sums, pairs = {}, []
-    for seed in _common_seeds(arm, reference):
-        other_sums[seed] = _sums(metric, reference.runs[seed], reference.method)
-        other = other_sums[seed].value
-        if seed in values and other is not None:
-            pairs.append((values[seed], other))
-    ratio = None
-    if len(pairs) > 1:
-        by, n = SEEDS, len(pairs)
+    other_sums = {
+        seed: _sums(metric, run, reference.method) for seed, run in reference.runs.items()
+    }
+    others = {
+        seed: of_seed.value for seed, of_seed in other_sums.items() if of_seed.value is not None
+    }
+    pairs = [(values[seed], others[seed]) for seed in values if seed in others]
+    against = alone._replace(against=reference.label)
+    if not is_paired and min(len(values), len(others)) > 1:
+        gap = mean - float(np.mean(list(others.values())))
+        error = of_difference(*(error_of_mean(list(side.values())) for side in (values, others)))
+        low, high = around(gap, error.half)
+        n = min(len(values), len(others))
+        return against._replace(difference=gap, low=low, high=high, by=SEEDS + UNPAIRED, n=n)
+    if is_paired and len(pairs) > 1:
         gap, half = over_seeds([own - other for own, other in pairs])
         low, high = around(gap, half)
         ratio = _variance_ratio(pairs)
-    else:
-        seed = next(iter(other_sums))
-        ours, theirs = sums[seed], other_sums[seed]
-        if ours.value is None or theirs.value is None:
-            return alone._replace(against=reference.label)
-        by, gap = BLOCKS, ours.value - theirs.value
-        if definition(metric).over_rows is None:
-            return alone._replace(against=reference.label, difference=gap)
-        half_of_blocks, n = _over_blocks(ours, theirs)
-        low, high = around(gap, half_of_blocks)
-    return alone._replace(
-        against=reference.label,
-        difference=gap,
-        low=low,
-        high=high,
-        by=by,
-        n=n,
-        variance_ratio=ratio,
-    )
+        return against._replace(
+            difference=gap, low=low, high=high, by=SEEDS, n=len(pairs), variance_ratio=ratio
+        )
+    seed = _common_seeds(arm, reference)[0]
+    ours, theirs = sums[seed], other_sums[seed]
+    if ours.value is None or theirs.value is None:
+        return against
+    gap = ours.value - theirs.value
+    if definition(metric).over_rows is None:
+        return against._replace(difference=gap)
+    over_blocks = _over_blocks if is_paired else _over_blocks_apart
+    half_of_blocks, n = over_blocks(ours, theirs)
+    low, high = around(gap, half_of_blocks)
+    by = BLOCKS if is_paired else BLOCKS + UNPAIRED
+    return against._replace(difference=gap, low=low, high=high, by=by, n=n)
 
 
 def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
@@ -394,6 +418,19 @@ def _over_blocks(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
         np.concatenate([no_ours, theirs.above]), np.concatenate([no_ours, theirs.below])
     )
     return blocks.half_width(moves - other_moves), len(moves)
+
+
+def _over_blocks_apart(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
+    """``_over_blocks`` of sides that nothing pairs; the number is that of the smaller one."""
+    errors, sizes = [], []
+    for side in (ours, theirs):
+        blocks = Blocks(side.car, side.stamp_ns)
+        moves = blocks.influence(side.above, side.below)
+        errors.append(blocks.error(moves))
+        sizes.append(len(moves))
+    one, other = errors
+    half = None if one is None or other is None else of_difference(one, other).half
+    return half, min(sizes)
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:

@@ -18,6 +18,7 @@ from genie_sim.analysis.registry import cell, definition
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
+OF_FEWER = "of each, at least"  # where not all are pairs
 RATIO = "variance ratio"  # the title of a column
 ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
@@ -48,9 +49,9 @@ def about(comparison: ComparedRuns) -> str:
     sentence = comparison.by[0].upper() + comparison.by[1:] + "."
     if _has_ratios(comparison.rows):
         sentence += f" {ABOUT_RATIO}"
-    if any(row.by == BLOCKS for row in comparison.rows):
-        return f"{sentence} {ONE_RUN}"
-    return sentence
+    if any(row.by.startswith(BLOCKS) for row in comparison.rows):
+        sentence += f" {ONE_RUN}"
+    return f"{sentence} {comparison.why_unpaired}".rstrip()
 
 
 def pairs(comparison: ComparedRuns) -> ResultTable:
@@ -81,7 +82,8 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
                 *([_ratio(row)] if has_ratios else []),
             ]
             rows.append(Row(metric.title, cells))
-    return ResultTable((*COLUMNS, RATIO) if has_ratios else COLUMNS, rows, corner="metric")
+    columns = (*COLUMNS[:-1], OF_FEWER) if comparison.unpaired else COLUMNS
+    return ResultTable((*columns, RATIO) if has_ratios else columns, rows, corner="metric")
 
 
 def values(comparison: ComparedRuns) -> ResultTable:
@@ -127,6 +129,7 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     arms = list(dict.fromkeys(row.arm for row in rows))
     by = {row.by for row in rows if row.by}
     over = "seeds" if by == {SEEDS} else " and ".join(sorted(by))
+    paired = "" if comparison.unpaired else "paired "
     n = max((row.n for row in rows), default=0)
     parts = [_difference, _ratio] if _has_ratios(rows) else [_difference]
     return ResultTable(
@@ -138,10 +141,11 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
             )
             for metric in dict.fromkeys(row.metric for row in rows)
         ],
-        title=f"{name}: paired differences from {against}",
+        title=f"{name}: {paired}differences from {against}",
         notes=[
-            f"In brackets: 95 % intervals of the paired differences, over {n} {over}. Differences"
+            f"In brackets: 95 % intervals of the {paired}differences, over {n} {over}. Differences"
             " of shares are in percentage points.",
+            comparison.why_unpaired,
             *([ABOUT_RATIO] if len(parts) > 1 else []),
             comparison.warning,
         ],

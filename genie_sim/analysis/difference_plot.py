@@ -1,4 +1,4 @@
-"""One figure: the paired differences of a comparison, with their intervals and a line at zero."""
+"""One figure: the differences of a comparison, with their intervals and a line at zero."""
 
 from collections.abc import Sequence
 
@@ -60,8 +60,10 @@ def differences(
     against = references[0] if len(references) == 1 else "the first setting"
     by = " and ".join(sorted({row.by for row in rows if row.by}))
     by = by.replace(" ", "\u00a0")  # on one line
-    note = f"difference from {against}, 95 % intervals paired by {by}"
-    finish(figure, "Paired differences with 95 % intervals", footer, note=note)
+    paired = "by" if comparison.unpaired else "paired by"
+    note = f"difference from {against}, 95 % intervals {paired} {by}"
+    title = "Differences with 95 % intervals"
+    finish(figure, title if comparison.unpaired else f"Paired {title.lower()}", footer, note=note)
     return figure
 
 

@@ -85,8 +85,8 @@ def _figure_of(ax: Axes) -> Figure:
 
 def finish_axes(ax: Axes) -> None:
     """The legend of a user's own panel, inside it; its figure is left alone."""
-    if handles([ax]):
-        ax.legend()
+    if named := handles([ax]):
+        ax.legend(list(named.values()), list(named))
 
 
 def draw_band(axis: Axes, x: Any, low: Any, high: Any, *, colour: str, step: Any = None) -> None:

@@ -232,7 +232,7 @@ def confidence_boost(
     settled: list[float] = []
     figure, axes = figure_grid(panels, width_in, ax)
     tables = {label: seeds_of(lookups) for label, lookups in panels.items()}
-    several = len(_with_genies(tables, methods)) > 1
+    several = len(_with_genies(tables, methods)) > 1 or bool(axes[0].lines)
     for axis, (label, seeds) in zip(axes, tables.items(), strict=True):
         for method_style, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():

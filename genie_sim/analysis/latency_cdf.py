@@ -31,6 +31,7 @@ from genie_sim.record.results import MethodInfo
 
 TITLE_CHARACTERS_PER_IN = 15
 ANSWERED, FRESH = "answered", "fresh"
+FRESH_LABEL, DEADLINE_LABEL = "fresh results", f"{DEADLINE_MS:g} ms deadline"
 FRESH_LOOK: dict[str, Any] = {
     "linewidth": 0.9,
     "linestyle": (0, (4, 2)),
@@ -80,6 +81,8 @@ def latency_cdf(
     figure, axes = figure_grid(panels, width_in, ax)
     tables = {label: seeds_of(frames) for label, frames in panels.items()}
     low, high = limits_ms(frames for seeds in tables.values() for frames in seeds)
+    if ax is not None and ax.lines:  # another run's
+        low, high = min(low, ax.get_xlim()[0]), max(high, ax.get_xlim()[1])
     several, title_lines = len(panels) > 1, 0
     for axis, (label, frames) in zip(axes, tables.items(), strict=True):
         curves = list(curves_of(frames, methods))
@@ -87,7 +90,7 @@ def latency_cdf(
             label_once = curve.method if curve.answer == ANSWERED else None
             draw(axis, curve, end_ms=high, of=of, label=label_once)
         if any(curve.answer == FRESH and any(map(len, curve.values_ms)) for curve in curves):
-            axis.plot([], [], label="fresh results", **(FRESH_LOOK | {"color": "0.4"}))
+            axis.plot([], [], label=FRESH_LABEL, **(FRESH_LOOK | {"color": "0.4"}))
         draw_deadline(axis)
         lines = [label] if several else []
         if of == ANSWERED:
@@ -114,9 +117,10 @@ def latency_cdf(
 
 
 def draw_deadline(axis: Axes) -> None:
-    """The 33 ms deadline, dashed."""
+    """The 33 ms deadline, dashed; once in a panel."""
     drawing: dict[str, Any] = {"color": "black", "linewidth": 0.9, "linestyle": "--"}
-    axis.axvline(DEADLINE_MS, label=f"{DEADLINE_MS:g} ms deadline", **drawing)
+    if all(line.get_label() != DEADLINE_LABEL for line in axis.lines):
+        axis.axvline(DEADLINE_MS, label=DEADLINE_LABEL, **drawing)
 
 
 class Curve(NamedTuple):

@@ -1,11 +1,14 @@
 """The figures of a run, or of several seeds, by name: ``run.plot.latency_cdf()``."""
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.analysis.style import SAME_COLOUR
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.record.results import Run
+from genie_sim.record.results import MethodInfo, Run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,7 +19,7 @@ if TYPE_CHECKING:
 class Plots:
     """Each method gives a matplotlib ``Figure``, which is imported only then; with ``ax`` it draws
     into that panel of yours and gives its figure. Of several seeds, figures show means with 95 %
-    intervals.
+    intervals. Curves and points of several runs in one panel are named by their runs' labels.
     """
 
     _run: Run | SeedRuns
@@ -28,7 +31,8 @@ class Plots:
         from genie_sim.analysis.latency_cdf import latency_cdf
 
         panels = {self._run.title: self._tables("frames")}
-        return latency_cdf(panels, self._run.methods, self._run.footer, of=of, ax=ax)
+        with self._beside(ax) as methods:
+            return latency_cdf(panels, methods, self._run.footer, of=of, ax=ax)
 
     def latency_accuracy(self, *, ax: "Axes | None" = None) -> "Figure":
         """Mean time to first answer against streaming F1, or against the proxy where the truth is
@@ -39,7 +43,8 @@ class Plots:
         numbers = {self._run.title: self._run.measured}
         if drawable(numbers) is None:
             raise UserError("latency_accuracy: the run has no accuracy: its scenario records none")
-        return latency_accuracy(numbers, self._run.methods, self._run.footer, ax=ax)
+        with self._beside(ax) as methods:
+            return latency_accuracy(numbers, methods, self._run.footer, ax=ax)
 
     def time_parts(self) -> "Figure":
         """Where the time of answers goes; it has two panels, and a figure of its own."""
@@ -51,15 +56,16 @@ class Plots:
 
     def image_reuse(self, *, ax: "Axes | None" = None) -> "Figure":
         """Hits / requests of the message caches, on cars and on edges."""
-        return self._of_lookups("image_reuse", ax)
+        return self._bars("image_reuse", ax)
 
     def object_reuse(self, *, ax: "Axes | None" = None) -> "Figure":
         """Object look-ups answered by an object with C >= C_T, on cars and on edges."""
-        return self._of_lookups("object_reuse", ax)
+        return self._bars("object_reuse", ax)
 
     def confidence_boost(self, *, ax: "Axes | None" = None) -> "Figure":
         """Running mean of C_new - C_old over the updates of the object maps."""
-        return self._of_lookups("confidence_boost", ax)
+        with self._beside(ax) as methods:
+            return self._of_lookups("confidence_boost", methods, ax)
 
     def resource_use(
         self,
@@ -81,7 +87,8 @@ class Plots:
             raise UserError(f"resource_use: {unknown('kind', kind, figures.RESOURCE_KINDS)}")
         resources = self._tables("resources")
         if ax is not None:
-            return figures.resource_panel(resources, kind, chosen, ax=ax)
+            with self._beside(ax):
+                return figures.resource_panel(resources, kind, chosen, ax=ax)
         return figures.resource_use(resources, self._run.methods, self._run.footer)
 
     def differences(self) -> "Figure":
@@ -93,13 +100,75 @@ class Plots:
 
         return differences(compare([self._run]), self._run.footer)
 
-    def _of_lookups(self, name: str, ax: "Axes | None") -> "Figure":
+    def _bars(self, name: str, ax: "Axes | None") -> "Figure":
+        if ax is not None and _drawn_in(ax):
+            raise UserError(f"{name}: bars of two runs need a panel each")
+        with self._beside(ax) as methods:
+            return self._of_lookups(name, methods, ax)
+
+    def _of_lookups(self, name: str, methods: Sequence[MethodInfo], ax: "Axes | None") -> "Figure":
         from genie_sim.analysis import figures
 
         draw: Any = getattr(figures, name)
         panels = {self._run.title: self._tables("lookups")}
-        figure: Figure = draw(panels, self._run.methods, self._run.footer, ax=ax)
+        figure: Figure = draw(panels, methods, self._run.footer, ax=ax)
         return figure
+
+    @contextmanager
+    def _beside(self, ax: "Axes | None") -> Iterator[Sequence[MethodInfo]]:
+        """The methods to draw within, into ``ax`` beside those of runs that it holds: these come
+        first, as often as a colour has dashes, so that no two have one colour. Afterwards all are
+        named by their runs.
+        """
+        if ax is None:
+            yield self._run.methods
+            return
+        from genie_sim.analysis.drawing import finish_axes
+        from genie_sim.analysis.latency_cdf import DEADLINE_LABEL, FRESH_LABEL
+
+        drawn = _drawn_in(ax)
+        before = ax.get_legend_handles_labels()[0]
+        earlier = [
+            replace(method, name=f"{number} {place}: {method.name}")
+            for number, part in enumerate(drawn)
+            for method in part.run.methods
+            for place in range(SAME_COLOUR)
+        ]
+        yield [*earlier, *self._run.methods]
+        labels = {
+            handle: label
+            for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+            if handle not in before and label not in (DEADLINE_LABEL, FRESH_LABEL)
+        }
+        drawn.append(_Drawn(self._run, labels))
+        names = _names([part.run for part in drawn])
+        if len(set(names)) > 1:
+            for name, part in zip(names, drawn, strict=True):
+                for handle, label in part.labels.items():
+                    handle.set_label(f"{name}: {label}")
+            finish_axes(ax)
 
     def _tables(self, name: str) -> list[Any]:
         return [run.tables[name] for run in self._run.runs]
+
+
+class _Drawn(NamedTuple):
+    """A run in a panel, and its labels there by what they name."""
+
+    run: Run | SeedRuns
+    labels: Mapping[Any, str]
+
+
+def _drawn_in(ax: "Axes") -> list[_Drawn]:
+    """The runs in a panel; none where it was cleared since."""
+    drawn: list[_Drawn] = vars(ax).setdefault("genie_sim_runs", [])
+    there = ax.get_legend_handles_labels()[0]
+    drawn[:] = [part for part in drawn if any(handle in there for handle in part.labels)]
+    return drawn
+
+
+def _names(runs: Sequence[Run | SeedRuns]) -> list[str]:
+    """What runs in one panel are called: by their titles, with their ids where two have one."""
+    ids = {run.runs[0].run_id: run.title for run in runs}
+    apart = len(set(ids.values())) == len(ids)
+    return [run.title if apart else f"{run.title} {run.runs[0].run_id[:6]}" for run in runs]

@@ -76,6 +76,36 @@ def half_of_mean(spread: float, n: int) -> float:
     return float(t_quantile(int(n) - 1) * spread / math.sqrt(n))
 
 
+class Error(NamedTuple):
+    """A standard error and its degrees of freedom."""
+
+    value: float
+    freedom: float
+
+    @property
+    def half(self) -> float:
+        """Half of the 95 % t interval."""
+        return t_quantile(max(int(self.freedom), 1)) * self.value
+
+
+def error_of_mean(values: Sequence[float]) -> Error:
+    """That of the mean of two values or more."""
+    return Error(float(np.std(values, ddof=1)) / math.sqrt(len(values)), len(values) - 1.0)
+
+
+def of_difference(one: Error, other: Error) -> Error:
+    """That of a difference of two sides that nothing pairs.
+
+    Source: B. L. Welch, "The generalization of Student's problem when several different population
+    variances are involved", 1947.
+    """
+    variance = one.value**2 + other.value**2
+    if not variance:
+        return Error(0.0, one.freedom + other.freedom)
+    parts = sum(side.value**4 / side.freedom for side in (one, other))
+    return Error(math.sqrt(variance), variance**2 / parts)
+
+
 def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Floats]:
     """Of curves, a row a seed: at each place their mean and the ends of its 95 % t interval, of
     ``shares`` Wilson's.
@@ -122,12 +152,17 @@ class Blocks:
 
     def half_width(self, influence: Floats) -> float | None:
         """Half the confidence interval; None if a stratum lasted for one block only."""
+        error = self.error(influence)
+        return None if error is None else error.half
+
+    def error(self, influence: Floats) -> "Error | None":
+        """The standard error; None if a stratum lasted for one block only."""
         if self._sizes.min() < 2:
             return None
         means = np.bincount(self._stratum, influence) / self._sizes
         squares = np.bincount(self._stratum, (influence - means[self._stratum]) ** 2)
         error = np.sqrt((self._sizes / (self._sizes - 1) * squares).sum())
-        return float(t_quantile(int((self._sizes - 1).sum())) * error)
+        return Error(float(error), float((self._sizes - 1).sum()))
 
     def _sum(self, values: Floats) -> Floats:
         sums: Floats = np.bincount(self._of_row, values, minlength=len(self._stratum)).astype(

@@ -4,7 +4,7 @@ much, and how sure that is.
 
 from collections.abc import Sequence
 
-from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
+from genie_sim.analysis.compare import SEEDS, UNPAIRED, ComparedRuns, Difference
 from genie_sim.analysis.metric import LOWER
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.text import number_text
@@ -63,8 +63,12 @@ def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
 def _sureness(row: Difference) -> str:
     if row.low is None:
         return "without an interval, for want of data"
-    over = f"{row.n} seeds" if row.by == SEEDS else f"{row.n} blocks of 1 s of one seed"
-    return f"95 % intervals of paired differences, over {over}"
+    what = "seeds" if row.by.startswith(SEEDS) else "blocks of 1 s of one seed"
+    if row.by.endswith(UNPAIRED):
+        return (
+            f"95 % intervals of differences that are not paired, over at least {row.n} {what} each"
+        )
+    return f"95 % intervals of paired differences, over {row.n} {what}"
 
 
 def _listed(rows: Sequence[Difference]) -> str:

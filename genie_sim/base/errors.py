@@ -40,14 +40,14 @@ def as_user_error(
     try:
         yield
     except kinds as error:
-        if _tells_of_low_memory(error):
+        if tells_of_low_memory(error):
             raise UserError(f"{what}, or there is not enough memory") from error
         raise UserError(
             f"{what}: {str(getattr(error, 'strerror', None) or first_line(error))[:most]}"
         ) from error
 
 
-def _tells_of_low_memory(error: BaseException) -> bool:
+def tells_of_low_memory(error: BaseException) -> bool:
     """Whether an exception of Python, numpy, pyarrow, OpenCV or ONNX Runtime is about memory."""
     if isinstance(error, MemoryError):
         return True

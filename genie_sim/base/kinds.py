@@ -120,6 +120,9 @@ ANGLE = Unit(float, "15 deg", read=units.angle_rad, text=units.angle_text, bound
 FREQUENCY = Unit(
     int, "25 MHz", read=units.frequency_hz, text=units.frequency_text, bounds=Bounds(above=0)
 )
+FRAME_RATE = Unit(
+    float, "5 Hz", read=units.frame_rate, text=units.frame_rate_text, bounds=Bounds(above=0)
+)
 RATIO = Unit(float, "3 dB", read=units.ratio_db, text=units.ratio_text, bounds=Bounds())
 POWER = Unit(float, "23 dBm", read=units.power_dbm, text=units.power_text, bounds=Bounds())
 DRIFT = Unit(float, "20 ppm", read=units.drift_ppm, text=units.drift_text, bounds=Bounds())

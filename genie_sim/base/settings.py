@@ -35,6 +35,7 @@ from typing import (
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.kinds import (
+    FRAME_RATE,
     SIZE,
     UNITS,
     Bounds,
@@ -59,7 +60,7 @@ from genie_sim.base.kinds import (
 )
 from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
 
-__all__ = ["SIZE", "Bounds", "Matches", "Schema", "SettingError", "Unit", "join"]
+__all__ = ["FRAME_RATE", "SIZE", "Bounds", "Matches", "Schema", "SettingError", "Unit", "join"]
 
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given

@@ -1,20 +1,23 @@
 """Tables that somebody else wrote, as text or Parquet: rows of typed values, and errors that name
 file, line and column.
 
-Text is in UTF-8 or UTF-16. What separates its columns, the decimal mark and the units are found in
-the file: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are the column ``time_s``.
+Text is in UTF-8 or UTF-16, plain or compressed by gzip. What separates its columns, the decimal
+mark and the units are found in the file: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are the
+column ``time_s``.
 """
 
 import codecs
 import csv
+import gzip
 import io
 import math
 import re
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple
+from typing import IO, Any, Literal, NamedTuple, cast
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
@@ -25,6 +28,9 @@ MAX_TEXT = 100
 BATCH_ROWS = 65_536  # of a Parquet file, in memory at once
 HEAD_BYTES = 65_536  # of a text, in which the header stands and its separator is found
 SAMPLE_LINES = 20  # that tell the separator
+GZIP = b"\x1f\x8b"  # how a file begins that is compressed so
+MAX_UNPACKED_BYTES = 2 * 10**9
+MAX_LINE_BYTES = 1_000_000
 BLANKS = " "  # separates columns: any number of spaces and tabs
 MARKS = ",; \t\r\n"  # a line of nothing else is empty
 SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
@@ -107,7 +113,10 @@ class FileColumn:
         return text
 
     def _number(self, raw: object, factor: float) -> float:
-        number = plain_number(raw)
+        try:  # what most cells hold
+            number = float(raw if type(raw) is str and raw.isascii() and "_" not in raw else "")
+        except ValueError:
+            number = plain_number(raw)
         if factor != 1.0:
             number *= factor
         if not (math.isfinite(number) and self.lowest <= number <= self.highest):
@@ -238,9 +247,10 @@ class Table:
         if not self.is_text:
             yield from self._parquet_cells(indices)
             return
+        begin = f"{self.path}: line "
         for number, cells in self._text.rows():
             yield (
-                f"{self.path}: line {number}",
+                f"{begin}{number}",
                 [None if index is None else cells[index].strip() for index in indices],
             )
 
@@ -293,7 +303,9 @@ class _TextLayout:
     def __init__(self, path: Path, uneven: bool) -> None:
         self.path, self._uneven = path, uneven
         with self._readable():
-            with path.open("rb") as file:
+            self._is_packed = is_gzip(path)
+            self._check_size()
+            with self._opened() as file:
                 head = file.read(HEAD_BYTES)
             is_utf_16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
             self.encoding = "utf-16" if is_utf_16 else "utf-8-sig"
@@ -327,7 +339,11 @@ class _TextLayout:
         """The number of each line that is not empty, and its cells. Raises UserError for one with
         another number of cells than the header.
         """
-        with self._readable(), self.path.open(encoding=self.encoding, newline="") as file:
+        with (
+            self._readable(),
+            self._opened() as data,
+            io.TextIOWrapper(data, encoding=self.encoding, newline="") as file,
+        ):
             for _ in range(self._skipped):
                 next(file, "")
             for number, cells in _numbered(file, self.separator, self._skipped):
@@ -346,6 +362,30 @@ class _TextLayout:
                     continue
                 yield number, cells
 
+    def _opened(self) -> IO[bytes]:
+        if self._is_packed:
+            return cast(IO[bytes], gzip.open(self.path))
+        return self.path.open("rb")
+
+    def _check_size(self) -> None:
+        """Raises UserError for a file that unpacks to too much or has a line without an end: before
+        anything is parsed.
+        """
+        size = begun = 0
+        with self._opened() as file:
+            while chunk := file.read(HEAD_BYTES):
+                size += len(chunk)
+                if self._is_packed and size > MAX_UNPACKED_BYTES:
+                    raise UserError(
+                        f"{self.path}: unpacks to more than {MAX_UNPACKED_BYTES:,} bytes"
+                    )
+                end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
+                begun = len(chunk) - end - 1 + (begun if end < 0 else 0)
+                if begun > MAX_LINE_BYTES:
+                    raise UserError(
+                        f"{self.path}: has a line of more than {MAX_LINE_BYTES:,} bytes"
+                    )
+
     @contextmanager
     def _readable(self) -> Iterator[None]:
         """What the file's bytes or quotes have wrong becomes a UserError."""
@@ -353,9 +393,15 @@ class _TextLayout:
         with (
             usable(self.path, "cannot be read"),
             as_user_error(f"{what}: save it as UTF-8", UnicodeError),
-            as_user_error(what, csv.Error),
+            as_user_error(what, csv.Error, EOFError, zlib.error, gzip.BadGzipFile),
         ):
             yield
+
+
+def is_gzip(path: Path) -> bool:
+    """Whether a file is compressed by gzip."""
+    with path.open("rb") as file:
+        return file.read(len(GZIP)) == GZIP
 
 
 def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
@@ -364,9 +410,9 @@ def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int,
         for number, line in enumerate(file, before + 1):
             yield number, line.split()
         return
-    lines = csv.reader(file, delimiter=separator, strict=True)
-    for cells in lines:
-        yield before + lines.line_num, cells
+    rows = csv.reader(file, delimiter=separator, strict=True)
+    for cells in rows:
+        yield before + rows.line_num, cells
 
 
 def _separator(lines: Sequence[str]) -> str:

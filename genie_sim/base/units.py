@@ -115,6 +115,17 @@ rate_bps, rate_text = _RATE.read, _RATE.text
 frequency_hz, frequency_text = _FREQUENCY.read, _FREQUENCY.text  # "25 MHz", and back
 
 
+def frame_rate(value: object) -> float:
+    """``"2.5 Hz"`` to 2.5 frames a second."""
+    number, unit = _split(value, "rate", "5 Hz", FREQUENCIES)
+    return _finite(number * (FREQUENCIES[unit] if unit else 0), value, "rate")
+
+
+def frame_rate_text(value_per_s: float) -> str:
+    """2.5 to ``"2.5 Hz"``. ``frame_rate`` reads it back."""
+    return f"{_plain(value_per_s)} Hz"
+
+
 def length_m(value: object) -> float:
     """``"50 cm"`` to 0.5 m."""
     number, unit = _split(value, "length", "1 m", LENGTHS)

@@ -44,9 +44,10 @@ def compare(
     out: Path | None,
     allow_changed: bool,
 ) -> None:
-    """Compare results that saw the same frames.
+    """Compare results, frame by frame where both saw the same.
 
-    Of one result alone, its methods are compared.
+    Of one result alone, its methods are compared. Differences of results with other cars or drives
+    are not paired; a line says so.
     """
     from genie_sim.analysis import compare_tables, renderers
     from genie_sim.analysis.compare import compare as compare_runs

@@ -212,6 +212,37 @@ class Yolov5(Yolov8):
         return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
 
 
+class Yolov7(Yolov5):
+    """Networks exported as YOLOv7's own program does with ``--grid``: as YOLOv5's; or, with
+    ``--end2end --max-wh``, with suppression inside: rows of a picture's number, left, top, right,
+    bottom, class and score.
+    """
+
+    name = "yolov7"
+    file_name = "yolov7.onnx"
+    _suppresses = False
+
+    @property
+    def notes(self) -> list[str]:
+        return [f"{self.name}: the network suppresses boxes itself"] * self._suppresses
+
+    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
+        rows = outputs[0]
+        self._suppresses = rows.ndim == 2
+        if self._suppresses:
+            return [rows[rows[:, 0] == number][:, 1:]]
+        return super().of_picture(outputs, number)
+
+    def output_shapes(self) -> list[tuple[int | None, ...]]:
+        return [(None, 6)] if self._suppresses else super().output_shapes()
+
+    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
+        if not self._suppresses:
+            return super().decode(outputs)
+        rows = outputs[0].astype(np.float64)
+        return rows[:, :4], _scores(rows[:, 4], rows[:, 5], len(self.labels))
+
+
 class Yolov10(Yolov8):
     """Networks that give their best boxes themselves: YOLOv10, and exports of Ultralytics with
     suppression inside (``nms=True``). One output (boxes, 6): left, top, right, bottom in pixels of
@@ -233,31 +264,50 @@ class Yolov10(Yolov8):
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         rows = outputs[0].astype(np.float64)
-        scores = np.zeros((len(rows), len(self.labels)))
-        number = rows[:, 5].astype(np.int64)
-        known = np.flatnonzero((number >= 0) & (number < len(self.labels)))
-        scores[known, number[known]] = rows[known, 4]
-        return rows[:, 0:4], scores
+        return rows[:, 0:4], _scores(rows[:, 5], rows[:, 4], len(self.labels))
+
+
+def _scores(classes: np.ndarray, best: np.ndarray, count: int) -> np.ndarray:
+    """The score (n, count) of every class, of boxes with the best one and its class."""
+    scores, number = np.zeros((len(best), count)), classes.astype(np.int64)
+    known = np.flatnonzero((number >= 0) & (number < count))
+    scores[known, number[known]] = best[known]
+    return scores
 
 
 class RtDetr(Yolov8):
     """RT-DETR as Ultralytics exports it: one output (queries, 4 + classes), places as shares of the
-    network's picture. Pictures are put into a letter box, not stretched.
+    network's picture. Or as its authors do, and those of D-FINE and DEIM: the size of a picture as
+    second input, and as outputs the class, the left, top, right and bottom in pixels, and the score
+    of each query. Pictures are put into a letter box, not stretched.
     """
 
     name = "rtdetr"
     file_name = "rtdetr.onnx"
+    sized_outputs = 3
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
+        if self.outputs == self.sized_outputs:
+            return [(None,), (None, 4), (None,)]
         return [(None, 4 + len(self.labels))]
 
     def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        if self.outputs == self.sized_outputs:
+            classes, boxes, scores = outputs
+            if (classes != np.rint(classes)).any() or (boxes[:, 2:] < boxes[:, :2] - 1e-3).any():
+                return "its outputs are no classes, corners of boxes and scores"
+            return "" if ((scores >= 0) & (scores <= 1)).all() else "its scores are none"
         if np.abs(outputs[0][:, :4]).max(initial=0.0) > 2:
             return "its places are no shares of the picture"
         return ""
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        """Centre and extent as shares, then the score of each class."""
+        """Centre and extent as shares, then the score of each class; or classes, corners and
+        scores.
+        """
+        if self.outputs == self.sized_outputs:
+            classes, boxes, best = outputs
+            return boxes.astype(np.float64), _scores(classes, best, len(self.labels))
         output = outputs[0].astype(np.float64)
         places = output[:, :4] * np.array([*self.size, *self.size])
         centre, half = places[:, 0:2], places[:, 2:4] / 2
@@ -271,6 +321,7 @@ _KINDS: tuple[type[ImageDetector], ...] = (
     NanodetM,
     Yolov8,
     Yolov5,
+    Yolov7,
     Yolov10,
     RtDetr,
 )

@@ -15,6 +15,7 @@ import zipfile
 import zlib
 from http.client import HTTPException
 from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
 from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
@@ -143,9 +144,9 @@ def download(
 
 
 def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> list[Path]:
-    """Files of a ZIP archive into a folder. Nothing is written if an entry has no name, would leave
-    the folder, is a link, is encrypted or appears twice, or if all of them are too many or unpack
-    to too much; UserError says which.
+    """Files of a ZIP archive into a folder. Nothing is left there if an entry has no name, would
+    leave the folder, is a link, is encrypted, appears twice, is where a folder must be or is
+    broken, or if all of them are too many or unpack to too much; UserError says which.
     """
     root = folder.resolve()
     broken = (
@@ -165,14 +166,18 @@ def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> 
     ):
         entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
         _check(archive, entries, root, max_bytes)
-        for entry in entries:
-            target = root / entry.filename
-            target.parent.mkdir(parents=True, exist_ok=True)
-            part = target.with_name(target.name + ".part")
-            part.unlink(missing_ok=True)  # a link there would lead elsewhere
-            with packed.open(entry) as source, part.open("wb") as destination:
-                shutil.copyfileobj(source, destination)  # never more than the archive says
-            part.replace(target)
+        root.mkdir(parents=True, exist_ok=True)
+        # all of them, before any is put where it belongs
+        with TemporaryDirectory(dir=root, prefix=f"{archive.name}.", suffix=".part") as whole:
+            for entry in entries:
+                part = Path(whole, entry.filename)
+                part.parent.mkdir(parents=True, exist_ok=True)
+                with packed.open(entry) as source, part.open("wb") as destination:
+                    shutil.copyfileobj(source, destination)  # never more than the archive says
+            for entry in entries:
+                target = root / entry.filename
+                target.parent.mkdir(parents=True, exist_ok=True)
+                Path(whole, entry.filename).replace(target)
         return [root / entry.filename for entry in entries]
 
 
@@ -188,6 +193,9 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, max_bytes:
             f"more than {MAX_RATIO} times as many"
         )
     names: set[str] = set()
+    folders = {
+        str(folder).lower() for entry in entries for folder in PurePosixPath(entry.filename).parents
+    }
     for entry in entries:
         name = PurePosixPath(entry.filename)
         outside = (
@@ -210,6 +218,11 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, max_bytes:
             ),
             (entry.flag_bits & 1, "is encrypted"),
             (str(name).lower() in names, "is in the archive twice"),
+            (str(name).lower() in folders, "is a file and a folder"),
+            (
+                target.is_dir() or any(part.is_file() for part in target.parents),
+                "is a file where a folder is, or the other way round",
+            ),
         ):
             if wrong:
                 raise UserError(f"{archive}: {entry.filename!r} {why}")

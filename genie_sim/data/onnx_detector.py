@@ -10,17 +10,18 @@ import threading
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 
-from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory, unknown
 from genie_sim.core.caches.features import packed
 from genie_sim.core.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.core.messages import Box
-from genie_sim.data.onnx_files import read_network
+from genie_sim.data.onnx_files import limited_memory, read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -121,6 +122,10 @@ NMS_IOU = 0.30
 GREY = 114  # what fills the rest of a letter box
 # that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
 MAX_PIXELS = 2**25
+# What a network may take for its first picture: some bytes for each pixel and each of its own, and
+# seconds for each picture of a batch. A hundred times what published networks take.
+FIRST_BYTES, BYTES_OF_PIXEL, COPIES = 2 * 10**9, 1000, 4
+FIRST_S = 60.0
 
 
 class DetectedBox(NamedTuple):
@@ -140,18 +145,19 @@ class OnnxDetector(ABC):
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
-    ``outputs`` it has (``more_outputs``: others may follow, which are not used) and of which
-    shapes, how it wants a picture (``prepare``) and what its outputs mean (``decode``). ``gap``
-    names the feature that the mean over the backbone's last activation makes, for networks that
-    pool at several sizes there.
+    ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
+    outputs mean (``decode``). Others may follow them that are not used (``more_outputs``). With the
+    size of the picture as second input it has ``sized_outputs``. ``gap`` names the feature that the
+    mean over the backbone's last activation makes, for networks that pool at several sizes there.
     """
 
     name: ClassVar[str]
     file_name: ClassVar[str]
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
-    outputs: ClassVar[int] = 1
+    outputs: int = 1
     more_outputs: ClassVar[bool] = False
+    sized_outputs: ClassVar[int] = 0
     gap: ClassVar[str] = ""
 
     def __init__(
@@ -180,7 +186,9 @@ class OnnxDetector(ABC):
         """
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
-        network, self.sha256 = read_network(weights, self.outputs, more_outputs=self.more_outputs)
+        counts = [(1, self.outputs), *([(2, self.sized_outputs)] * bool(self.sized_outputs))]
+        network, self.sha256 = read_network(weights, counts, more_outputs=self.more_outputs)
+        self.outputs = len(network.graph.output)
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -208,6 +216,26 @@ class OnnxDetector(ABC):
         self._unused: Counter[str] = Counter()
         self._lock = threading.Lock()
         self.cells, self.cell_strides = _cells(self.size, self.strides)
+        self._run_options: Any = None
+        more_bytes = FIRST_BYTES + BYTES_OF_PIXEL * width * height * batch
+        more_bytes += COPIES * network.ByteSize()
+        # Devices other than the processor take addresses for all their memory.
+        bound = limited_memory(more_bytes) if (*providers,) == (CPU,) else nullcontext()
+        try:
+            with bound:
+                self._open(weights, network, providers)
+        except Exception as error:
+            if tells_of_low_memory(error.__cause__ or error):
+                raise UserError(
+                    f"{weights}: needs more than {more_bytes / 1e9:.1f} GB for a picture of "
+                    f"{width}x{height}"
+                ) from error
+            raise
+
+    def _open(self, weights: Path, network: Any, providers: Sequence[str]) -> None:
+        """Opens the network and looks at a grey picture, for a limited time."""
+        import onnxruntime
+
         self._session = self._opened(weights, network, providers)
         self._input = self._session.get_inputs()[0].name
         kind = self._session.get_inputs()[0].type
@@ -216,7 +244,22 @@ class OnnxDetector(ABC):
                 f"{weights}: its input is a {kind}; known: {', '.join(KINDS)}: export it so"
             )
         self._kind = KINDS[kind]
-        self._check(weights)
+        self._run_options = options = onnxruntime.RunOptions()
+        limit_s = FIRST_S * self.batch
+        timer = threading.Timer(limit_s, setattr, (options, "terminate", True))
+        timer.daemon = True
+        timer.start()
+        try:
+            self._check(weights)
+        except Exception as error:
+            if options.terminate:
+                raise UserError(
+                    f"{weights}: has no answer to its first picture after {limit_s:g} s"
+                ) from error
+            raise
+        finally:
+            timer.cancel()
+            self._run_options = None
 
     @classmethod
     def labels_of(cls, weights: Path, metadata: dict[str, str]) -> tuple[str, ...]:
@@ -278,12 +321,17 @@ class OnnxDetector(ABC):
         """
         filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
         blob = filled[0] if self.batch == 1 else np.concatenate(filled)
-        outputs = self._session.run(None, {self._input: blob.astype(self._kind, copy=False)})
+        feed = {self._input: blob.astype(self._kind, copy=False)}
+        outputs = self._session.run(None, feed, self._run_options)
         plain = [
             output.astype(np.float32) if output.dtype == np.float16 else output
             for output in outputs
         ]
-        return [[output[i] for output in plain] for i in range(len(blobs))]
+        return [self.of_picture(plain, i) for i in range(len(blobs))]
+
+    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
+        """What the outputs of a batch say of one of its pictures."""
+        return [output[number] for output in outputs]
 
     def found(
         self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
@@ -317,6 +365,7 @@ class OnnxDetector(ABC):
         picture.
         """
         import onnxruntime
+        from onnx import numpy_helper
 
         for provider in providers:
             if provider not in onnxruntime.get_available_providers():
@@ -326,6 +375,10 @@ class OnnxDetector(ABC):
         dims = network.graph.input[0].type.tensor_type.shape.dim
         for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
             dim.dim_value = value
+        for value in network.graph.input[1:]:
+            sizes = np.array([self.size] * self.batch, np.int64)
+            network.graph.initializer.append(numpy_helper.from_array(sizes, value.name))
+        del network.graph.input[1:]
         for number, output in enumerate(network.graph.output):
             for axis, dim in enumerate(output.type.tensor_type.shape.dim):
                 dim.dim_param = f"output_{number}_{axis}"
@@ -377,6 +430,7 @@ class OnnxDetector(ABC):
             "yolov5": (3 * cells, 5 + classes),
             "yolov10": (None, 6),
             "rtdetr": (None, 4 + classes),
+            "yolov7": (7,),  # the first row of all
         }
         for name, layout in layouts.items():
             if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):

@@ -1,9 +1,12 @@
 """Reads ONNX networks, with tensors in files beside them. Files are data: a name that leads
-elsewhere, or more bytes than a file has, is refused before anything is read.
+elsewhere, or more bytes than a file has, is refused before anything is read. A network is also a
+program: the memory that it may take for its first picture has a limit.
 """
 
 import hashlib
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,15 +24,20 @@ class _Place(NamedTuple):
     length: int
 
 
-def read_network(weights: Path, outputs: int, *, more_outputs: bool = False) -> tuple[Any, str]:
-    """The ONNX network in a file, with one picture as its input, and the sha256 of its file and of
-    the files beside it that hold its tensors. Raises UserError for any other file.
+Counts = tuple[int, int]  # of inputs and outputs
+
+
+def read_network(
+    weights: Path, counts: Sequence[Counts], *, more_outputs: bool = False
+) -> tuple[Any, str]:
+    """The ONNX network in a file, with one picture as its first input, and the sha256 of its file
+    and of the files beside it that hold its tensors. Raises UserError for any other file.
 
     Parameters
     ----------
     weights : the file
-    outputs : how many it has
-    more_outputs : whether it may have others behind them, which are cut off
+    counts : how many inputs and outputs it may have
+    more_outputs : whether others may follow those of the first of ``counts``; they are cut off
     """
     import onnx
 
@@ -54,11 +62,12 @@ def read_network(weights: Path, outputs: int, *, more_outputs: bool = False) -> 
     constants = {tensor.name for tensor in graph.initializer}
     inputs = [value for value in graph.input if value.name not in constants]
     if more_outputs:
-        del graph.output[outputs:]
-    if len(inputs) != 1 or len(graph.output) != outputs:
+        del graph.output[counts[0][1] :]
+    if (len(inputs), len(graph.output)) not in counts:
+        expected = ", or ".join(f"{many} and {outputs}" for many, outputs in counts)
         raise UserError(
             f"{weights}: has {len(inputs)} inputs and {len(graph.output)} outputs, "
-            f"expected 1 and {outputs}"
+            f"expected {expected}"
         )
     if len(inputs[0].type.tensor_type.shape.dim) != 4:
         count = len(inputs[0].type.tensor_type.shape.dim)
@@ -100,3 +109,25 @@ def _place(weights: Path, tensor: Any) -> _Place:
     if begin < 0 or not 0 <= length <= MAX_BYTES or begin + length > size:
         raise UserError(f"{what}: {length:,} bytes from {begin:,} on are not in {path} ({size:,})")
     return _Place(path, begin, length)
+
+
+@contextmanager
+def limited_memory(more_bytes: int) -> Iterator[None]:
+    """Within it this process gets no more than so many bytes beside those that it has; on Linux
+    alone.
+    """
+    if not sys.platform.startswith("linux"):
+        yield
+        return
+    import resource
+
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + more_bytes
+    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+    if soft != resource.RLIM_INFINITY:
+        limit = min(limit, soft)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

@@ -13,7 +13,7 @@ from typing import Any
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.settings import SettingError, join, own_arguments
-from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text
+from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text, frame_rate_text
 from genie_sim.core.caches.features import feature_of
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.without_effect import check_effect
@@ -23,6 +23,7 @@ from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import MethodEntry, method_class
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.cameras import recorded_rate
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import EDGES, Car, Route, check_unique
 
@@ -30,6 +31,7 @@ from genie_sim.sim.settings import EDGES, Car, Route, check_unique
 # computer's memory; more is almost certainly a unit error and would be noticed only after hours.
 MAX_DAYS = 30
 DAY_NS = 24 * DURATIONS["h"]
+SAME_RATE = 1e-6  # times as many pictures as were recorded are as many
 
 
 def check(scenario: Scenario) -> None:
@@ -408,13 +410,17 @@ def check_driven(
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:
     """The car's cameras are recorded on its drive, and its window is a part of it."""
     route, cameras = car.route, scenario.cameras_of(car)
+    own = f"cars[{index}]." if isinstance(car.cameras, tuple) else ""
     for number, camera in enumerate(cameras):
+        where = f"{scenario.name}: {own}cameras[{number}]"
         if camera.recording not in drive.frames:
-            own = f"cars[{index}]." if isinstance(car.cameras, tuple) else ""
             text = unknown("recording", camera.recording, drive.frames)
+            raise UserError(f"{where}.recording: {text} ({car.name} drives {drive.name})")
+        recorded = recorded_rate(drive.frames[camera.recording])
+        if camera.rate is not None and camera.rate > recorded * (1 + SAME_RATE):
             raise UserError(
-                f"{scenario.name}: {own}cameras[{number}].recording: {text} "
-                f"({car.name} drives {drive.name})"
+                f"{where}.rate: {frame_rate_text(camera.rate)} is more than was recorded: "
+                f"{recorded:.4g} Hz on {drive.name}"
             )
     recordings = [drive.frames[camera.recording] for camera in cameras]
     recorded_ns = max(frames[-1].stamp_ns - frames[0].stamp_ns for frames in recordings)

@@ -8,8 +8,13 @@ from genie_sim.base.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, op
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, SettingError, keys_of, plain_data
+from genie_sim.base.units import NS_PER_MS, duration_text
 from genie_sim.faults import FAULTS, MUST_HAVE
 from genie_sim.sim.fault import FaultTimes, TimedFault
+
+# From one beginning of a fault to the next, on average. Every beginning is an event and a row of a
+# table: in microseconds a second would have a million of them.
+SHORTEST_NS = NS_PER_MS
 
 FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=tuple(keys_of(FaultTimes)))
 
@@ -39,6 +44,11 @@ class FaultEntry(FaultTimes):
         if not again and self.begin_ns is None:
             text = "missing; or give 'mean_time_between' and 'mean_duration'"
             raise SettingError("begin", text)
+        if again and (self.mean_time_between_ns or 0) + (self.mean_duration_ns or 0) < SHORTEST_NS:
+            shortest = duration_text(SHORTEST_NS)
+            given = duration_text(self.mean_time_between_ns or 0)
+            text = f"must be at least {shortest} together with 'mean_duration', but is {given}"
+            raise SettingError("mean_time_between", text)
         if again and self.end_ns is not None:
             text = "a fault that happens again and again has a 'mean_duration' instead"
             raise SettingError("end", text)

@@ -10,13 +10,14 @@ from typing import Any
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import SettingError, from_plain
+from genie_sim.base.settings import SettingError, from_plain, plain_data
 from genie_sim.methods import METHODS
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
 from genie_sim.scenario.scenario import Origin, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.settings import FOUR_CAMERAS
 
 
 def load_scenario(
@@ -71,6 +72,8 @@ def read_scenario(
         In one line, for the first mistake.
     """
     settings = copy.deepcopy(dict(data))
+    if "cameras" not in settings and any(text.startswith("cameras[") for text in overrides):
+        settings["cameras"] = [plain_data(camera) for camera in FOUR_CAMERAS]  # one is changed
     origin = Origin(where, tuple(apply_overrides(settings, overrides)))
     if seed is not None:
         settings["seed"] = seed

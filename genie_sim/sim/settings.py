@@ -8,7 +8,16 @@ from typing import Annotated, Literal
 
 from genie_sim.base import units
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Bounds, Count, Name, NotEmpty, OneOf, SettingError, Short
+from genie_sim.base.settings import (
+    FRAME_RATE,
+    Bounds,
+    Count,
+    Name,
+    NotEmpty,
+    OneOf,
+    SettingError,
+    Short,
+)
 from genie_sim.core.consumer import ConsumerRules
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
@@ -56,6 +65,10 @@ class Camera:
     size_bytes: Annotated[int, Bounds(above=0)] | None = None
     """Bytes of an image; by default those of a raw `sensor_msgs/Image` of the recorded
     resolution."""
+
+    rate: Annotated[float, FRAME_RATE] | None = None
+    """How many pictures a second it takes: of the recorded ones those nearest to its times. By
+    default all are taken; more than were recorded cannot be."""
 
 
 # KITTI's two colour and two grey cameras at 10 Hz, at staggered phases. The grey ones are not

@@ -11,10 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import genie_sim as gs
 from genie_sim.analysis import compare_tables, renderers
 from genie_sim.analysis.compare import BLOCKS, COMPARED, SEEDS, Difference, compare
+from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
@@ -204,13 +206,53 @@ def test_with_one_common_seed_its_blocks_are_paired_and_it_says_so(
     assert (found.by, found.difference) == (BLOCKS, pytest.approx(gap))
 
 
-def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
+@pytest.fixture(scope="module")
+def two_cars() -> list[Run]:
+    settings = ["record=[answers, held]", "methods=[remote]", WINDOW]
+    return [
+        run_in_memory(load_scenario("street_2car_hetero", settings, seed)) for seed in (1, 2, 3)
+    ]
+
+
+def test_runs_of_other_cars_are_compared_without_pairs(usual: list[Run], two_cars: list[Run]):
+    """Source: SciPy, ttest_ind(equal_var=False).confidence_interval()."""
+    made = compare([*usual, *two_cars[:2]], ["remote"])
+    found = row(list(made.rows), "first_answer_mean", "remote")
+    values, others = (
+        [measured(run, "first_answer_mean", "remote") for run in runs]
+        for runs in (two_cars[:2], usual)
+    )
+    expected = stats.ttest_ind(values, others, equal_var=False)
+    assert found.difference == pytest.approx(np.mean(values) - np.mean(others))
+    freedom = int(expected.df)  # whole, which is a little wider
+    half = stats.t.ppf(0.975, freedom) * np.hypot(stats.sem(values), stats.sem(others))
+    assert (found.low, found.high) == pytest.approx(
+        (found.difference - half, found.difference + half)
+    )
+    assert (found.by, found.n, found.variance_ratio) == ("seeds, unpaired", 2, None)
+    about = compare_tables.about(made)
+    why = "street_1car_hetero and street_2car_hetero: other drives (car2"
+    assert "Not paired, with Welch's interval" in about and why in about and "\n" not in about
+    assert "paired differences" not in compare_tables.text(made, "latex") + about
+    assert "not paired, over at least 2 seeds each" in verdicts(made)[0]
+
+
+def test_one_run_each_of_other_cars_is_compared_by_blocks(usual: list[Run], two_cars: list[Run]):
+    made = compare([usual[0], two_cars[0]], ["remote"])
+    found = row(list(made.rows), "first_answer_mean", "remote")
+    alone = {one.arm: one for one in made.rows if one.metric == "first_answer_mean"}
+    assert found.by == "blocks of 1 s, unpaired" and found.n == 4
+    assert found.difference == pytest.approx(alone[found.arm].value - alone[found.against].value)
+    assert found.low is not None and found.low < found.difference < found.high
+
+
+def test_runs_of_other_windows_are_not_paired(usual: list[Run]):
     shorter = ran(window="cars[0].route.window=[2 s, 4 s]")
-    with pytest.raises(UserError, match=r"cannot be compared: other frames \(116 and 76\)"):
-        compare([usual[0], shorter])
-    two = run_in_memory(load_scenario("street_2car_hetero", ["record=[answers, held]"]))
-    with pytest.raises(UserError, match=r"cannot be compared: other drives \(car2"):
-        compare([usual[0], two])
+    made = compare([usual[0], shorter])
+    assert "other frames (116 and 76): other cars, cameras or times" in made.why_unpaired
+
+
+def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
     with pytest.raises(UserError, match="no seed in common: 1 and 2"):
         compare([usual[0], ran(SLOWER, seed=2)])
     with pytest.raises(UserError, match="nothing to compare"):

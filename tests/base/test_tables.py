@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
+
 import pytest
 
+from genie_sim.base import tables
 from genie_sim.base.errors import UserError
 from genie_sim.base.tables import FileColumn, Table, read_rows, title_of
 
@@ -28,6 +31,7 @@ RIGHT = [(0.0, 12.5, "a"), (0.5, 1.0, "b")]
         b'"note","Time [ms]","up (kbit/s)"\n"a","0","12500"\n"b",500,1000\n',
         b"UP_Mbps,n,time (us),note\n12.5,1,0,a\n1,2,500000,b\n",
         b"time_s,up_bps,note\n0,12500000,a\n0.5,1e6,b\n",
+        gzip.compress("time_s;up_mbps;note\n0;12,5;a\n0,5;1;b\n".encode("utf-16")),
     ],
 )
 def test_every_way_to_write_a_table_gives_its_rows(tmp_path, content):
@@ -58,6 +62,12 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
         (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
         (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
         (b"", "column 'time_s' is missing; the file has none"),
+        (
+            b"time_s,up_mbps\n0," + b"1" * 2_000_000,
+            "a.csv: has a line of more than 1,000,000 b",
+        ),
+        (b"\x1f\x8bnot", "not a readable CSV file|cannot be read"),
+        (gzip.compress(b"time_s,up_mbps\n0,1\n")[:-9], "not a readable CSV file: Compressed file"),
     ],
 )
 def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
@@ -66,6 +76,14 @@ def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
     with pytest.raises(UserError, match=message) as error:
         list(read_rows(path, COLUMNS))
     assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+
+
+def test_what_unpacks_to_too_much_is_refused_before_it_is_parsed(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MAX_UNPACKED_BYTES", 10**6)
+    path = tmp_path / "a.csv.gz"
+    path.write_bytes(gzip.compress(b"time_s,up_mbps\n" + b"0,1\n" * 300_000))
+    with pytest.raises(UserError, match=r"a.csv.gz: unpacks to more than 1,000,000 bytes"):
+        Table(path)
 
 
 @pytest.mark.parametrize(

@@ -254,6 +254,9 @@ def test_a_drive_that_does_not_exist(drive, tmp_path):
         ([("link/evil.txt", "x")], "by a link that is there already"),
         ([(link("way_out"), "/etc")], "is a link or a device"),
         ([("twice.txt", "x"), ("Twice.txt", "y")], "is in the archive twice"),
+        ([("ok.txt", "x"), ("f", "x"), ("F/g", "y")], "'f' is a file and a folder"),
+        ([("ok.txt", "x"), ("kept", "y")], "'kept' is a file where a folder is"),
+        ([("ok.txt", "x"), ("kept/a.txt/b", "y")], "'kept/a.txt/b' is a file where a folder is"),
         ([("bomb.txt", b"\0" * 10**7)], "unpacks to 10,000,000 bytes from"),
         ([("Q", "x")], "'' is no name of a file"),
         ([(".", "x")], "is no name of a file"),
@@ -271,12 +274,14 @@ def test_a_hostile_archive_writes_nothing(tmp_path, monkeypatch, entries, messag
     folder.mkdir(parents=True)
     outside.mkdir()
     (folder / "link").symlink_to(outside)
+    (folder / "kept").mkdir()
+    (folder / "kept" / "a.txt").write_text("mine")
     packed = tmp_path / "x.zip"
     packed.write_bytes(archive(entries).replace(b"Q", b"\0"))  # a name ends at its first zero
     with pytest.raises(UserError, match=message) as error:
         fetch.unpack(packed, folder, max_bytes=10**6 if "more than" in message else 10**9)
     assert "\n" not in str(error.value)
-    assert [path.name for path in folder.iterdir()] == ["link"]
+    assert sorted(path.name for path in folder.rglob("*")) == ["a.txt", "kept", "link"]
     assert not list(outside.iterdir())
     assert not list((tmp_path / "in").glob("evil*"))
 
@@ -299,6 +304,16 @@ def test_an_archive_cut_short_or_changed_is_refused(tmp_path):
         packed.write_bytes(content)
         with pytest.raises(UserError, match=rf"{number}.zip"):
             fetch.unpack(packed, tmp_path / "out")
+
+
+def test_of_an_archive_with_one_broken_entry_nothing_is_left(tmp_path):
+    whole = archive([("a/one.bin", bytes(range(256))), ("a/two.bin", b"2" * 100)])
+    middle = whole.index(b"a/two.bin") + 12
+    (tmp_path / "x.zip").write_bytes(whole[:middle] + b"??" + whole[middle + 2 :])
+    (tmp_path / "out").mkdir()
+    with pytest.raises(UserError, match=r"x.zip: not a readable ZIP archive"):
+        fetch.unpack(tmp_path / "x.zip", tmp_path / "out")
+    assert not list((tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])

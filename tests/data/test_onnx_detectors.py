@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,15 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.classes import ROAD_LABELS
+from genie_sim.data import onnx_detector
 from genie_sim.data.detector import DETECTORS, Yolov8, make_detector
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
     make_nanodet,
     make_rtdetr,
+    make_sized_rtdetr,
     make_yolov5,
+    make_yolov7,
     make_yolov8,
     make_yolov10,
 )
@@ -206,6 +210,35 @@ class TestYolov10(Conformance):
         assert car.box == pytest.approx((124, 72, 204, 112), abs=0.5)
 
 
+class TestYolov7(Conformance):
+    name, size, layout = "yolov7", (320, 320), "yolov5"
+
+    def network(self, folder):
+        return make_yolov7(folder / "yolov7.onnx")
+
+    def test_networks_without_suppression_see_the_same(self, detector, tmp_path):
+        plain = make_detector("yolov7", make_yolov5(tmp_path / "plain.onnx"), self.size, 0.05)
+        (car,), (same,) = (one.detect(self.picture((20, 11))) for one in (detector, plain))
+        assert car.box == pytest.approx(same.box, abs=0.5)
+        assert detector.notes == ["yolov7: the network suppresses boxes itself"]
+        assert plain.notes == []
+
+
+class TestSizedRtDetr(Conformance):
+    name, size, layout = "rtdetr", (320, 320), "rtdetr"
+
+    def network(self, folder):
+        return make_sized_rtdetr(folder / "sized.onnx")
+
+    def test_it_finds_what_rtdetr_finds(self, detector, tmp_path):
+        other = make_detector("rtdetr", make_rtdetr(tmp_path / "other.onnx"), self.size, 0.05)
+        for scale in (1, 2):
+            (car,), (same,) = (
+                one.detect(self.picture((20, 11), scale=scale)) for one in (detector, other)
+            )
+            assert car.label == same.label and car.box == pytest.approx(same.box, abs=0.5)
+
+
 class TestRtDetr(Conformance):
     name, size, layout = "rtdetr", (320, 320), "rtdetr"
 
@@ -226,10 +259,14 @@ def white_cell() -> np.ndarray:
 
 def test_another_layout_is_named(tmp_path):
     yolov5 = make_yolov5(tmp_path / "a.onnx", more=False)
-    for name, path in (("yolov5", yolov5), ("yolov10", make_yolov10(tmp_path / "b.onnx"))):
+    yolov7, yolov10 = make_yolov7(tmp_path / "c.onnx"), make_yolov10(tmp_path / "b.onnx")
+    for name, path in (("yolov5", yolov5), ("yolov7", yolov7), ("yolov10", yolov10)):
         message = f"is no yolov8 network: .*; --detector {name} has such an output"
         with pytest.raises(UserError, match=message):
             make_detector("yolov8", path)
+    sized = make_sized_rtdetr(tmp_path / "d.onnx")
+    with pytest.raises(UserError, match=r"has 2 inputs and 3 outputs, expected 1 and 1"):
+        make_detector("yolov8", sized)
 
 
 def external(path: Path, folder: Path) -> Path:
@@ -353,6 +390,63 @@ def test_labels_of_a_network_are_counted_and_mapped(tmp_path):
     path.write_bytes(model.replace(b"'truck'", b"'lorry'"))
     with pytest.raises(UserError, match=r"none of the network's classes \(van, lorry\) is of a ro"):
         make_detector("yolov8", path)
+
+
+def bomb(path: Path, kind: str) -> Path:
+    """A network with a few nodes behind it that take 40 GB, twice as much at each node, or all the
+    time there is.
+    """
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
+
+    model = onnx.load(str(make_yolov8(path)))
+    nodes, name = model.graph.node, model.graph.output[0].name
+    nodes[-1].output[0] = last = "before"
+    largest = np.array([10**10] if kind == "constant" else 2**62, np.int64)
+    model.graph.initializer.append(numpy_helper.from_array(largest, "n"))
+    if kind == "constant":
+        nodes.append(helper.make_node("ConstantOfShape", ["n"], ["many"]))
+        nodes.append(helper.make_node("ReduceMax", ["many"], ["zero"], keepdims=0))
+        nodes.append(helper.make_node("Add", ["before", "zero"], [name]))
+    elif kind == "doubled":
+        for number in range(40):
+            nodes.append(helper.make_node("Concat", [last, last], [f"twice{number}"], axis=0))
+            last = f"twice{number}"
+        nodes.append(helper.make_node("ReduceMax", [last], [name], axes=[0]))
+    else:
+        value = helper.make_tensor_value_info
+        body = helper.make_graph(
+            [helper.make_node("Identity", [f"{end}_in"], [end]) for end in ("go", "same")],
+            "body",
+            [
+                value("turn", TensorProto.INT64, []),
+                value("go_in", TensorProto.BOOL, []),
+                value("same_in", TensorProto.FLOAT, None),
+            ],
+            [value("go", TensorProto.BOOL, []), value("same", TensorProto.FLOAT, None)],
+        )
+        nodes.append(helper.make_node("Loop", ["n", "", "before"], [name], body=body))
+    onnx.save(model, str(path))
+    return path
+
+
+@pytest.mark.unix
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits a process's memory so")
+@pytest.mark.parametrize("kind", ["constant", "doubled"])
+def test_a_network_that_takes_too_much_memory_is_refused(tmp_path, monkeypatch, kind):
+    import resource
+
+    monkeypatch.setattr(onnx_detector, "FIRST_BYTES", 5 * 10**8)
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    with pytest.raises(UserError, match=r"a.onnx: needs more than 0.6 GB for a picture of 320x320"):
+        make_detector("yolov8", bomb(tmp_path / "a.onnx", kind))
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+def test_a_network_that_never_ends_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(onnx_detector, "FIRST_S", 0.5)
+    with pytest.raises(UserError, match=r"a.onnx: has no answer to its first picture after 0.5 s"):
+        make_detector("yolov8", bomb(tmp_path / "a.onnx", "loop"))
 
 
 def test_a_network_for_one_picture_only_says_so(tmp_path):

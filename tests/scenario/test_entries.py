@@ -250,6 +250,13 @@ def test_two_entries_of_one_name_are_refused() -> None:
             "faults[0].end: a fault that happens again and again has a 'mean_duration' instead",
         ),
         (
+            {**AGAIN, "mean_time_between": "1 us", "mean_duration": "998 us"},
+            (
+                "faults[0].mean_time_between: must be at least 1 ms together with 'mean_duration',"
+                " but is 1 us"
+            ),
+        ),
+        (
             {**AGAIN, "mean_duration": "0 s"},
             "faults[0].mean_duration: must be more than zero, but is '0 s'",
         ),

@@ -649,10 +649,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
             ),
         ),
         ("seed[0]=1", "seed: is not a list in the scenario"),
-        (
-            "cameras[0].size=1 kB",
-            "cameras: is not a list in the scenario: it is null; set the whole list",
-        ),
+        ("cameras[9].rate=1 Hz", "cameras: has 4 entries, counted from 0; the next is cameras[4]"),
         ("perception=5", "perception: must be a name or a mapping, not 5"),
         (
             "genie.similarity={name: exact, cell: 1 m}",
@@ -671,6 +668,12 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
 )
 def test_a_mistaken_override_is_named(override: str, message: str) -> None:
     assert refusal(TWO_CARS, override).startswith(f"--set {override}: {message}")
+
+
+def test_one_of_the_usual_cameras_is_changed_by_its_place() -> None:
+    usual = scenario().cameras
+    changed = scenario(TWO_CARS, "cameras[1].rate=2.5 Hz").cameras
+    assert changed == (usual[0], replace(usual[1], rate=2.5), *usual[2:])
 
 
 def test_a_mistake_in_the_file_is_not_blamed_on_an_override() -> None:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from genie_sim.base.errors import UserError
+from genie_sim.sim.cameras import thinned
 from tests.conformance import small
 
 MS = 1_000_000
 
 
-def stamps(**route: Any) -> tuple[list[int], int]:
+def stamps(rate: str | None = None, **route: Any) -> tuple[list[int], int]:
     """The stamps [ms] of a car's first camera, and of the last frame of both."""
+    cameras = [camera | {"rate": rate} for camera in small.CAMERAS]
+    cars = [small.car(1, route=route)]
     world, tables = small.world(
-        small.scenario(["local"], cars=[small.car(1, route=route)], start_jitter="0 s")
+        small.scenario(["local"], cars=cars, cameras=cameras, start_jitter="0 s")
     )
     last_ns = world.last_frame_ns
     world.run()
@@ -37,3 +43,36 @@ def test_a_window_begins_with_the_start(start: str):
     later, _ = stamps(window=["0.5 s", "0.8 s"], start=start)
     begin = round(float(start.removesuffix(" s")) * 1000)
     assert later == [begin, begin + 100, begin + 200]
+
+
+@pytest.mark.parametrize(
+    ("rate", "expected"),
+    [
+        ("10 Hz", [0, 100, 200, 300, 400, 500, 600, 700]),
+        ("5 Hz", [0, 200, 400, 600]),
+        ("2.5 Hz", [0, 400]),
+        ("4 Hz", [0, 200, 500, 700]),  # nearest to 0, 250, 500, 750
+    ],
+)
+def test_a_camera_takes_fewer_pictures_than_were_recorded(rate: str, expected: list[int]):
+    assert stamps(rate, window=["0 s", "0.8 s"])[0] == expected
+    twice, _ = stamps(rate, window=["0 s", "0.8 s"], laps=2, pause="0 s")
+    assert twice == [*expected, *(stamp + 800 for stamp in expected)]
+
+
+def test_the_mean_rate_is_kept_over_jitter_and_gaps_are_not_made_up_for():
+    stamps_ms = [100 * k + (-1) ** k * 20 for k in range(400) if not 100 <= k < 150]
+    frames = [SimpleNamespace(stamp_ns=stamp * MS) for stamp in stamps_ms]
+    taken_ms = [frame.stamp_ns // MS for frame in thinned(frames, 3.0)]
+    for begin_ms, end_ms in ((0, 9_900), (15_000, 39_900)):
+        count = sum(begin_ms <= stamp < end_ms for stamp in taken_ms)
+        assert count == pytest.approx((end_ms - begin_ms) / 1000 * 3.0, abs=1)
+    assert min(b - a for a, b in pairwise(taken_ms)) > 200
+
+
+def test_more_pictures_than_were_recorded_are_refused():
+    message = r"small: cameras\[0\].rate: 12 Hz is more than was recorded: 10 Hz on "
+    with pytest.raises(UserError, match=message):
+        stamps("12 Hz")
+    with pytest.raises(UserError, match=r"cameras\[0\].rate: must be more than zero"):
+        stamps("0 Hz")

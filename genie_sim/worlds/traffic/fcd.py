@@ -20,14 +20,13 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import FAST_SHARE, ImportReport
-from genie_sim.base.tables import FileColumn, Table
+from genie_sim.base.tables import FileColumn, Table, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.core.geometry import Array
 from genie_sim.data.world_table import MAX_M
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
-GZIP = b"\x1f\x8b"
 UNKNOWN_TYPE = ""  # of a vehicle without the attribute
 MAX_TIME_S = 1e11
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
@@ -87,7 +86,7 @@ class _Content:
     earlier_s: float = -math.inf  # the step before, wanted or not
     seen: set[int] = field(default_factory=set)  # vehicles of this step
     begins_late: bool = False  # after the first step
-    is_over: bool = False  # the time that is wanted, without a vehicle in it
+    is_over: bool = False  # the time that is wanted: this step only tells where vehicles go
     invalid: int = 0
     others: int = 0
 
@@ -105,9 +104,9 @@ class _Content:
         begin_s = self.begin_s
         if begin_s is None:
             self._clear()  # a step without vehicles
-        # One step before the beginning and one after the end, for places in between.
-        elif self.times_s and self.times_s[-1] >= begin_s + self.duration_s:
-            if self.types:
+        # One step before the beginning and one at or after the end, for places in between.
+        elif self.times_s and time_s >= begin_s + self.duration_s:
+            if self.is_over and self.types:
                 raise _Enough
             self.is_over = True
         elif time_s <= begin_s and self.times_s:
@@ -147,12 +146,14 @@ class _Content:
                 self.invalid += 1
                 return
             raise self._wrong(attributes, is_person)
-        if self.is_over:
+        if self.is_over and not self.types:
             raise UserError(
                 f"{self.path}: has no vehicles from {self.begin_s:g} s to "
                 f"{(self.begin_s or 0.0) + self.duration_s:g} s; the first one comes at "
                 f"{self.earlier_s:g} s: set 'begin' or 'duration'"
             )
+        if self.is_over and (name, is_person) not in self.numbers:
+            return
         if self.begin_s is None:
             self.begin_s = self.times_s[-1]
             self.begins_late = self.begin_s != self.first_s
@@ -306,7 +307,7 @@ def read_fcd(
     with ExitStack() as stack:
         stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
         file = _opened(path, stack)
-        if path.suffix in (".csv", ".parquet"):
+        if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
             content = _Content(path, begin_s, duration_s, lambda: str(path), report)
             _read_table(Table(path), content)
         else:
@@ -318,11 +319,7 @@ def read_fcd(
 
 def _opened(path: Path, stack: ExitStack) -> IO[bytes]:
     file: IO[bytes] = stack.enter_context(path.open("rb"))
-    is_compressed = file.read(len(GZIP)) == GZIP
-    file.seek(0)
-    if is_compressed:
-        return cast(IO[bytes], stack.enter_context(gzip.open(file)))
-    return file
+    return cast(IO[bytes], stack.enter_context(gzip.open(file))) if is_gzip(path) else file
 
 
 def _rows(content: _Content) -> VehicleRows:

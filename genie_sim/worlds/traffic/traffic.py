@@ -212,7 +212,7 @@ class TrafficDrive(Drive):
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
         self.car_key = int(self.picture_prefix[:16], 16)
         self.course = _Way(traffic.vehicles, stretch)
-        count = self.duration_ns // self.interval_ns + 1
+        count = math.ceil(self.duration_ns / self.interval_ns)
         self.frames: Mapping[str, Sequence[TownFrame]] = {
             name: TownFrames(self, name, count) for name in BASELINES_M
         }
@@ -303,7 +303,7 @@ class TrafficDrives(Frames):
             what = unknown("vehicle", car, self._stretches)
             raise UserError(f"{self.traffic.path}: {what}")
         stretch, begin_ns, end_ns = self._stretches[car]
-        if not begin_ns <= start_ns <= end_ns:
+        if not begin_ns <= start_ns < end_ns:
             raise UserError(
                 f"{self.traffic.path}: {car} starts at {start_ns / 1e9:g} s, but is there from "
                 f"{begin_ns / 1e9:g} to {end_ns / 1e9:g} s: see 'route.start' and 'start_jitter'"

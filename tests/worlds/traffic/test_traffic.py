@@ -71,13 +71,13 @@ def test_a_car_starts_and_ends_with_its_vehicle(fcd):
     starts_s = {car.name: car.route.start_ns / 1e9 for car in prepared.scenario.cars}
     assert starts_s == {"veh_a": 0, "veh_b": 0, "veh_c": 0, "veh_t": 0, "veh_d": 1.5}
     counts = {car: len(drive.frames["02"]) for car, drive in prepared.drives.items()}
-    assert counts == {"veh_a": 41, "veh_b": 41, "veh_c": 31, "veh_t": 21, "veh_d": 16}
+    assert counts == {"veh_a": 40, "veh_b": 40, "veh_c": 30, "veh_t": 20, "veh_d": 15}
     first, *_, last = prepared.drives["veh_d"].frames["02"]
-    assert (first.stamp_ns, last.stamp_ns) == (0, 1_500_000_000)
+    assert (first.stamp_ns, last.stamp_ns) == (0, 1_400_000_000)
     # The middle of d, 2.5 m behind its bumper; the camera is 0.27 m to the left.
     assert first.pose[:2] == pytest.approx((87.5, 3.73), abs=1e-3)
     assert abs(first.pose.heading_rad) == pytest.approx(math.pi, abs=1e-6)
-    assert last.pose[:2] == pytest.approx((72.5, 3.73), abs=1e-3)
+    assert last.pose[:2] == pytest.approx((73.5, 3.73), abs=1e-3)
 
 
 def test_begin_and_duration_choose_a_part(fcd):
@@ -87,6 +87,17 @@ def test_begin_and_duration_choose_a_part(fcd):
     assert starts_ns == {"veh_a": 0, "veh_b": 0, "veh_c": 0, "veh_d": 300_000_000}
     assert parts["veh_a"].position(0)[0] == pytest.approx(20 * 1.2 - 2.5)
     assert parts["veh_a"].duration_ns == 1_500_000_000
+
+
+def test_the_end_of_the_time_is_not_in(tmp_path):
+    """As in a town and in a window: 20 frames of 2 s, and no vehicle that comes at its end."""
+    places = {"a": (10.0, 0.0, 90.0)}
+    late = places | {"b": (50.0, 0.0, 90.0)}
+    steps = [(0.0, places), (1.0, places), (2.0, late), (3.0, late), (4.0, late)]
+    path = str(write_fcd(tmp_path / "late.xml", steps))
+    prepared = prepare(scenario(path, begin="0 s", duration="2 s", interval="100 ms"))
+    assert len(prepared.drives["veh_a"].frames["02"]) == 20
+    assert prepared.frames.provenance()["traffic"]["vehicles"] == 1
 
 
 def test_a_share_of_the_vehicles_is_equipped_and_a_larger_one_adds_to_it(tmp_path):
@@ -126,7 +137,7 @@ def test_the_truth_is_that_of_the_instant(fcd):
     assert not truth.is_there(frame, "car", 82.5, 6.5), "two metres beside it"
     assert not truth.is_there(frame, "car", 85.0, 4.0), "where it was earlier"
     assert not truth.is_there(frame, "bicycle", 82.5, 4.0)
-    late = drive.frames["02"][40]
+    late = drive.frames["02"][39]
     assert not truth.is_there(late, "car", 72.5, 4.0), "d has left"
     assert truth.knows("bus") and not truth.knows("person")
 
@@ -215,7 +226,7 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         }
         return prepare(read_scenario(settings))
 
-    assert len(prepared("veh_d", "2 s").drives["veh_d"].frames["02"]) == 11
+    assert len(prepared("veh_d", "2 s").drives["veh_d"].frames["02"]) == 10
     with pytest.raises(UserError, match=r"veh_d starts at 0 s, but is there from 1.5 to 3 s"):
         prepared("veh_d", "0 s")
     with pytest.raises(UserError, match=r"unknown vehicle 'veh_x'.*; known: veh_a, veh_b"):
