@@ -162,13 +162,13 @@ def run(
         registry.checked(rows, loaded.metrics)
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
-    from genie_sim.runs import build
+    from genie_sim.runs import prepare
     from genie_sim.runs.folder import run_to_folder
 
     label = checked_label(label, "--label")
-    if own := build.plugin_names(loaded):
+    if own := prepare.plugin_names(loaded):
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
-    for note in build.notes(loaded):
+    for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
