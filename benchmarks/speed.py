@@ -38,8 +38,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
 from genie_sim.record import provenance
 from genie_sim.runs import build
-from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario

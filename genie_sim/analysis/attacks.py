@@ -1,4 +1,4 @@
-"""What attacks did: how much of what attackers forged others held, how many cars, and how long.
+"""What attacks did: how much of what attackers forged others held.
 
 A false object counts as poisoned where an object of its class was added within ``NEAR_M``, from the
 first message that told it until ``AFTER_NS`` after the last; a missed object counts as suppressed
@@ -6,14 +6,13 @@ where one was left out. Objects may be there by chance: what they are without an
 with ``applied: false``.
 """
 
-from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.correctness import CAUSES
-from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where, average, quotient
+from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.grid import Grid
 from genie_sim.base.units import NS_PER_S
@@ -24,7 +23,6 @@ from genie_sim.record.results import MethodInfo
 
 NEAR_M = 2.0  # as far as what is held may be from what is there
 AFTER_NS = 10 * NS_PER_S
-SPREAD_S = 1.0  # a car that holds poison for so long has got it
 ATTACKS = "Attacks"
 
 
@@ -66,24 +64,6 @@ HELD_FORGERIES = (
 )
 
 
-class AtOthers(NamedTuple):
-    """What the cars that do not attack held of what was added, and when each forgery was told last
-    [ns].
-    """
-
-    added: Sequence[Hold]
-    ends_ns: Mapping[int, int]
-    n: int
-
-    @property
-    def exposures_s(self) -> list[float]:
-        """For how long each car that was reached held any of it."""
-        spans: defaultdict[str, list[tuple[float, float]]] = defaultdict(list)
-        for hold in self.added:
-            spans[hold.car].append((hold.begin_ns, hold.end_ns))
-        return [_union_ns(of_car) / NS_PER_S for of_car in spans.values()]
-
-
 def views(
     tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
 ) -> Views:
@@ -123,10 +103,6 @@ def views(
         for component, members in groups.items():
             seconds = sum(after_ns[car] for car in members) / NS_PER_S
             yield Where(method, component=component), AtCars(added, left_out, members, seconds)
-        others = groups["others"]
-        ends_ns = dict(enumerate(forgeries.where(change="added")["end_ns"].tolist()))
-        at_others = [hold for hold in added if hold.car in others]
-        yield Where(method, component="others"), AtOthers(at_others, ends_ns, len(others))
 
 
 def _holds(
@@ -167,15 +143,6 @@ def _holds(
             yield Hold(car, first.number, since_ns, end_ns)
 
 
-def _union_ns(spans: Iterable[tuple[float, float]]) -> float:
-    """How long at least one of the spans lasts."""
-    total_ns = reached_ns = 0.0
-    for begin_ns, end_ns in sorted(spans):
-        total_ns += max(0.0, end_ns - max(begin_ns, reached_ns))
-        reached_ns = max(reached_ns, end_ns)
-    return total_ns
-
-
 class PoisonedObjects(MetricDefinition):
     """False objects where attackers added an object: mean number, per car that drives since the
     first attack, at attackers, receivers or others (the component).
@@ -211,56 +178,7 @@ class SuppressedObjects(PoisonedObjects):
         return view.left_out
 
 
-class PoisonSpread(MetricDefinition):
-    """Share of the cars that do not attack which hold poisoned objects for a second or longer."""
-
-    title = "cars reached by poison"
-    better = LOWER
-    section = ATTACKS
-    view = AtOthers
-    reads = HELD_FORGERIES
-
-    def of(self, view: AtOthers) -> Measured:
-        reached = sum(exposure_s >= SPREAD_S for exposure_s in view.exposures_s)
-        return quotient(reached, view.n, view.n)
-
-
-class PoisonExposure(MetricDefinition):
-    """The longest time for which a car that does not attack holds any poisoned object."""
-
-    title = "longest exposure to poison"
-    unit = "s"
-    better = LOWER
-    section = ATTACKS
-    view = AtOthers
-    reads = HELD_FORGERIES
-
-    def of(self, view: AtOthers) -> Measured:
-        return Measured(max(view.exposures_s, default=0.0) if view.n else None, n=view.n)
-
-
-class PoisonLife(MetricDefinition):
-    """Mean time from the last forged message of an object until no other car holds it."""
-
-    title = "life of poison"
-    unit = "s"
-    better = LOWER
-    section = ATTACKS
-    view = AtOthers
-    reads = HELD_FORGERIES
-
-    def of(self, view: AtOthers) -> Measured:
-        lasts_ns: dict[int, float] = {}
-        for hold in view.added:
-            lasts_ns[hold.forgery] = max(hold.end_ns, lasts_ns.get(hold.forgery, 0.0))
-        lives_s = [max(0.0, last - view.ends_ns[of]) / NS_PER_S for of, last in lasts_ns.items()]
-        return average(lives_s)
-
-
 METRICS = {
     "poisoned_objects": PoisonedObjects(),
     "suppressed_objects": SuppressedObjects(),
-    "poison_spread": PoisonSpread(),
-    "poison_exposure": PoisonExposure(),
-    "poison_life": PoisonLife(),
 }

@@ -23,7 +23,6 @@ from genie_sim.record.records import CONSUMER
 from genie_sim.record.results import MethodInfo
 
 BITS_PER_MEGABIT = 10**6
-IDLE = ("idle", "port")  # what is always taken
 Key = tuple[str, str, str]  # kind, name and part of a power
 End = Literal["value", "low", "high"]
 ENDS: tuple[End, ...] = ("value", "low", "high")
@@ -45,11 +44,6 @@ class Ledger:
         if self.unknown:
             return None
         return sum(amount * self.powers[key][end] for key, amount in self.amounts.items())
-
-    def without_idle(self, end: End = "value") -> float | None:
-        """The energy beyond what hosts and ports always take."""
-        active = {key: amount for key, amount in self.amounts.items() if key[2] not in IDLE}
-        return Ledger(active, self.powers, self.unknown).joules(end)
 
 
 INSTANTS = ("stamp_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")
@@ -212,8 +206,8 @@ class BytesUpPerFrame(MetricDefinition):
     reads = "hosts: bytes_up"
 
     @property
-    def over_rows(self) -> Ratio | None:
-        return BytesOfFrames(self.column) if self.unit == "B" else None
+    def over_rows(self) -> Ratio:
+        return BytesOfFrames(self.column)
 
     def of(self, view: Carried) -> Measured:
         n = len(view.frames)
@@ -226,27 +220,6 @@ class BytesDownPerFrame(BytesUpPerFrame):
     title = "sent down per frame"
     column = "bytes_down"
     reads = "hosts: bytes_down"
-
-
-class BytesUpRate(BytesUpPerFrame):
-    """Bytes that all cars sent to their edges per second, each in the time in which it drives."""
-
-    title = "sent up per second"
-    unit = "B/s"
-    reads = f"hosts: host, placement, begin_ns, bytes_up; frames: car, {', '.join(INSTANTS)}"
-
-    def of(self, view: Carried) -> Measured:
-        drives = view.hosts.rows(view.hosts["there_s"] > 0)
-        rates = drives[self.column] / drives["there_s"]
-        return Measured(float(rates.sum()) if len(drives) else None, n=len(view.frames))
-
-
-class BytesDownRate(BytesUpRate):
-    """Bytes that edges sent to all cars per second, to each in the time in which it drives."""
-
-    title = "sent down per second"
-    column = "bytes_down"
-    reads = f"hosts: host, placement, begin_ns, bytes_down; frames: car, {', '.join(INSTANTS)}"
 
 
 class AcceleratorTime(MetricDefinition):
@@ -303,15 +276,11 @@ class Energy(MetricDefinition):
         "transfer_ns, tail_ns, bytes_up, bytes_down"
     )
 
-    def joules(self, energy: Ledger, end: End) -> float | None:
-        """The energy that counts, with all powers at one end of their ranges."""
-        return energy.joules(end)
-
     def of(self, view: Consumed) -> Measured | None:
         n = view.counts.get(self.per)
         if n is None:
             return None
-        joules = [self.joules(view.energy, end) for end in ENDS]
+        joules = [view.energy.joules(end) for end in ENDS]
         value, low, high = (None if of is None or not n else of / n for of in joules)
         return Measured(value, low, high, n)
 
@@ -344,28 +313,15 @@ class EnergyPerRight(Energy):
     reads = f"{Energy.reads}; held: right"
 
 
-class ActiveEnergyPerFrame(Energy):
-    """Energy per published frame beyond what the computers and ports take when idle."""
-
-    title = "energy per frame without idle"
-    section = ""
-
-    def joules(self, energy: Ledger, end: End) -> float | None:
-        return energy.without_idle(end)
-
-
 METRICS = {
     "bytes_up_per_frame": BytesUpPerFrame(),
-    "bytes_up_rate": BytesUpRate(),
     "bytes_down_per_frame": BytesDownPerFrame(),
-    "bytes_down_rate": BytesDownRate(),
     "accelerator_time": AcceleratorTime(),
     "cpu_time": CpuTime(),
     "batch_size": BatchSize(),
     "energy_per_frame": EnergyPerFrame(),
     "energy_per_fresh": EnergyPerFresh(),
     "energy_per_right": EnergyPerRight(),
-    "energy_active_per_frame": ActiveEnergyPerFrame(),
 }
 
 

@@ -26,6 +26,15 @@ NAMES: dict[str, str] = {
         "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
         "--set record=[resources]."
     ),
+    "metric bytes_up_rate": "Multiply bytes_up_per_frame by the frames per second.",
+    "metric bytes_down_rate": "Multiply bytes_down_per_frame by the frames per second.",
+    "metric energy_active_per_frame": (
+        "Subtract the idle power times the time of a run, both in the tables hosts and power."
+    ),
+    **dict.fromkeys(
+        ("metric poison_spread", "metric poison_exposure", "metric poison_life"),
+        "Write poisoned_objects, or compare attacks.parquet with held_objects.parquet.",
+    ),
 }
 """What a name stands for and the name, as the error line says them: ``command article``,
 ``record held_objects``, ``metric car_load``, ``scenario fleet_10000``.
@@ -49,6 +58,7 @@ OPTIONS: dict[str, str] = {
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
+    "profile --tegrastats": "Write --cores N, and 'power' into the profile by hand.",
     "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
     "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",

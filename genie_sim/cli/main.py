@@ -162,13 +162,13 @@ def run(
         registry.checked(rows, loaded.metrics)
     from genie_sim.record.results import checked_label
     from genie_sim.report.output import Output
-    from genie_sim.runs import build
+    from genie_sim.runs import prepare
     from genie_sim.runs.folder import run_to_folder
 
     label = checked_label(label, "--label")
-    if own := build.plugin_names(loaded):
+    if own := prepare.plugin_names(loaded):
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
-    for note in build.notes(loaded):
+    for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     output = Output(not no_report, ("svg",) if figures else ())
     if several is not None:
@@ -421,7 +421,7 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--csv",
     type=PATH,
-    help="Instead: latencies measured elsewhere: a table (CSV, Parquet), or what trtexec writes.",
+    help="Instead: latencies measured elsewhere: a table (CSV, Parquet).",
 )
 @click.option("--column", metavar="TITLE", help="Of that table, where several hold numbers.")
 @click.option(
@@ -431,7 +431,6 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 )
 @click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
 @click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
-@click.option("--tegrastats", type=PATH, help="A log of the board: its cores and its power.")
 @click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
 @click.option(
@@ -450,7 +449,6 @@ def profile(
     unit: str | None,
     mean: str | None,
     sd: str | None,
-    tegrastats: Path | None,
     cores: int | None,
     model: str | None,
     weights: Path | None,
@@ -466,7 +464,7 @@ def profile(
     """
     from genie_sim.base import units
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.scenario import benchmark_logs, device_fit
+    from genie_sim.scenario import device_fit
 
     if [detector, csv, mean].count(None) != 2:
         raise UserError(
@@ -478,10 +476,6 @@ def profile(
     if csv is None and (column, unit) != (None, None):
         raise UserError("profile: --column and --unit go with --csv")
     report = ImportReport(csv or "profile", accept)
-    board = None
-    if tegrastats is not None:
-        board = benchmark_logs.tegrastats(tegrastats, report)
-    given = None
     if mean is not None:
         if model is None:
             raise UserError("profile: --mean needs --model, the name that scenarios use")
@@ -489,11 +483,7 @@ def profile(
         sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
         if sd_ns > mean_ns:
             raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
-        given = device_fit.of_summary(model, mean_ns, sd_ns)
-    elif csv is not None and (summary := benchmark_logs.trtexec_summary(csv, report)):
-        given = device_fit.of_trtexec(csv, model or csv.stem, summary)
-    if given is not None:
-        measured, fit = given
+        measured, fit = device_fit.of_summary(model, mean_ns, sd_ns)
     else:
         with ProgressBar(unit="pictures") as progress:
             if csv is not None:
@@ -505,7 +495,7 @@ def profile(
                 )
         fit = device_fit.fit(measured.latencies_ns)
         device_fit.check_fit(measured, fit, report)
-    device_fit.write(out, measured, fit, cores, board=board)
+    device_fit.write(out, measured, fit, cores)
     click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
     terminal.tell(report)
 

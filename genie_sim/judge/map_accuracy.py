@@ -62,7 +62,7 @@ class MapAccuracy:
         What is there on the drive of each car. Cars without are not judged.
     table : Table
         Gets a row of counts per instant (``records.HELD``).
-    earlier_hosts : collection of str
+    earlier_cars : collection of str
         Cars for which the detector's own answer without any delay is judged already. It is the
         same under every method.
     make_consumer : callable
@@ -87,7 +87,7 @@ class MapAccuracy:
         method: str,
         truths: Mapping[str, DriveTruth],
         table: Table,
-        earlier_hosts: Collection[str] = (),
+        earlier_cars: Collection[str] = (),
         make_consumer: Callable[[], Consumer] = Newest,
         *,
         objects: Table | None = None,
@@ -97,7 +97,7 @@ class MapAccuracy:
         self._method = method
         self._truths = truths
         self._table = table
-        self._earlier_hosts = earlier_hosts
+        self._earlier_cars = earlier_cars
         self._all_streams = all_streams
         self._window = window or max(WINDOW, WINDOW_OF_CAR * len(truths))
         self._consumers = {car: make_consumer() for car in truths}
@@ -136,7 +136,7 @@ class MapAccuracy:
         if self._first_streams.setdefault(car, stream) != stream and not self._all_streams:
             return
         self._scenes.append(JudgedScene(image, truth, consumer.shown(now_ns), is_consumer=True))
-        if car not in self._earlier_hosts:
+        if car not in self._earlier_cars:
             detections = (Shown(image.content.detections),)
             self._scenes.append(JudgedScene(image, truth, detections, is_consumer=False))
         if len(self._scenes) >= self._window:

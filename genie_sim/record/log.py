@@ -96,8 +96,8 @@ class Log:
         Compares the answers with the detector's.
     judge : Judge, optional
         Judges what the consumers hold, where the truth is known.
-    earlier_hosts : collection of str
-        Hosts of earlier methods: the poses of those cars are written already.
+    earlier_cars : collection of str
+        Cars that an earlier method had: their poses are written already.
     """
 
     def __init__(
@@ -109,12 +109,12 @@ class Log:
         samples: Samples = "all",
         agreement: AnswerJudge | None = None,
         judge: Judge | None = None,
-        earlier_hosts: Collection[str] = (),
+        earlier_cars: Collection[str] = (),
     ) -> None:
         self.method = method
         self.samples: Samples = samples
         self._judge = judge
-        self._earlier_hosts = frozenset(earlier_hosts)
+        self._earlier_cars = frozenset(earlier_cars)
         self._frames = tables["frames"]
         self._resources = tables["resources"]
         self._hosts = tables["hosts"]
@@ -143,7 +143,7 @@ class Log:
             self._judge.published(image)
         if self._agreement is not None:
             frame.image = image
-        if self._poses is not None and header.origin not in self._earlier_hosts:
+        if self._poses is not None and header.origin not in self._earlier_cars:
             pose = image.pose
             row = (
                 self.method,

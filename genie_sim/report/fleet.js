@@ -2,8 +2,8 @@
 
 const FLEET_STEP_MS = 250; // of the wall clock, between two instants while it plays
 const MARGIN_PX = 14;
-const LAYER_TONES = { load: "miss", air: "miss", reuse: "hit", hits: "hit", shared: "coalesced", ghosts: "ghost", age: "car" };
-const FRAME_OUTCOMES = { h: "hit", m: "miss", c: "coalesced", a: "hit", n: "none" }; // as fleet_cells.py writes them
+const LAYER_TONES = { load: "miss", air: "miss", reuse: "hit" };
+const FRAME_OUTCOMES = { h: "hit", m: "miss", c: "coalesced", a: "hit", n: "none" }; // as fleet_map.py writes them
 
 function showFleet() {
   const fleet = DATA.fleet;
@@ -77,12 +77,10 @@ function showFleet() {
   function tell() {
     const values = shown().map((cell) => cell.values[now]).filter((value) => value !== null), what = layer()?.title ?? "";
     const mean = values.length ? values.reduce((sum, value) => sum + value, 0) / values.length : null;
-    const changed = fleet.hand_overs.find((one) => one.method === byId("fleet-method").value)?.until[now];
     slider.value = now;
     byId("fleet-clock").textContent = `${fleet.instants_s[now].toFixed(1)} s`;
     byId("fleet-now").textContent = `At ${fleet.instants_s[now].toFixed(1)} s: ${what}, ${mean === null ? "not recorded" :
-      `mean ${cellText(layer(), mean)}, highest ${cellText(layer(), Math.max(...values))} over ${values.length} cell${values.length === 1 ? "" : "s"}`}` +
-      `${changed === undefined ? "" : `; ${changed} hand-overs until now`}. Left and right arrow move the time, space plays.`;
+      `mean ${cellText(layer(), mean)}, highest ${cellText(layer(), Math.max(...values))} over ${values.length} cell${values.length === 1 ? "" : "s"}`}. Left and right arrow move the time, space plays.`;
   }
 
   function hover(event) {
@@ -132,7 +130,6 @@ function showFleet() {
   new ResizeObserver(render).observe(byId("fleet-map"));
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", render);
   showFleetLegend(fleet, layer());
-  showOverCars(fleet);
   render();
 }
 
@@ -162,26 +159,4 @@ function showFleetLegend(fleet, layer) {
   const [begin, next] = fleet.instants_s;
   byId("fleet-about").textContent = `${fleet.cars.length < fleet.all_cars ? `${fleet.cars.length} of ${fleet.all_cars.toLocaleString("en")} cars are drawn, evenly chosen; the cells count all` : "All cars are drawn"}. ` +
     `One step: ${digits(next - begin)} s. A cell counts the cars in it; their frames go to its edge or, near its border, to that of a neighbouring cell.`;
-}
-
-function showOverCars(fleet) {
-  const charts = [["first_p95", `${metricTitle("first_answer_p95")} [ms]`, "ms"], ["fresh_p95", `${metricTitle("fresh_answer_p95")} [ms]`, "ms"], ["image_reuse", metricTitle("image_reuse"), "1"]];
-  for (const [of, title, unit] of charts) {
-    const series = fleet.over_cars.filter((one) => one.of === of).map((one) => ({ ...one, name: methodTitle(one.method), color: methodClass(one.method), marker: methodMarker(one.method), steps: true }));
-    if (!series.length) continue;
-    const all = series.flatMap((one) => one.x), log = unit === "ms", read = (value) => `up to ${asText(value, unit)}`;
-    lineChart(byId("over-cars").appendChild(make("div")), { title, series, height: 220,
-      x: { log, min: log ? Math.max(0.8 * Math.min(...all), 0.1) : 0, max: log ? 1.25 * Math.max(...all) : Math.max(...all, 0.05), label: title, read },
-      y: { min: 0, max: 1, label: "share of cars", format: percent, read: percent } });
-  }
-  const rows = [...new Set(fleet.ghosts_by_age.flatMap((one) => one.rows.map(([low]) => low)))].sort((a, b) => a - b);
-  byId("by-age").hidden = !rows.length;
-  if (!rows.length) return;
-  const until = new Map(fleet.ghosts_by_age.flatMap((one) => one.rows.map(([low, high]) => [low, high])));
-  table(byId("ghosts-by-age"), null, ["age", ...fleet.ghosts_by_age.map((one) => methodKey(one.method))], rows.map((low) => [
-    until.get(low) === null ? `${low} s and more` : `${low} to ${until.get(low)} s`,
-    ...fleet.ghosts_by_age.map((one) => {
-      const found = one.rows.find((row) => row[0] === low);
-      return found ? make("td", { class: "number" }, percent(found[3]), make("small", {}, `of ${found[2].toLocaleString("en")} objects`)) : "none";
-    })]));
 }

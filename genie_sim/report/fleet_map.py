@@ -6,18 +6,14 @@ all of them.
 """
 
 import re
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.genie_metrics import reuse
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.style import thinned
 from genie_sim.base.units import NS_PER_S
-from genie_sim.report.fleet_cells import LAYERS, cell_layers, outcomes
 from genie_sim.report.streets import ground
 
 if TYPE_CHECKING:
@@ -29,10 +25,25 @@ if TYPE_CHECKING:
 
 MAX_CARS, MAX_INSTANTS = 250, 240
 MAX_VALUES = 40_000  # of a layer of the map's cells: about 250 kB
-POINTS = 300  # of a distribution over cars
-AGES_S = (0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, float("inf"))
 EDGE = re.compile(r"(edge_(\d+)_(\d+))\b")
 SHARE_DIGITS = 3
+
+
+class Layer(NamedTuple):
+    """Something that the cells of the map show: its name in the page's data, its title and its
+    unit, as in ``analysis.registry``.
+    """
+
+    name: str
+    title: str
+    unit: str
+
+
+LAYERS = (
+    Layer("load", "load of the edge's accelerator", "%"),
+    Layer("reuse", "image reuse of the edge so far", "%"),
+    Layer("air", "load of the radio cell, up", "%"),
+)
 
 
 def fleet_data(run: "Run", notes: list[str]) -> dict[str, Any] | None:
@@ -60,10 +71,6 @@ def fleet_data(run: "Run", notes: list[str]) -> dict[str, Any] | None:
         "load": list(_loads(run, instants_ns, ".accelerator")),
         "reuse": list(_reuse(run, instants_ns)),
         "air": list(_loads(run, instants_ns, ".cell_up")),
-        **cell_layers(run, area, instants_ns),
-        "hand_overs": list(_hand_overs(run, instants_ns)),
-        "over_cars": list(_over_cars(run)),
-        "ghosts_by_age": list(_ghosts_by_age(run)),
     }
 
 
@@ -104,7 +111,7 @@ def _cars(run: "Run", instants_ns: "Instants", notes: list[str]) -> Iterator[dic
             for axis in ("east", "north")
         }
         letters = {
-            method: outcomes(of_car[name], instants_ns)
+            method: _outcomes(of_car[name], instants_ns)
             for method, of_car in frames.items()
             if name in of_car
         }
@@ -138,69 +145,31 @@ def _reuse(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
         yield {**where, "values": _shares(shares)}
 
 
-def _hand_overs(run: "Run", instants_ns: "Instants") -> Iterator[dict[str, Any]]:
-    """How many times cars have changed their edge until each instant, by the edges that looked up
-    their frames.
-    """
-    requests = run.tables["lookups"].where(placement="edge", requester="client")
-    for method, of_method in requests.groups("method"):
-        in_order = of_method.rows(np.lexsort((of_method["t_ns"], of_method["car"].codes)))
-        car, genie, t_ns = in_order["car"].codes, in_order["genie"].codes, in_order["t_ns"]
-        changes_ns = np.sort(t_ns[1:][(car[1:] == car[:-1]) & (genie[1:] != genie[:-1])])
-        yield {
-            "method": method,
-            "until": np.searchsorted(changes_ns, instants_ns, side="right").tolist(),
-        }
-
-
-def _over_cars(run: "Run") -> Iterator[dict[str, Any]]:
-    """Distributions over cars: 95th percentile of the time to the first and to the fresh answer
-    [ms], image reuse.
-    """
-    images = run.tables["lookups"].where(kind="image", placement="car")
-    for method in run.methods:
-        of_cars = [rows for _, rows in run.tables["frames"].where(method=method.name).groups("car")]
-        for answer in ("first", "fresh"):
-            percentiles_ms = []
-            for rows in of_cars:
-                times_ms = response_ms(rows, answer)
-                times_ms = times_ms[~np.isnan(times_ms)]
-                if len(times_ms):
-                    percentiles_ms.append(float(np.quantile(times_ms, 0.95)))
-            yield from _distribution(method.name, f"{answer}_p95", percentiles_ms)
-        ratios = reuse(images.where(method=method.name))
-        yield from _distribution(method.name, "image_reuse", list(ratios.values()))
-
-
-def _distribution(method: str, of: str, values: Sequence[float]) -> Iterator[dict[str, Any]]:
-    in_order = np.sort(np.asarray(values, dtype=float))
-    places = thinned(len(in_order), POINTS)
-    if len(in_order):
-        ranks = (places + 1) / len(in_order)
-        yield {
-            "method": method,
-            "of": of,
-            "x": in_order[places].round(4).tolist(),
-            "y": ranks.round(4).tolist(),
-        }
-
-
-def _ghosts_by_age(run: "Run") -> Iterator[dict[str, Any]]:
-    """Share of what consumers hold that is not there, by the age of what they hold [s]."""
-    consumers = run.tables["held"].where(what="consumer")
-    for method in run.methods:
-        held = consumers.where(method=method.name)
-        held = held.rows(held["held"] > 0)
-        bins = np.digitize(held.floats("age_s"), AGES_S[1:-1])
-        rows = []
-        for number, (low, high) in enumerate(pairwise(AGES_S)):
-            objects, right = (int(held[of][bins == number].sum()) for of in ("held", "right"))
-            if objects:
-                end = None if high == AGES_S[-1] else high
-                rows.append([low, end, objects, round(1 - right / objects, SHARE_DIGITS)])
-        if rows:
-            yield {"method": method.name, "rows": rows}
-
-
 def _shares(values: "Floats") -> list[float | None]:
     return [None if np.isnan(value) else round(float(value), SHARE_DIGITS) for value in values]
+
+
+def _outcomes(frames: "Columns", instants_ns: "Instants") -> str:
+    """What became of the last frame of a car before each instant, one letter each: h, m or c for
+    hit, miss or coalesced at its own Genie, a for answered without one, n for no answer, and -
+    where there was no frame in this step. ``frames`` are the car's under one method.
+    """
+    frames = frames.by("stamp_ns")
+    last = np.searchsorted(frames["stamp_ns"], instants_ns, side="right") - 1
+    begins_ns = np.concatenate([[-1], instants_ns[:-1]])
+    hit, coalesced = frames["image_hit"].tolist(), frames["coalesced"].tolist()
+    answered = (~np.isnan(frames.floats("first_answer_ns"))).tolist()
+    stamps_ns = frames["stamp_ns"].tolist()
+    letters = []
+    for place, begin_ns in zip(last.tolist(), begins_ns.tolist(), strict=True):
+        if place < 0 or stamps_ns[place] <= begin_ns:
+            letters.append("-")
+        else:
+            letters.append(_letter(hit[place], coalesced[place], answered[place]))
+    return "".join(letters)
+
+
+def _letter(hit: bool | None, coalesced: bool | None, answered: bool) -> str:
+    if hit is None:
+        return "a" if answered else "n"
+    return "c" if coalesced else "h" if hit else "m"

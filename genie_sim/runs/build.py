@@ -1,20 +1,19 @@
-"""From a scenario to what is simulated: the set-up of a world, and the methods that run in it."""
+"""From a prepared scenario to what is simulated: the set-up of a world under one method."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
-from typing import Any, Literal
+from typing import Literal
 
 from genie_sim.base import plugins
 from genie_sim.base.contracts import checked
-from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
-from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
+from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.messages import Encoding, Frame
-from genie_sim.data.source import Drive, Frames
-from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS, checked_method
+from genie_sim.data.source import Drive
+from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS
+from genie_sim.runs.prepare import Prepared
 from genie_sim.scenario.faults import timed
-from genie_sim.scenario.methods import METHOD, MethodEntry
+from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS
 from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
@@ -22,53 +21,10 @@ from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_models import LinkModel, Medium
 from genie_sim.sim.link_models.presets import LINK, LINKS
-from genie_sim.sim.method import Method
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
 from genie_sim.sim.setup import Setup
-from genie_sim.sim.topology import ALL_SHARE, NEAREST
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """A scenario with every car and edge of its fleet, and everything it names: its open frame
-    source, devices by name, and each car's drive by its name.
-
-    ``encoded`` is what the drives are after their pictures were sent, by encoding and car; ``laws``
-    are those of the detector that looked at the drives, measured on other drives, or the assumed
-    ones;
-    ``facts`` are plain data, everything that decides the outcome of a run, with the scenario as it
-    is written.
-    """
-
-    scenario: Scenario
-    devices: Mapping[str, DeviceProfile]
-    frames: Frames
-    drives: Mapping[str, Drive]
-    encoded: Mapping[tuple[str, str], Any]
-    facts: Mapping[str, Any]
-    laws: DetectorLaws
-
-
-def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
-    """The detectors that looked at the drives of a frame source, as far as it tells, and these
-    drives.
-    """
-    traces = [about for about in frames.provenance().values() if "detector" in about]
-    return (
-        {str(about["detector"]) for about in traces},
-        {str(about.get("drive")) for about in traces},
-    )
-
-
-def method(entry: MethodEntry) -> Method:
-    """The method of an entry. Raises ``UserError``."""
-    own: Method = METHOD.make(entry.method)
-    owner = plugins.own_label("method", entry.method.name)
-    if owner is not None:
-        own = checked_method(own, owner)
-    return own
 
 
 def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
@@ -193,75 +149,3 @@ def link_model(choice: Choice) -> LinkModel | Medium:
     methods = MEDIUM_METHODS if hasattr(own, "radio") else LINK_MODEL_METHODS
     model: LinkModel | Medium = checked(own, owner, methods)
     return model
-
-
-def link_digests(scenario: Scenario) -> dict[str, str]:
-    """Digests of the recordings that the links of a scenario replay."""
-    digests: dict[str, str] = {}
-    for _, link in scenario.links():
-        digests |= getattr(LINK.make(link), "digests", dict)()
-    return digests
-
-
-def method_facts(scenario: Scenario) -> list[dict[str, Any]]:
-    """Of each method, in order: its name, what figures call it, and whether others are compared
-    with it.
-    """
-    facts = []
-    for index, entry in enumerate(scenario.methods):
-        with as_user_error(f"{scenario.name}: methods[{index}]", UserError):
-            instance = method(entry)
-        title = instance.title if entry.title is None else entry.title
-        usual = entry.title is not None or entry.name in (
-            entry.method.name,
-            entry.method.name.rpartition(":")[2],
-        )
-        facts.append(
-            {
-                "name": entry.name,
-                "title": title if usual else entry.name,
-                "baseline": bool(instance.baseline),
-            }
-        )
-    return facts
-
-
-def notes(scenario: Scenario) -> list[str]:
-    """What a reader of a run's results should know beforehand, a sentence each."""
-    silent = [
-        entry.title or entry.name
-        for entry in scenario.methods
-        if (looks := scenario.asked[entry.name].genie.looks) is not None
-        and looks.told == "auto"
-        and looks.edge == "beside"
-        and not scenario.is_one_world
-    ]
-    said = []
-    if silent:
-        why = "cars replay recordings at different times, so what one sees is not there for others"
-        said.append(f"{', '.join(silent)}: edges tell cars nothing, because {why}.")
-    unnamed = sum(edge.neighbours is None for edge in scenario.edges)
-    if unnamed and len(scenario.edges) > ALL_SHARE and scenario.edge_neighbours is None:
-        said.append(
-            f"Of {len(scenario.edges)} edges each shares with the {NEAREST} nearest; "
-            "edge_neighbours says with how many."
-        )
-    return said
-
-
-def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:
-    """The kind and the name of each class of the user's own, by both in one text."""
-    return {
-        f"{mark.what} {choice.name}": (mark.what, choice.name)
-        for _, mark, choice, _ in scenario.own_plugins()
-    }
-
-
-def plugin_digests(scenario: Scenario) -> dict[str, str]:
-    """sha256 of the module of each class of the user's own that the scenario names: its code
-    decides the outcome.
-    """
-    return {
-        title: plugins.code_digest(what, name)
-        for title, (what, name) in plugin_names(scenario).items()
-    }

@@ -22,8 +22,7 @@ from genie_sim.record.results import (
 )
 from genie_sim.record.tables import write as write_columns
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
-from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario

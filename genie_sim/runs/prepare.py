@@ -1,23 +1,48 @@
 """Prepares a run: opens what the scenario names, and gives every car its drive."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
+from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.data import detector_laws
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
-from genie_sim.runs import build, own_classes
-from genie_sim.runs.build import Prepared
+from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
 from genie_sim.scenario import checks
+from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
+from genie_sim.sim.link_models.presets import LINK
+from genie_sim.sim.method import Method
+from genie_sim.sim.topology import ALL_SHARE, NEAREST
 from genie_sim.version import VERSION
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scenario with every car and edge of its fleet, and everything it names: its open frame
+    source, devices by name, and each car's drive by its name.
+
+    ``encoded`` is what the drives are after their pictures were sent, by encoding and car; ``laws``
+    are those of the detector that looked at the drives, measured on other drives, or the assumed
+    ones;
+    ``facts`` are plain data, everything that decides the outcome of a run, with the scenario as it
+    is written.
+    """
+
+    scenario: Scenario
+    devices: Mapping[str, DeviceProfile]
+    frames: Frames
+    drives: Mapping[str, Drive]
+    encoded: Mapping[tuple[str, str], Any]
+    facts: Mapping[str, Any]
+    laws: DetectorLaws
 
 
 def prepare(
@@ -64,10 +89,8 @@ def prepare_with_frames(
         for drive in drives.values():
             own_classes.check_drive(drive, owner)
         frames.provenance()  # checked now, not after the simulation
-    features = {
-        entry.name: getattr(build.method(entry), "feature", None) for entry in scenario.methods
-    }
-    checks.check_driven(full, drives, features)
+    methods = new_methods(scenario)
+    checks.check_driven(full, drives, features_of(methods))
     encoded = _encoded_drives(full, frames)
     profiles = scenario.profiles if devices is None else devices
     names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
@@ -78,8 +101,8 @@ def prepare_with_frames(
         frames=frames,
         drives=drives,
         encoded=encoded,
-        facts=facts(scenario, used, frames, encoded),
-        laws=detector_laws.detector_laws(*build.looked_at(frames)),
+        facts=facts(scenario, methods, devices=used, frames=frames, encoded=encoded),
+        laws=detector_laws.detector_laws(*looked_at(frames)),
     )
 
 
@@ -120,6 +143,8 @@ def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str],
 
 def facts(
     scenario: Scenario,
+    methods: Mapping[str, Method],
+    *,
     devices: Mapping[str, DeviceProfile],
     frames: Frames,
     encoded: Mapping[tuple[str, str], Any],
@@ -134,20 +159,20 @@ def facts(
         "devices": {name: plain_data(device) for name, device in devices.items()},
         "traces": {
             **frames.digests(),
-            **build.link_digests(scenario),
+            **link_digests(scenario),
             **{f"{encoding} of {car}": drive.digest for (encoding, car), drive in encoded.items()},
         },
-        "plugins": build.plugin_digests(scenario),
-        "methods": build.method_facts(scenario),
+        "plugins": plugin_digests(scenario),
+        "methods": method_facts(scenario, methods),
     }
-    if any(getattr(build.method(entry), "feature", None) for entry in scenario.methods):
+    if any(features_of(methods).values()):
         known = frames.provenance()
         features = {
             name: dict(about["features"]) for name, about in known.items() if "features" in about
         }
         if features:
             found["features"] = features
-    laws = detector_laws.facts(*build.looked_at(frames))
+    laws = detector_laws.facts(*looked_at(frames))
     if laws is not None:
         found["laws"] = laws
     if scenario.fleet is not None:
@@ -157,3 +182,98 @@ def facts(
             extent_m = [float(border_m) for border_m in frames.extent_m or ()]
             found["map"] = {"extent_m": extent_m}
     return found
+
+
+def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as it tells, and these
+    drives.
+    """
+    traces = [about for about in frames.provenance().values() if "detector" in about]
+    return (
+        {str(about["detector"]) for about in traces},
+        {str(about.get("drive")) for about in traces},
+    )
+
+
+def features_of(methods: Mapping[str, Method]) -> dict[str, str | None]:
+    """What each method compares frames by, if it does."""
+    return {name: getattr(method, "feature", None) for name, method in methods.items()}
+
+
+def link_digests(scenario: Scenario) -> dict[str, str]:
+    """Digests of the recordings that the links of a scenario replay."""
+    digests: dict[str, str] = {}
+    for _, link in scenario.links():
+        digests |= getattr(LINK.make(link), "digests", dict)()
+    return digests
+
+
+def new_method(entry: MethodEntry) -> Method:
+    """The method of an entry, for one world: it may keep state. Raises ``UserError``."""
+    own: Method = METHOD.make(entry.method)
+    owner = plugins.own_label("method", entry.method.name)
+    return own if owner is None else own_classes.checked_method(own, owner)
+
+
+def new_methods(scenario: Scenario) -> dict[str, Method]:
+    """The method of each entry, by its name, to ask what it is. Raises ``UserError``."""
+    methods = {}
+    for index, entry in enumerate(scenario.methods):
+        with as_user_error(f"{scenario.name}: methods[{index}]", UserError):
+            methods[entry.name] = new_method(entry)
+    return methods
+
+
+def method_facts(scenario: Scenario, methods: Mapping[str, Method]) -> list[dict[str, Any]]:
+    """Of each method, in order: its name, what figures call it, and whether others are compared
+    with it.
+    """
+    found = []
+    for entry in scenario.methods:
+        method, title = methods[entry.name], entry.title
+        if title is None:
+            own_names = (entry.method.name, entry.method.name.rpartition(":")[2])
+            title = method.title if entry.name in own_names else entry.name
+        found.append({"name": entry.name, "title": title, "baseline": bool(method.baseline)})
+    return found
+
+
+def notes(scenario: Scenario) -> list[str]:
+    """What a reader of a run's results should know beforehand, a sentence each."""
+    silent = [
+        entry.title or entry.name
+        for entry in scenario.methods
+        if (looks := scenario.asked[entry.name].genie.looks) is not None
+        and looks.told == "auto"
+        and looks.edge == "beside"
+        and not scenario.is_one_world
+    ]
+    said = []
+    if silent:
+        why = "cars replay recordings at different times, so what one sees is not there for others"
+        said.append(f"{', '.join(silent)}: edges tell cars nothing, because {why}.")
+    unnamed = sum(edge.neighbours is None for edge in scenario.edges)
+    if unnamed and len(scenario.edges) > ALL_SHARE and scenario.edge_neighbours is None:
+        said.append(
+            f"Of {len(scenario.edges)} edges each shares with the {NEAREST} nearest; "
+            "edge_neighbours says with how many."
+        )
+    return said
+
+
+def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:
+    """The kind and the name of each class of the user's own, by both in one text."""
+    return {
+        f"{mark.what} {choice.name}": (mark.what, choice.name)
+        for _, mark, choice, _ in scenario.own_plugins()
+    }
+
+
+def plugin_digests(scenario: Scenario) -> dict[str, str]:
+    """sha256 of the module of each class of the user's own that the scenario names: its code
+    decides the outcome.
+    """
+    return {
+        title: plugins.code_digest(what, name)
+        for title, (what, name) in plugin_names(scenario).items()
+    }

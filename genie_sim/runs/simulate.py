@@ -21,15 +21,14 @@ from genie_sim.record.log import Log
 from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
-from genie_sim.runs.build import Prepared
 from genie_sim.runs.method_processes import side_by_side
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import Prepared, new_method, prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.setup import Setup
-from genie_sim.sim.world import World
+from genie_sim.sim.world import World, answered_cars
 
 TEXT_S = 0.1  # how long a text of progress holds
 
@@ -76,14 +75,14 @@ def simulate(
         apart = partial(_simulate_apart, packed)
         return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
     tables = new_tables(spill)
-    earlier_hosts: set[str] = set()
+    earlier_cars: set[str] = set()
     for number, entry in enumerate(methods):
         report = _of_all(progress, number, len(methods))
-        earlier_hosts |= simulate_method(
+        earlier_cars |= simulate_method(
             prepared,
             entry,
             tables,
-            earlier_hosts=earlier_hosts,
+            earlier_cars=earlier_cars,
             progress=report,
             observer=observer,
         )
@@ -94,8 +93,10 @@ def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progre
     """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
     prepared = _prepared(packed)
     *earlier, entry = prepared.scenario.methods[: number + 1]
-    hosts = set().union(*(_hosts(prepared, other) for other in earlier))
-    simulate_method(prepared, entry, tables, earlier_hosts=hosts, progress=progress)
+    cars = set().union(
+        *(answered_cars(build.setup(prepared, other), new_method(other)) for other in earlier)
+    )
+    simulate_method(prepared, entry, tables, earlier_cars=cars, progress=progress)
 
 
 @lru_cache(maxsize=1)
@@ -103,16 +104,6 @@ def _prepared(packed: bytes) -> Prepared:
     """What all methods of a run begin with, once a process."""
     written, devices = pickle.loads(packed)
     return prepare(read_scenario(written), devices=devices)
-
-
-def _hosts(prepared: Prepared, entry: MethodEntry) -> set[str]:
-    """The hosts on which a method runs something."""
-    with gc_disabled():
-        log = Log(entry.name, new_tables(), samples="none")
-        world = World(build.setup(prepared, entry), build.method(entry), log)
-        hosts = set(world.network.graphs)
-        world.dismantle()
-    return hosts
 
 
 def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:
@@ -130,13 +121,13 @@ def simulate_method(
     entry: MethodEntry,
     tables: Tables,
     *,
-    earlier_hosts: Collection[str],
+    earlier_cars: Collection[str],
     progress: Progress,
     observer: Observer | None = None,
 ) -> set[str]:
-    """Adds the rows of one method to the tables; returns the hosts on which it runs something.
+    """Adds the rows of one method to the tables; returns the cars on which it runs something.
 
-    ``earlier_hosts`` are those on which methods before it do: rows that are the same under every
+    ``earlier_cars`` are those on which methods before it do: rows that are the same under every
     method are written once. ``progress`` is called with the time now and at the end [s]. An
     ``observer`` sees the world before and after.
     """
@@ -147,7 +138,7 @@ def simulate_method(
     setup = build.setup(prepared, entry)
     for table in tables.values():
         table.leave_out(scenario.warm_up_ns)
-    judge = make_judge(prepared, entry.name, setup, tables, earlier_hosts=earlier_hosts)
+    judge = make_judge(prepared, entry.name, setup, tables, earlier_cars=earlier_cars)
     agreement = None
     if "answers" in scenario.record:
         objects = Objects() if judge is None else judge.objects
@@ -159,20 +150,20 @@ def simulate_method(
         samples=samples,
         agreement=agreement,
         judge=judge,
-        earlier_hosts=earlier_hosts,
+        earlier_cars=earlier_cars,
     )
     note_power(tables["power"], entry.name, prepared, setup)
     with gc_disabled():
-        world = World(setup, build.method(entry), log)
+        world = World(setup, new_method(entry), log)
         check_warm_up(scenario, world.last_frame_ns)
         if observer is not None:
             observer.before(entry.name, world)
         world.run(_progress_of(log, progress))
         if observer is not None:
             observer.after(entry.name, world)
-        hosts = set(world.network.graphs)
+        cars = {car.name for car in setup.cars if car.name in world.network.graphs}
         world.dismantle()
-    return hosts
+    return cars
 
 
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:
@@ -227,7 +218,7 @@ def make_judge(
     setup: Setup,
     tables: Tables,
     *,
-    earlier_hosts: Collection[str],
+    earlier_cars: Collection[str],
 ) -> MapAccuracy | None:
     """Returns what judges the consumers of one method, if the scenario wants it; ``None`` where
     nobody knows what is there on any car's drive.
@@ -242,7 +233,7 @@ def make_judge(
         The method's settings: the consumer, and the laws of the detector that it goes by.
     tables : dict of str to Table
         Where the rows go.
-    earlier_hosts : collection of str
+    earlier_cars : collection of str
         Cars that an earlier method had, so that their zero-delay detector is judged already.
     """
     record = prepared.scenario.record
@@ -256,7 +247,7 @@ def make_judge(
         method,
         truths,
         tables["held"],
-        earlier_hosts=earlier_hosts,
+        earlier_cars=earlier_cars,
         make_consumer=partial(setup.settings.consumer.new, setup.laws),
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.scenario.judged == "all",

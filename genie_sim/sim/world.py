@@ -1,14 +1,19 @@
 """Builds the world of a scenario for one method, and lets time run in it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
+import numpy as np
 import simpy
 
+from genie_sim.base import seeds
 from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
+from genie_sim.core.rules import GenieRules
 from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
@@ -62,10 +67,15 @@ class World:
             places=setup.places,
             sites={edge.name: edge.at_m for edge in setup.edges},
         )
+        self._contexts = Contexts(
+            setup,
+            self.network.stream,
+            tuple(edge.name for edge in setup.edges),
+            monitor.wants_changes,
+        )
         self.edges: dict[str, EdgeServer] = {}
         self.last_frame_ns = 0  # when the last frame is taken
         self._method = method
-        self._edge_names = tuple(edge.name for edge in setup.edges)
         self._cameras: list[CameraNode] = []
         self._faults: list[simpy.Process] = []
         self._fault_spans: list[FaultSpan] = []
@@ -190,8 +200,8 @@ class World:
         neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
             name = edge.name
-            context = self._context(name, name not in blind_edges, has_edge=True, genie=True)
-            config = self._method.on_edge(replace(context, neighbours=neighbours_of[name]))
+            context = self._contexts.edge(name, name not in blind_edges, neighbours_of[name])
+            config = self._method.on_edge(context)
             graph = network.add_host(name, setup.devices[edge.device])
             servers[name] = EdgeServer(graph, config)
             if config.detector:
@@ -205,10 +215,7 @@ class World:
 
     def _build_car(self, car: Car) -> None:
         setup = self.setup
-        context = self._context(
-            car.name, bool(car.cameras), has_edge=car.edge is not None, genie=car.genie
-        )
-        config = self._method.on_car(context)
+        config = self._method.on_car(self._contexts.car(car))
         if config is None:
             return
         graph = self.network.add_host(car.name, setup.devices[car.device])
@@ -240,20 +247,6 @@ class World:
             if config.uplink is not None and car.edge is not None:
                 edge = self.edges[car.edge]
                 wiring.check_edge(edge.graph, edge.config, car.name)
-
-    def _context(self, name: str, gets_images: bool, *, has_edge: bool, genie: bool) -> HostContext:
-        """What the method is told about a host; ``genie``: whether one may run there."""
-        return HostContext(
-            name=name,
-            gets_images=gets_images,
-            has_edge=has_edge,
-            genie=self.setup.settings.genie if genie else None,
-            stream=partial(self.network.stream, name),
-            draws=partial(self.network.draws, name),
-            records_changes=self.monitor.wants_changes,
-            laws=self.setup.laws,
-            edges=self._edge_names,
-        )
 
     def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
         name, topics = f"{graph.name}/{DETECTOR}", ((IMAGES,), (OBJECTS,))
@@ -301,3 +294,44 @@ class World:
         self._uplinks.append(uplink)
         self.network.uplinks[car.name] = uplink
         return uplink
+
+
+class Contexts(NamedTuple):
+    """What a method is told about the hosts of one world."""
+
+    setup: Setup
+    stream: Callable[..., np.random.Generator]
+    edges: tuple[str, ...]
+    records_changes: bool = False
+
+    def car(self, car: Car) -> HostContext:
+        """About a car; it has rules of a Genie if one may run there."""
+        genie = self.setup.settings.genie if car.genie else None
+        return self._host(car.name, bool(car.cameras), has_edge=car.edge is not None, genie=genie)
+
+    def edge(self, name: str, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
+        """About an edge."""
+        context = self._host(name, gets_images, has_edge=True, genie=self.setup.settings.genie)
+        return replace(context, neighbours=neighbours)
+
+    def _host(
+        self, name: str, gets_images: bool, *, has_edge: bool, genie: GenieRules | None
+    ) -> HostContext:
+        return HostContext(
+            name=name,
+            gets_images=gets_images,
+            has_edge=has_edge,
+            genie=genie,
+            stream=partial(self.stream, name),
+            draws=partial(Draws, self.setup.seed, name),
+            records_changes=self.records_changes,
+            laws=self.setup.laws,
+            edges=self.edges,
+        )
+
+
+def answered_cars(setup: Setup, method: Method) -> set[str]:
+    """The cars on which a method runs something; it is asked, and no world is built."""
+    streams = partial(seeds.stream, setup.seed)
+    told = Contexts(setup, streams, tuple(edge.name for edge in setup.edges))
+    return {car.name for car in setup.cars if method.on_car(told.car(car)) is not None}

@@ -10,8 +10,7 @@ from genie_sim.base.settings import plain_data
 from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import facts, prepare, prepare_with_frames
+from genie_sim.runs.prepare import Prepared, facts, new_methods, prepare, prepare_with_frames
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, Point
@@ -130,7 +129,13 @@ def runs_of(
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
             source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
-            known = facts(seeded, prepared.devices, source, prepared.encoded)
+            known = facts(
+                seeded,
+                new_methods(seeded),
+                devices=prepared.devices,
+                frames=source,
+                encoded=prepared.encoded,
+            )
         else:  # nothing else differs
             written = {**prepared.facts["scenario"], "seed": seed}
             known = {**prepared.facts, "scenario": written}

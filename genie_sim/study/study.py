@@ -19,7 +19,7 @@ from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
-from genie_sim.runs import build
+from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design, load_design
@@ -196,11 +196,10 @@ class Study:
     def _titles(self) -> dict[str, str]:
         """What pages call each method."""
         runs, seed = self.plan.runs, self.design.seeds[0]  # one of each point
-        methods_of_points = (
-            build.method_facts(runs[entry.run_id].scenario)
-            for entry in self.plan.entries
-            if entry.seed == seed
+        scenarios = (
+            runs[entry.run_id].scenario for entry in self.plan.entries if entry.seed == seed
         )
+        methods_of_points = (method_facts(one, new_methods(one)) for one in scenarios)
         return {
             method["name"]: method["title"] for methods in methods_of_points for method in methods
         }

@@ -29,8 +29,7 @@ from genie_sim.record.results import Metric, changed_files
 from genie_sim.record.tables import Column, Schema, Table
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs import folder as run_folder
-from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import prepare, prepare_with_frames
+from genie_sim.runs.prepare import Prepared, prepare, prepare_with_frames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.version import VERSION

@@ -55,9 +55,6 @@ def test_poison_at_attackers_and_others_by_hand():
     assert values["poisoned_objects", "others"] == pytest.approx((1 + 3 + 0.5) / 30)
     assert values["poisoned_objects", "receivers"] is None
     assert values["suppressed_objects", "others"] == 0
-    assert values["poison_spread", "others"] == pytest.approx(1 / 3)
-    assert values["poison_exposure", "others"] == pytest.approx(4.0)
-    assert values["poison_life", "others"] == pytest.approx(2.0)
     assert {metric for metric, _ in values} <= set(METRICS)
 
 
@@ -69,9 +66,6 @@ def test_cars_of_a_captured_edge_are_receivers_and_others():
     assert values["poisoned_objects", "receivers"] == pytest.approx(2.0 / 20)
     assert values["poisoned_objects", "others"] == pytest.approx((2 + 1 + 9.5) / 40)
     assert values["poisoned_objects", "attackers"] is None
-    assert values["poison_exposure", "others"] == pytest.approx(10.0), (
-        "spans that overlap count once"
-    )
 
 
 def test_left_out_objects_count_where_they_are_missed():
@@ -81,7 +75,6 @@ def test_left_out_objects_count_where_they_are_missed():
     )
     assert values["suppressed_objects", "others"] == pytest.approx(5.0 / 30)
     assert values["poisoned_objects", "others"] == 0
-    assert values["poison_life", "others"] is None
 
 
 def test_without_attacks_or_judged_cars_there_are_no_metrics():

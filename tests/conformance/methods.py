@@ -13,7 +13,7 @@ import pyarrow as pa
 import pytest
 
 from genie_sim.base.settings import from_plain
-from genie_sim.runs import build
+from genie_sim.runs.prepare import method_facts, new_method, new_methods
 from genie_sim.scenario.methods import MethodEntry
 from tests.conformance import small
 
@@ -79,8 +79,9 @@ class MethodConformance:
         assert other["first_answer_ns"] != mine["first_answer_ns"], "the settings change nothing"
 
     def test_it_says_what_it_is(self, method: str):
-        (fact,) = build.method_facts(small.scenario([method]))
-        made = build.method(from_plain(MethodEntry, method))
+        setting = small.scenario([method])
+        (fact,) = method_facts(setting, new_methods(setting))
+        made = new_method(from_plain(MethodEntry, method))
         assert fact == {
             "name": from_plain(MethodEntry, method).name,
             "title": made.title,

@@ -10,6 +10,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
+from genie_sim.runs.prepare import plugin_digests
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.link_models.wire import Wire
@@ -99,7 +100,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
     assert (made.slot_ms, made.slot_bytes) == (1.0, 200_000)
     rows = small.frames(setting).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()
-    assert f"link model {RADIO}" in build.plugin_digests(setting)
+    assert f"link model {RADIO}" in plugin_digests(setting)
     failing = small.scenario(
         ["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)]
     )

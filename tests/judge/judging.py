@@ -62,7 +62,7 @@ Step = tuple[Frame, Sequence[Detection] | None]
 
 def judged(
     *steps: Step,
-    earlier_hosts: Sequence[str] = ("car1",),
+    earlier_cars: Sequence[str] = ("car1",),
     what: str = "consumer",
     objects: Table | None = None,
 ) -> list[dict[str, Any]]:
@@ -70,7 +70,7 @@ def judged(
     rows.
     """
     table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_hosts, objects=objects)
+    judge = MapAccuracy("genie", {"car1": Street()}, table, earlier_cars, objects=objects)
     for number, (frame, answer) in enumerate(steps):
         header = Header(number * SECOND // 10, "camera_02", "car1")
         judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))

@@ -71,14 +71,14 @@ class ScalarJudge:
         method: str,
         truths: Mapping[str, DriveTruth],
         table: Table,
-        earlier_hosts: Sequence[str] = (),
+        earlier_cars: Sequence[str] = (),
         make_consumer: Callable[[], Consumer] = Newest,
         *,
         objects: Table,
         all_streams: bool = False,
     ) -> None:
         self.method, self.truths, self.table, self.objects = method, truths, table, objects
-        self.earlier_hosts, self.all_streams = earlier_hosts, all_streams
+        self.earlier_cars, self.all_streams = earlier_cars, all_streams
         self.consumers = {car: make_consumer() for car in truths}
         self.first_streams: dict[str, str] = {}
         self.first_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in truths}
@@ -107,7 +107,7 @@ class ScalarJudge:
         first_ns = self.first_ns[car]
         keys = [(it.label, it.location) for it in objects if it.location is not None]
         self.first_ns[car] = {key: first_ns[key] for key in keys if key in first_ns}
-        if car not in self.earlier_hosts:
+        if car not in self.earlier_cars:
             detections = [it for it in image.content.detections if it.location is not None]
             self.judge("zero_delay", image, detections, real)
         self.visible += [(now_ns, class_of(it.label), *it.location[:2]) for it in real]

@@ -224,7 +224,7 @@ def test_a_truck_is_a_car():
 
 def test_the_zero_delay_detector_is_written_once():
     frame = Frame([thing("car", 20.0)], detections=(one("car", 20.5),))
-    rows = judged((frame, None), earlier_hosts=(), what="zero_delay")
+    rows = judged((frame, None), earlier_cars=(), what="zero_delay")
     assert [(row["held"], row["right"], row["age_s"]) for row in rows] == [(1, 1, 0.0)]
     assert judged((frame, None), what="zero_delay") == []
 

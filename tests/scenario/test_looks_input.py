@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs.build import notes
+from genie_sim.runs.prepare import notes
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs.build import notes
+from genie_sim.runs.prepare import notes
 from genie_sim.scenario.reading import load_scenario
 
 RECOMMENDED = "methods=[{name: mine, method: genie, genie: recommended}]"

@@ -19,7 +19,7 @@ from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs import build as construction
-from genie_sim.runs.prepare import prepare_with_frames
+from genie_sim.runs.prepare import new_method, prepare_with_frames
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
@@ -138,7 +138,7 @@ def build(
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else new_tables()
     return World(
-        construction.setup(prepared, entry), construction.method(entry), Log(method, tables)
+        construction.setup(prepared, entry), new_method(entry), Log(method, tables)
     ), tables
 
 

@@ -12,8 +12,7 @@ from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.seeds import Draws, stream
-from genie_sim.runs import build
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import link_digests, prepare
 from genie_sim.sim.link_models import LinkEnds, recording
 from genie_sim.sim.link_models.importers import IMPORTERS
 from genie_sim.sim.link_models.recording import Steps
@@ -165,7 +164,7 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
     first, second = digests(1000), digests(2000)
     assert set(first) == {"link rate1000", "link urban_n78_generated"}
     assert first["link rate1000"] != second["link rate2000"]
-    assert build.link_digests(small.scenario(["local"])) == {}
+    assert link_digests(small.scenario(["local"])) == {}
 
 
 CSV = "time_s,up_mbps,down_mbps,rtt_ms\n10,1.5,50,20\n11,0,50,30.5\n12.5,20,40,25\n"

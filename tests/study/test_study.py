@@ -34,8 +34,7 @@ from genie_sim.core.similarity import Exact
 from genie_sim.record import provenance
 from genie_sim.record.results import Metric
 from genie_sim.record.tables import Table
-from genie_sim.runs.build import Prepared
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.study import figures, tables, tasks
