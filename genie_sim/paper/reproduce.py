@@ -209,7 +209,7 @@ def outcomes_of(
 ) -> list[dict[Place, list[Outcome]]]:
     """What came out of the runs, arranged as they are. Raises ``UserError``."""
     every = [run for runs in wanted for group in runs.values() for run in group]
-    outcomes = simulate(every, workers, progress)
+    outcomes = iter(simulate(every, workers, progress))
     return [
         {place: [next(outcomes) for _ in group] for place, group in runs.items()} for runs in wanted
     ]
