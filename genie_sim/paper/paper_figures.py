@@ -3,9 +3,9 @@ and with the metrics as the first reading means them. What the paper prints stan
 """
 
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +14,17 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from genie_sim.analysis import drawing, figures, frame_metrics, genie_metrics, latency_cdf, style
+from genie_sim.analysis import drawing, figures, latency_cdf, style
 from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.registry import METRICS
-from genie_sim.analysis.style import COLUMN_IN, PAGE_IN
+from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base.text import percent_text
-from genie_sim.paper import figure_tables
+from genie_sim.base.units import NS_PER_MS
+from genie_sim.paper import figure_data
 from genie_sim.paper.checks import ALL, CASE, HE, HO, load_claims
 from genie_sim.paper.definitions import CHOICES, Definitions
 from genie_sim.paper.facts import METHODS
+from genie_sim.paper.figure_data import ANSWERS, REUSED, Key, Points
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns, concat
 
@@ -38,9 +40,7 @@ PLACE_LINES: dict[str, dict[str, Any]] = {
     "edge": {"linestyle": "-", "linewidth": 1.2},
     "car": {"linestyle": (0, (3, 1.2)), "linewidth": 1.0},
 }
-FORMATS = ("svg", "png", "pdf")
 HELD = ("object_precision", "object_recall_static", "object_recall_moving", "ghost_share")
-CURVE_POINTS = 400
 EVENTS = "recorded events"
 WHISKER: dict[str, Any] = {"color": "black", "linewidth": 0.8, "capsize": 2}
 MARK: dict[str, Any] = {"color": "black", "linestyle": "", "markersize": 4, "zorder": 5}
@@ -57,23 +57,13 @@ REQUESTS = {"own_requests": "of clients", "all_requests": "of clients and neighb
 BOOSTS = {"per_update": "boost per update", "per_object": "boost per stored object"}
 
 Row = Mapping[str, Any]
-Seeds = Sequence[Mapping[str, Columns]]
 
 
 def save(evaluation: Path, name: str) -> None:
-    """Draws a figure of an evaluation as wide as a page into its folder ``figures``, and as wide
-    as a column into ``figures/column``, as SVG, PNG and PDF. Raises OSError if a file cannot be
-    written.
+    """Draws a figure of an evaluation as wide as a page into its folder ``figures``, as the SVG
+    that its page shows. Raises OSError if the file cannot be written.
     """
-    for folder, width_in in (("figures", PAGE_IN), ("figures/column", COLUMN_IN)):
-        figure = _kept_makers(evaluation, width_in)[name]()
-        figures.save_all({name: figure}, evaluation / folder, FORMATS)
-
-
-@lru_cache(maxsize=2)
-def _kept_makers(evaluation: Path, width_in: float) -> dict[str, Callable[[], Figure]]:
-    """What draws each figure: a process that draws several reads the tables once."""
-    return _makers(evaluation, width_in)
+    figures.save_all({name: _makers(evaluation)[name]()}, evaluation / "figures", ["svg"])
 
 
 def of_evaluation(
@@ -83,7 +73,7 @@ def of_evaluation(
     a column or a page; by default a page. Raises ``UserError``, also for files that were changed
     since they were written, unless they are allowed.
     """
-    names = [*figure_tables.FILES.values(), "readings.json", "quality.json"]
+    names = [figure_data.FILE, "readings.json", "quality.json"]
     known = provenance.read_json(evaluation / "run.json").get("digests")
     changed = provenance.changed_files(evaluation, known, names)
     provenance.refuse_changed(evaluation, changed, allow_changed)
@@ -96,22 +86,25 @@ class Shown:
 
     Parameters
     ----------
-    tables : mapping of str to sequence
-        By scenario, of each seed the tables by name.
+    points : mapping
+        Of curves and bars, by what they are of.
     reading : str
         The name of the reading.
     definitions : Definitions
         What it means by the metrics.
     footer : str
         Names the runs.
+    seeds : int
+        How many.
     width_in : float
         Of the figure.
     """
 
-    tables: figure_tables.Tables
+    points: Mapping[Key, Points]
     reading: str
     definitions: Definitions
     footer: str
+    seeds: int
     width_in: float
 
     def of_width(self, width_in: float) -> "Shown":
@@ -132,50 +125,36 @@ class Shown:
 
     def finish(self, figure: Figure, title: str, shows: str) -> Figure:
         """The legend below; above, which reading and how many seeds, and what it ``shows``."""
-        seeds = len(self.tables[CASE])
-        note = f"reading {self.reading}, {seeds} seed{'s' * (seeds > 1)}: {shows}"
+        seeds = f"{self.seeds} seed{'s' * (self.seeds > 1)}"
+        note = f"reading {self.reading}, {seeds}: {shows}"
         drawing.finish(figure, title, self.footer, figure.axes, note=note)
         return figure
 
     def frames(self, scenario: str) -> Columns:
-        """The frames of all seeds; ``received_ns`` is when their time begins."""
-        frames = concat([tables["frames"] for tables in self.tables[scenario]])
-        if self.definitions.time == "stamp":
-            frames = frames.assign(received_ns=frames["stamp_ns"])
-        return frames
+        """As many frames of each method as make up its distributions of times."""
+        parts = []
+        for method in METHODS:
+            times = {
+                f"{answer}_answer_ns": NS_PER_MS * self.points[Key(scenario, answer, method.name)].y
+                for answer in ANSWERS
+            }
+            received_ns = np.zeros(len(times["first_answer_ns"]))
+            parts.append(Columns({"received_ns": received_ns, **times}).assign(method=method.name))
+        return concat(parts)
 
-    def lookups(self, scenario: str, of_images: bool, **where: str) -> list[Columns]:
-        """Of each seed the look-ups of images, or of objects, that count as requests."""
-        if of_images and self.definitions.image_reuse == "own_requests":
-            where["requester"] = "client"
-        of_seeds = [tables["lookups"] for tables in self.tables[scenario]]
-        return [
-            rows.rows((rows["kind"] == "image") == of_images).where(**where) for rows in of_seeds
-        ]
+    def means_ms(self, scenario: str) -> dict[str, float]:
+        """The mean time to the first answer [ms] under each method."""
+        keys = {method.name: Key(scenario, "mean", method.name) for method in METHODS}
+        return {name: float(self.points[key].y[0]) for name, key in keys.items()}
 
     def bars(self, scenario: str, of_images: bool) -> dict[str, tuple[float, float, float]]:
         """By placement the mean reuse, and the lowest and highest ratio, all means over seeds."""
-        ratios_of = {
-            "windows": genie_metrics.windowed_reuse,
-            "running": genie_metrics.running_reuse,
+        keys = {placement: Key(scenario, REUSED[of_images], placement) for placement in PLACES}
+        return {
+            placement: tuple(self.points[key].y.tolist())
+            for placement, key in keys.items()
+            if key in self.points
         }
-        ratios = ratios_of[self.definitions.error_bars]
-        bars = {}
-        for placement in PLACES:
-            of_seeds = [
-                rows
-                for rows in self.lookups(scenario, of_images, placement=placement)
-                if rows["requests"].sum()
-            ]
-            if of_seeds:
-                means = [np.mean([*genie_metrics.reuse(rows).values()]) for rows in of_seeds]
-                extremes = [ratios(rows)["ratio"] for rows in of_seeds]
-                low, high = (
-                    float(np.mean([end(values) for values in extremes if len(values)] or means))
-                    for end in (np.min, np.max)
-                )
-                bars[placement] = float(np.mean(means)), low, high
-        return bars
 
 
 def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callable[[], Figure]]:
@@ -186,12 +165,12 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
 
 def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> Shown:
     """The runs of an evaluation's first reading, as it means the metrics. Raises ``UserError``."""
-    tables = figure_tables.read(evaluation)
     first = provenance.read_json(evaluation / "readings.json")[0]
     meant = {metric: first["metrics"][metric]["definition"] for metric in CHOICES}
-    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"]]
-    footer = ", ".join([*parts, f"{len(tables[CASE])} seeds"])
-    return Shown(tables, first["name"], Definitions(**meant), footer, width_in)
+    seeds = len(provenance.read_json(evaluation / "run.json")["seeds"])
+    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"], f"{seeds} seeds"]
+    points = figure_data.read(evaluation)
+    return Shown(points, first["name"], Definitions(**meant), ", ".join(parts), seeds, width_in)
 
 
 def makers_of(shown: Shown, worth: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
@@ -212,7 +191,7 @@ def _response_times(shown: Shown, of: str) -> Figure:
     answered frames as in the paper; of the published ones with the fresh results, too.
     """
     frames = {scenario: shown.frames(scenario) for scenario in ALL}
-    means = {scenario: _mean_times(of_scenario) for scenario, of_scenario in frames.items()}
+    means = {scenario: shown.means_ms(scenario) for scenario in ALL}
     low, high = latency_cdf.limits_ms(frames.values())
     low = min(low, *(0.8 * _improved_ms(of_scenario) for of_scenario in means.values()))
     best = min(ALL, key=lambda name: means[name]["genie"] / max(means[name].values()))
@@ -239,16 +218,6 @@ def _response_times(shown: Shown, of: str) -> Figure:
                 axis.label_outer()
         shows = f"first answers {TIMES[shown.definitions.time]}, of {of} frames"
         return shown.finish(figure, f"Response time, share of {of} frames", shows)
-
-
-def _mean_times(frames: Columns) -> dict[str, float]:
-    """The mean time to the first answer [ms] under each method."""
-    return {
-        method.name: float(
-            np.nanmean(frame_metrics.response_ms(frames.where(method=method.name), "first"))
-        )
-        for method in METHODS
-    }
 
 
 def _improved_ms(means: Mapping[str, float]) -> float:
@@ -354,7 +323,7 @@ def _boosts(shown: Shown) -> Figure:
         for axis, (cluster, scenarios) in zip(grid[0], CLUSTERS.items(), strict=True):
             for placement, place in PLACES.items():
                 for number, (cars, scenario) in enumerate(zip(CARS, scenarios, strict=True)):
-                    curve = _boost_curve(shown, scenario, placement)
+                    curve = shown.points.get(Key(scenario, "boost", placement))
                     if curve is not None:
                         look = CAR_LINES[cars] | PLACE_LINES[placement]
                         look |= {"markersize": 3, "markevery": (0.08 + 0.06 * number, 0.25)}
@@ -369,25 +338,6 @@ def _boosts(shown: Shown) -> Figure:
         return shown.finish(figure, "Confidence boost of remote and local Genies", shows)
 
 
-def _boost_curve(shown: Shown, scenario: str, placement: str) -> tuple[Any, Any] | None:
-    """How many events, and the boost after them; ``None`` where no seed has one."""
-    per_object = shown.definitions.boost == "per_object"
-    curves = [
-        (curve["events"], curve["boost"])
-        for rows in shown.lookups(scenario, False, placement=placement)
-        if len(curve := genie_metrics.boost_over_events(rows, per_object))
-    ]
-    return _mean_curve(curves) if curves else None
-
-
-def _mean_curve(curves: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
-    """The mean of curves, where all of them are."""
-    first = max(x[0] for x, _ in curves)
-    last = max(min(x[-1] for x, _ in curves), first)
-    places = np.unique(np.linspace(first, last, CURVE_POINTS).astype(np.int64))
-    return places, np.mean([np.interp(places, x, y) for x, y in curves], axis=0)
-
-
 def _case_study(shown: Shown) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
     events, hits / requests so far: means over seeds.
@@ -397,27 +347,25 @@ def _case_study(shown: Shown) -> Figure:
     with drawing.in_style():
         figure, grid = shown.panels(1, 2, 1.6)
         times, reuse = grid[0]
-        genie = shown.frames(CASE).where(method="genie")
         for car, look in (("car2", without), ("car1", cameras)):
-            values = frame_metrics.response_ms(genie.where(car=car), "first")
-            ordered = np.sort(values[~np.isnan(values)])
-            share = np.arange(1, len(ordered) + 1) / len(ordered)
-            places = style.thinned(len(ordered), CURVE_POINTS)
+            _, values = shown.points[Key(CASE, "first", car)]
+            answered = values[~np.isnan(values)]
+            share = np.arange(1, len(answered) + 1) / len(answered)
             what = "car 2, no cameras" if car == "car2" else "car 1, cameras"
-            times.plot(ordered[places], share[places], label=what, **look)
+            times.plot(answered, share, label=what, **look)
         most_ms = PRINTED["C29"]
         label = f"paper: under {most_ms:g} ms"
         times.axvline(most_ms, color="black", linewidth=0.9, linestyle="--", label=label)
         times.set_xlim(0, None)
         times.set_xlabel("response time [ms]")
         times.set_ylabel("share of answered frames")
-        for of_images, car, label, look in (
-            (False, "car2", "object reuse, car 2", without | {"linestyle": style.DASH_DOT}),
-            (True, "car1", "image reuse, car 1", cameras | {"linestyle": style.DOTTED}),
+        for car, what, look in (
+            ("car2", "object reuse, car 2", without | {"linestyle": style.DASH_DOT}),
+            ("car1", "image reuse, car 1", cameras | {"linestyle": style.DOTTED}),
         ):
-            curves = list(_running_reuse(shown.lookups(CASE, of_images, genie=f"{car}/genie")))
-            if curves:
-                reuse.plot(*_mean_curve(curves), label=label, **look)
+            curve = shown.points.get(Key(CASE, "events_reuse", car))
+            if curve is not None:
+                reuse.plot(*curve, label=what, **look)
         reuse.set_xlim(0, None)
         reuse.set_xlabel(EVENTS)
         reuse.set_ylabel("hits / requests so far")
@@ -428,14 +376,6 @@ def _case_study(shown: Shown) -> Figure:
         reuse.set_title("reuse")
         shows = f"first answers {TIMES[shown.definitions.time]}"
         return shown.finish(figure, "Vision-assisted driving: car2 has no cameras", shows)
-
-
-def _running_reuse(seeds: Sequence[Columns]) -> Iterator[tuple[Any, Any]]:
-    """Of each seed the events so far and the running ratio."""
-    for rows in seeds:
-        ratios = genie_metrics.running_reuse(rows)["ratio"]
-        if len(ratios):
-            yield np.arange(1, len(ratios) + 1), ratios
 
 
 def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:

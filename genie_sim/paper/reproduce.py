@@ -18,7 +18,7 @@ from genie_sim.analysis.statistics import NO_SHARES, wilson
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.progress import Progress
-from genie_sim.paper import figure_tables, page, quality, rows, sources, verdict_table
+from genie_sim.paper import figure_data, page, quality, rows, sources, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
 from genie_sim.paper.definitions import USUAL, meant
@@ -126,17 +126,19 @@ def reproduce(
     facts = [facts_of(of_reading) for of_reading in outcomes]
     by_reading = judge_readings(readings, settings, facts, workers)
     shown = {
-        scenario: group for (variant, scenario), group in outcomes[0].items() if variant == BASE
+        scenario: [outcome.tables for outcome in group]
+        for (variant, scenario), group in outcomes[0].items()
+        if variant == BASE
     }
     worth = quality.summarise(by_reading[0].evidence, ALL)
     with provenance.result_folder(out) as folder:
         _write(folder, by_reading, worth)
-        figure_tables.write(folder, shown, used_seeds)
+        figure_data.write(folder, shown, readings[0].definitions)
         rows.write(folder, used_seeds, _places(readings, facts))
         (folder / "figures").mkdir()
-        in_parallel(_draw, [(folder, name) for name in figure_tables.FIGURES], workers)
+        in_parallel(_draw, [(folder, name) for name in figure_data.FIGURES], workers)
         wall_time_s = time.perf_counter() - began_s
-        files = [*page.files_of(folder), *figure_tables.FILES.values(), rows.FILE]
+        files = [*page.files_of(folder), figure_data.FILE, rows.FILE]
         about = {
             "quick": quick,
             "workers": workers,
@@ -146,7 +148,7 @@ def reproduce(
             "edited": edited,
             "sources": sources.digests(),
             "inputs": _inputs(readings),
-            "trace": shown[ALL[0]][0].trace,
+            "trace": outcomes[0][BASE, ALL[0]][0].trace,
             # the sources say which code it was; a commit is lost where it is rewritten
             **{name: one for name, one in provenance.environment().items() if name != "commit"},
             "digests": provenance.digests(folder, files),
@@ -209,7 +211,7 @@ def outcomes_of(
 ) -> list[dict[Place, list[Outcome]]]:
     """What came out of the runs, arranged as they are. Raises ``UserError``."""
     every = [run for runs in wanted for group in runs.values() for run in group]
-    outcomes = simulate(every, workers, progress)
+    outcomes = iter(simulate(every, workers, progress))
     return [
         {place: [next(outcomes) for _ in group] for place, group in runs.items()} for runs in wanted
     ]

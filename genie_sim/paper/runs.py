@@ -1,4 +1,4 @@
-"""One run of the paper's evaluation through ``genie_sim.api``: a scenario under settings with a
+"""The runs of the paper's evaluation through ``genie_sim.api``: scenarios under settings with a
 seed, and the facts that come out.
 
 Settings are overrides as on the command line, and a few words of the evaluation's own
@@ -6,19 +6,20 @@ Settings are overrides as on the command line, and a few words of the evaluation
 """
 
 import functools
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parallel import in_processes
 from genie_sim.base.progress import Progress
-from genie_sim.paper import quality
+from genie_sim.base.settings import plain_data
+from genie_sim.paper import quality, watch
 from genie_sim.paper.facts import METHODS, Facts, facts_of
 from genie_sim.paper.watch import WorldObserver
-from genie_sim.record.columns import Columns
-from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.settings import Car
+from genie_sim.record.columns import Columns, concat
 
 ROUTE_S = 5.2  # assumptions.yaml: evaluation.route
 STREET_S = 3 * ROUTE_S  # of the 15.8 s that are recorded
@@ -28,6 +29,8 @@ QUADRO = "quadro_rtx_4000"
 SERVERS = ("one", "all", "shared")
 
 EVERY_METHOD = tuple(method.name for method in METHODS)
+TABLES = ("frames", "lookups", "resources", "held")
+ABOUT = ("name", "description", "methods", "record")  # a scenario, but no number of it
 
 
 @dataclass(frozen=True)
@@ -74,7 +77,7 @@ class EvaluationRun:
     methods: tuple[str, ...] = EVERY_METHOD
     shown: bool = False
 
-    def load(self) -> Scenario:
+    def load(self) -> gs.Scenario:
         """The scenario as it is run. Raises ``UserError``."""
         words, overrides = _split(self.settings)
         expanded = _expanded(_shipped(self.scenario), words, self.seed)
@@ -84,24 +87,73 @@ class EvaluationRun:
 
     def simulate(self) -> Outcome:
         """Simulates it. Raises ``UserError``."""
-        scenario = self.load()
-        observer = WorldObserver(scenario.genie)
-        run = gs.run(scenario, observer=observer)
-        tables = run.tables
-        facts = facts_of(tables["frames"], tables["lookups"], tables["resources"])
-        facts |= quality.facts_of(tables["held"]) | observer.facts()
-        kept = {name: tables[name] for name in ("frames", "lookups") if self.shown}
-        return Outcome(facts, next(iter(run.facts["traces"].values())), kept)
+        (outcome,) = _simulate_together([self])
+        return outcome
+
+
+class _Part(NamedTuple):
+    """One method of a run, simulated."""
+
+    tables: Mapping[str, Columns]
+    observer: WorldObserver
+    trace: str
 
 
 def simulate(
     runs: Sequence[EvaluationRun], workers: int, progress: Progress | None = None
-) -> Iterator[Outcome]:
-    """What comes out of each run, in their order, from so many processes. Raises ``UserError``."""
-    for done, outcome in enumerate(in_processes(EvaluationRun.simulate, runs, workers), start=1):
+) -> list[Outcome]:
+    """What comes out of each run, in their order, from so many processes. Raises ``UserError``.
+
+    A method whose numbers are the same in several runs is simulated once: local execution knows no
+    edges, and neither baseline what a Genie does. A process takes all runs in which cars do the
+    same.
+    """
+    together: dict[str, list[EvaluationRun]] = {}
+    for run in runs:
+        together.setdefault(_decides(run.load(), "local"), []).append(run)
+    outcomes: dict[EvaluationRun, Outcome] = {}
+    done = in_processes(_simulate_together, list(together.values()), workers)
+    for of_cars, made in zip(together.values(), done, strict=True):
+        outcomes |= zip(of_cars, made, strict=True)
         if progress is not None:
-            progress(done, len(runs), "evaluation")
-        yield outcome
+            progress(len(outcomes), len(runs), "evaluation")
+    return [outcomes[run] for run in runs]
+
+
+def _simulate_together(runs: Sequence[EvaluationRun]) -> list[Outcome]:
+    """What comes out of each run; those that are shown come first, as their parts hold more."""
+    parts: dict[str, _Part] = {}
+    outcomes = {run: _outcome(run, parts) for run in sorted(runs, key=lambda run: not run.shown)}
+    return [outcomes[run] for run in runs]
+
+
+def _outcome(run: EvaluationRun, parts: dict[str, _Part]) -> Outcome:
+    """A run of parts, of which those that are missing are simulated."""
+    scenario, of_run = run.load(), []
+    for method in run.methods:
+        decides = _decides(scenario, method)
+        if decides not in parts:
+            observer = WorldObserver(scenario.genie)
+            made = gs.run(scenario, methods=[method], observer=observer)
+            trace = next(iter(made.facts["traces"].values()))
+            parts[decides] = _Part(made.tables, observer, trace)
+        of_run.append(parts[decides])
+    tables = {name: concat([part.tables[name] for part in of_run]) for name in TABLES}
+    facts = facts_of(tables["frames"], tables["lookups"], tables["resources"])
+    facts |= watch.facts_of([part.observer for part in of_run])
+    if run.shown:
+        facts |= quality.facts_of(tables["held"])
+    kept = {name: tables[name] for name in ("frames", "lookups") if run.shown}
+    return Outcome(facts, of_run[0].trace, kept)
+
+
+def _decides(scenario: gs.Scenario, method: str) -> str:
+    """What decides the numbers of one of its methods, as text."""
+    settings: dict[str, Any] = plain_data(scenario)
+    ignored = [*ABOUT, *(("genie",) if method != "genie" else ())]
+    if method == "local":
+        settings["edges"] = [edge["name"] for edge in settings["edges"]]
+    return json.dumps([method, {name: settings[name] for name in settings if name not in ignored}])
 
 
 WORDS = (
@@ -133,7 +185,7 @@ def _split(settings: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     return words, overrides
 
 
-def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
+def _expanded(scenario: gs.Scenario, words: Mapping[str, str], seed: int) -> Iterator[str]:
     """The evaluation's own words as overrides of the scenario."""
     cars = scenario.cars
     if "overlap" in words:
@@ -161,7 +213,7 @@ def _expanded(scenario: Scenario, words: Mapping[str, str], seed: int) -> Iterat
         yield f"genie.similarity={words['similarity']}"
 
 
-def _edges(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
+def _edges(scenario: gs.Scenario, words: Mapping[str, str]) -> Iterator[str]:
     """The devices of edges. ``server``: in heterogeneous scenarios ``one`` edge is the powerful
     server, ``all`` are, or one is ``shared`` by all cars.
     """
@@ -180,7 +232,7 @@ def _edges(scenario: Scenario, words: Mapping[str, str]) -> Iterator[str]:
             yield f"edges[{index}].device={quadro}"
 
 
-def _windows(cars: Sequence[Car], words: Mapping[str, str], seed: int) -> Iterator[tuple[str, str]]:
+def _windows(cars: Sequence[Any], words: Mapping[str, str], seed: int) -> Iterator[tuple[str, str]]:
     """When each car's part of the recording begins and ends: each drives (1 - overlap) of a route
     ahead of the one before it; a car without cameras drives behind the others.
 

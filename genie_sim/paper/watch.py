@@ -3,91 +3,97 @@ detectors are left as they are.
 """
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Any
 
-from genie_sim.core.messages import Detections, Message
-from genie_sim.core.node import GenieNode
-from genie_sim.core.thresholds import RANGE_60
 from genie_sim.paper.facts import Fact, Facts, placed
-from genie_sim.sim.method import OBJECTS, REMOTE
-from genie_sim.sim.nodes import DetectorNode, InterceptorNode
-from genie_sim.sim.ros_graph import Subscriber
 
-if TYPE_CHECKING:
-    from genie_sim.core.rules import GenieRules
-    from genie_sim.sim.world import World
+# How names of nodes end, and the topic of what is found.
+GENIE, DETECTOR = "/genie", "/vision_darknet_detect"
+OBJECTS = "/detection/image_detector/objects"
 
 
-class WorldObserver(Subscriber):
-    """Watches the worlds of one run, method by method (``runs.simulate.Observer``).
+class WorldObserver:
+    """Watches the world of one method (``observer`` of ``gs.run``).
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
     C_T is not for what edges send each other, and not for what a car's own node finds.
+
+    Parameters
+    ----------
+    rules : GenieRules
+        The scenario's settings of Genies.
     """
 
-    def __init__(self, rules: "GenieRules") -> None:
-        self.address = "claims"
+    address = "claims"  # as a subscriber
+
+    def __init__(self, rules: Any) -> None:
         self._rules = rules
-        threshold = (
-            RANGE_60 if rules.object_map.threshold == "range_60" else rules.object_map.threshold
-        )
+        threshold = rules.object_map.threshold
+        self.is_fixed = isinstance(threshold, float) or threshold == "range_60"
         # None: a threshold that moves, below which nothing can be counted from outside
-        self._threshold = threshold if isinstance(threshold, float) else None
-        self._shared = self._unconfident = 0
-        self._stored: dict[str, list[float]] = {"car": [], "edge": []}
-        self._detectors: dict[str, set[tuple[object, ...]]] = {}
-        self._behind_genie = True
+        self._threshold: float | None = None
+        self.shared = self.unconfident = 0
+        self.stored: dict[str, list[float]] = {"car": [], "edge": []}
+        self.detectors: dict[str, tuple[object, ...]] = {}
+        self.behind_genie = True
 
-    def before(self, method: str, world: "World") -> None:
+    def before(self, method: str, world: Any) -> None:
         """Looks at the nodes of a world that is about to run, and listens to its Genies."""
-        for node in world.network.resources:
-            if isinstance(node, DetectorNode):
-                self._detectors.setdefault(node.name, set()).add(_fingerprint(node))
-                if method == "genie":
-                    self._behind_genie &= node.graph.topics_of(node.name) != (
-                        node.subscribes,
-                        node.publishes,
-                    )
-            if isinstance(node, InterceptorNode):
-                if node.host.name in world.edges or self._rules.fresh_objects == "confident":
-                    node.graph.subscribe(OBJECTS, self)
-                if self._rules.share_filter == "confident":
-                    node.graph.subscribe(OBJECTS + REMOTE, self)
+        for graph in world.network.graphs.values():
+            for node in graph.nodes:
+                if node.name.endswith(DETECTOR):
+                    self.detectors[node.name] = _fingerprint(node)
+                    if method == "genie":
+                        own = node.subscribes, node.publishes
+                        self.behind_genie &= graph.topics_of(node.name) != own
+                elif node.name.endswith(GENIE):
+                    if self.is_fixed:
+                        self._threshold = node.pure.object_map.threshold
+                    if graph.name in world.edges or self._rules.fresh_objects == "confident":
+                        graph.subscribe(OBJECTS, self)
+                    if self._rules.share_filter == "confident":
+                        graph.subscribe(f"{OBJECTS}-remote", self)
 
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
+    def deliver(self, topic: str, message: Any, sender: str) -> None:
         """Of the graph: what a Genie published."""
-        assert isinstance(message, Detections)
-        objects, threshold = message.objects, self._threshold
-        self._shared += len(objects)
+        threshold = self._threshold
+        self.shared += len(message.objects)
         if threshold is not None:  # no sum of a generator: this runs for each object that is shared
-            for detection in objects:
+            for detection in message.objects:
                 if detection.confidence < threshold:
-                    self._unconfident += 1
+                    self.unconfident += 1
 
-    def after(self, method: str, world: "World") -> None:
+    def after(self, method: str, world: Any) -> None:
         """Looks at the maps of a world that has run."""
-        for node in world.network.resources:
-            if isinstance(node, InterceptorNode) and isinstance(node.pure, GenieNode):
-                placement = "edge" if node.host.name in world.edges else "car"
-                self._stored[placement] += [stored.confidence for stored in node.pure.object_map]
-
-    def facts(self) -> Facts:
-        """Of all worlds together."""
-        same = all(len(fingerprints) == 1 for fingerprints in self._detectors.values())
-        facts = {
-            Fact("detector_untouched"): float(same and self._behind_genie),
-            Fact("objects_shared"): float(self._shared),
-            Fact("unconfident_objects_shared"): (
-                math.nan if self._threshold is None else float(self._unconfident)
-            ),
-        }
-        for placement, confidences in self._stored.items():
-            mean = sum(confidences) / len(confidences) if confidences else math.nan
-            facts[placed("stored_confidence", placement)] = mean
-        return facts
+        for graph in world.network.graphs.values():
+            placement = "edge" if graph.name in world.edges else "car"
+            for node in graph.nodes:
+                if node.name.endswith(GENIE):
+                    objects = node.pure.object_map
+                    self.stored[placement] += [stored.confidence for stored in objects]
 
 
-def _fingerprint(node: DetectorNode) -> tuple[object, ...]:
+def facts_of(observers: Sequence[WorldObserver]) -> Facts:
+    """Of the worlds of all methods of a run together."""
+    counted = all(observer.is_fixed for observer in observers)
+    detectors = {item for observer in observers for item in observer.detectors.items()}
+    same = len(detectors) == len({name for name, _ in detectors})
+    behind_genie = all(observer.behind_genie for observer in observers)
+    unconfident = float(sum(observer.unconfident for observer in observers))
+    facts = {
+        Fact("detector_untouched"): float(same and behind_genie),
+        Fact("objects_shared"): float(sum(observer.shared for observer in observers)),
+        Fact("unconfident_objects_shared"): unconfident if counted else math.nan,
+    }
+    for placement in ("car", "edge"):
+        confidences = [one for observer in observers for one in observer.stored[placement]]
+        mean = sum(confidences) / len(confidences) if confidences else math.nan
+        facts[placed("stored_confidence", placement)] = mean
+    return facts
+
+
+def _fingerprint(node: Any) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has of its own,
     such as a method that was exchanged, and what of that is plain.
     """

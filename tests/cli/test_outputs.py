@@ -9,7 +9,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.cli import outputs
 from genie_sim.cli.main import main
-from genie_sim.paper import figure_tables, paper_figures
+from genie_sim.paper import figure_data, paper_figures
 from tests.checkout import REPOSITORY, copied
 
 PAPER = REPOSITORY / "results" / "paper"
@@ -19,7 +19,7 @@ PAPER = REPOSITORY / "results" / "paper"
 def test_every_committed_figure_is_drawn_again_from_the_folder_s_data(tmp_path):
     figures = paper_figures.of_evaluation(PAPER)
     assert set(figures) == {path.stem for path in (PAPER / "figures").glob("*.svg")}
-    assert set(figures) == set(figure_tables.FIGURES)
+    assert set(figures) == set(figure_data.FIGURES)
     for name, figure in figures.items():
         title, _, run = str(figure.get_label()).partition("\n")
         committed = (PAPER / "figures" / f"{name}.svg").read_text(encoding="utf-8")
@@ -47,8 +47,8 @@ def test_figures_are_not_drawn_from_changed_data(tmp_path):
     quality.write_text(quality.read_text(encoding="utf-8").replace("0.1", "0.2"))
     with pytest.raises(UserError, match=r"quality\.json"):
         outputs.figures([folder])
-    (folder / "frames.parquet").unlink()
-    with pytest.raises(UserError, match=r"frames\.parquet: no such file"):
+    (folder / "figures.parquet").unlink()
+    with pytest.raises(UserError, match=r"figures\.parquet: no such file"):
         outputs.figures([folder])
 
 

@@ -4,14 +4,18 @@ numbers as marks, and nothing cut off.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from genie_sim.analysis import figures, genie_metrics, style
-from genie_sim.paper import figure_tables, paper_figures
-from genie_sim.paper.checks import ALL, HE, HO
+from genie_sim.analysis import figures, frame_metrics, genie_metrics, style
+from genie_sim.paper import figure_data, paper_figures
+from genie_sim.paper.checks import CASE, HE, HO
 from genie_sim.paper.definitions import USUAL, Definitions, meant
+from genie_sim.paper.figure_data import Key
+from genie_sim.paper.runs import EvaluationRun
 from genie_sim.record import provenance
 from tests.checkout import REPOSITORY
 from tests.drawn_text import faults
@@ -46,9 +50,8 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module", params=[USUAL, OTHER], ids=["usual", "other"])
 def shown(request) -> paper_figures.Shown:
-    """Some of the committed runs, with the metrics as a reading means them."""
-    tables = {scenario: seeds[:2] for scenario, seeds in figure_tables.read(PAPER).items()}
-    return paper_figures.Shown(tables, "bench", request.param, "the runs", style.PAGE_IN)
+    """What is committed, named as if the metrics were what a reading means."""
+    return replace(paper_figures.shown_of(PAPER), definitions=request.param)
 
 
 @pytest.fixture(scope="module", params=[style.COLUMN_IN, style.PAGE_IN], ids=["column", "page"])
@@ -73,7 +76,7 @@ def first_points(figure: Figure) -> list[tuple[float, float]]:
 
 
 def test_sizes_and_panels_are_the_paper_s(drawn):
-    assert set(drawn) == set(PANELS) == set(figure_tables.FIGURES)
+    assert set(drawn) == set(PANELS) == set(figure_data.FIGURES)
     for name, figure in drawn.items():
         width_in, height_in = figure.get_size_inches()
         assert width_in in (style.COLUMN_IN, style.PAGE_IN)
@@ -109,7 +112,7 @@ def test_the_paper_s_numbers_stand_in_the_figures(drawn):
 
 def test_each_figure_names_the_reading_and_what_it_means(drawn, shown):
     for figure in drawn.values():
-        assert figure._suptitle.get_text().startswith("reading bench, 2 seeds: ")
+        assert figure._suptitle.get_text().startswith("reading bench, 10 seeds: ")
     assert paper_figures.TIMES[shown.definitions.time] in drawn["latency_cdf"]._suptitle.get_text()
     assert paper_figures.ERROR_BARS[shown.definitions.error_bars] in legend(drawn["image_reuse"])
 
@@ -145,8 +148,16 @@ def test_curves_and_bars_differ_in_greyscale(drawn):
         assert len({bar.get_hatch() for bar in bars}) > 1
 
 
-def test_boosts_end_at_the_totals_over_what_is_stored(shown):
-    rows = shown.lookups(ALL[1], False, placement="edge")[0]
+@pytest.fixture(scope="module")
+def tables():
+    """Of two seeds of a short run with two cars, one of which has no cameras."""
+    short = ("cars[0].route.window=[3 s, 4 s]", "cars[1].route.window=[3 s, 4 s]")
+    run = EvaluationRun("street_case_study", 1, short, ("genie",), shown=True)
+    return [replace(run, seed=seed).simulate().tables for seed in (1, 2)]
+
+
+def test_boosts_end_at_the_totals_over_what_is_stored(tables):
+    (rows, _) = figure_data.lookups(tables, USUAL, False, placement="edge")
     of_updates = genie_metrics.boost_over_events(rows, per_object=False)
     of_objects = genie_metrics.boost_over_events(rows, per_object=True)
     total = rows["boost_sum"].sum()
@@ -154,3 +165,25 @@ def test_boosts_end_at_the_totals_over_what_is_stored(shown):
     stored = sum(genie_metrics.last_of_genies(rows))
     assert of_objects["boost"][-1] == pytest.approx(total / stored)
     assert of_updates["events"][-1] == of_objects["events"][-1] == len(rows)
+
+
+def test_what_is_drawn_is_what_a_reading_means(tables, tmp_path):
+    usual, other = (figure_data.drawn({CASE: tables}, each) for each in (USUAL, OTHER))
+    waits_ms = other[Key(CASE, "mean", "car1")].y - usual[Key(CASE, "mean", "car1")].y
+    assert (waits_ms > 0).all(), "since the stamp and not since the queue"
+    assert other[Key(CASE, "boost", "edge")].y[-1] > usual[Key(CASE, "boost", "edge")].y[-1]
+    figure_data.write(tmp_path, {CASE: tables}, OTHER)
+    again = figure_data.read(tmp_path)
+    assert again.keys() == other.keys()
+    for key, points in other.items():
+        np.testing.assert_array_equal(again[key], points)
+
+
+def test_a_distribution_keeps_its_ends_its_mean_and_the_share_of_answers(tables):
+    rows = [one["frames"].where(car="car1") for one in tables]
+    times_ms = np.concatenate([frame_metrics.response_ms(one, "fresh") for one in rows])
+    x, y = figure_data.drawn({CASE: tables}, USUAL)[Key(CASE, "fresh", "car1")]
+    answered = times_ms[~np.isnan(times_ms)]
+    assert 0 < len(answered) < len(times_ms) and len(y) <= figure_data.TIME_POINTS + 2
+    assert [np.nanmin(y), np.nanmax(y)] == pytest.approx([answered.min(), answered.max()], abs=1e-3)
+    assert x[~np.isnan(y)][-1] == len(answered) / len(times_ms)

@@ -150,6 +150,33 @@ def test_the_number_of_processes_does_not_change_a_number():
     assert alone == together
 
 
+def test_what_is_equal_in_several_runs_is_simulated_once(monkeypatch):
+    """Local execution has no edges, and neither baseline has a Genie; a run that is shown is
+    judged, wherever it stands.
+    """
+    short = "cars[0].route.window=[0 s, 0.3 s]"
+    runs = [
+        EvaluationRun("street_1car_homo", 1, (short, "genie.passes=2")),
+        EvaluationRun("street_1car_homo", 1, (short,), shown=True),
+        EvaluationRun("street_1car_hetero", 1, (short,)),
+        EvaluationRun("street_1car_homo", 1, (short, "link=cut"), ("genie",)),
+        EvaluationRun("street_1car_homo", 1, (short,), ("remote", "genie")),
+    ]
+    alone = [run.simulate() for run in runs]
+    simulated = []
+    run_one = gs.run
+
+    def count(scenario, *, methods, observer):
+        simulated.extend(methods)
+        return run_one(scenario, methods=methods, observer=observer)
+
+    monkeypatch.setattr("genie_sim.paper.runs.gs.run", count)
+    together = simulate(runs, workers=1)
+    assert sorted(simulated) == ["genie"] * 4 + ["local"] + ["remote"] * 2
+    assert [repr(one.facts) for one in together] == [repr(one.facts) for one in alone]
+    assert [list(one.tables) for one in together] == [[], ["frames", "lookups"], [], [], []]
+
+
 # What an observer sees of a run
 
 SHORT = load_scenario("street_1car_homo", ["cars[0].route.window=[0 s, 0.3 s]"])

@@ -9,12 +9,11 @@ from types import SimpleNamespace
 import pytest
 
 from genie_sim.core.messages import Detection, Detections, Header
-from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import GenieRules
-from genie_sim.paper.watch import WorldObserver
-from genie_sim.sim.nodes import DetectorNode, InterceptorNode
-
-# Stand-ins are made of the simulator's classes without what these need to run.
+from genie_sim.core.thresholds import threshold_of
+from genie_sim.paper.watch import DETECTOR, OBJECTS, WorldObserver, facts_of
+from genie_sim.sim.method import DETECTOR as NODE
+from genie_sim.sim.method import OBJECTS as TOPIC
 
 RULES = GenieRules()
 
@@ -27,10 +26,20 @@ def by_text(facts):
     }
 
 
-class Graph:
-    """Keeps who listens to what, and what the master calls the topics of each node."""
+class Map(list):
+    """Objects with these confidences, and a C_T."""
 
-    def __init__(self, topics=(("/image_raw",), ("/objects",))):
+    def __init__(self, confidences, threshold):
+        super().__init__(SimpleNamespace(confidence=one) for one in confidences)
+        self.threshold = threshold
+
+
+class Graph:
+    """Keeps who listens to what, and what the master calls the topics of its nodes."""
+
+    def __init__(self, name, *nodes, topics=(("/image_raw",), ("/objects",))):
+        self.name = name
+        self.nodes = nodes
         self.heard = []
         self.topics = topics
 
@@ -41,30 +50,21 @@ class Graph:
         return self.topics
 
 
-def made(kind, **has):
-    node = object.__new__(kind)
-    node.__dict__.update(has)
-    return node
-
-
-def detector(name="edge1/detector", topics=(("/image_raw-local",), ("/objects-local",)), **has):
-    return made(
-        DetectorNode,
-        name=name,
-        subscribes=("/image_raw",),
-        publishes=("/objects",),
-        graph=Graph(topics),
-        **has,
+def detector(host="edge1", topics=(("/image_raw-local",), ("/objects-local",)), **has):
+    node = SimpleNamespace(
+        name=f"{host}{DETECTOR}", subscribes=("/image_raw",), publishes=("/objects",)
     )
+    vars(node).update(has)
+    return Graph(host, node, topics=topics)
 
 
-def genie(host, *confidences):
-    pure = made(GenieNode, object_map=[SimpleNamespace(confidence=one) for one in confidences])
-    return made(InterceptorNode, host=SimpleNamespace(name=host), pure=pure, graph=Graph())
+def genie(host, *confidences, threshold=0.6):
+    pure = SimpleNamespace(object_map=Map(confidences, threshold))
+    return Graph(host, SimpleNamespace(name=f"{host}/genie", pure=pure))
 
 
-def world(*nodes):
-    network = SimpleNamespace(resources=nodes)
+def world(*graphs):
+    network = SimpleNamespace(graphs=dict(enumerate(graphs)))
     return SimpleNamespace(network=network, edges={"edge1": None, "edge2": None})
 
 
@@ -73,12 +73,20 @@ def answer(*confidences):
     return Detections(Header(1, "camera_02", "car1"), objects)
 
 
-def watched(*worlds, rules=RULES):
-    watch = WorldObserver(rules)
+def watched(*worlds, rules=RULES, heard=()):
+    """The facts of the worlds of some methods; ``heard``: by the first of them."""
+    observers = []
     for method, one in worlds:
-        watch.before(method, one)
-        watch.after(method, one)
-    return by_text(watch.facts())
+        observers.append(WorldObserver(rules))
+        observers[-1].before(method, one)
+        observers[-1].after(method, one)
+    for message in heard:
+        observers[0].deliver("/objects", message, "edge1/genie")
+    return by_text(facts_of(observers))
+
+
+def test_nodes_and_topics_are_called_so():
+    assert (f"/{NODE}", TOPIC) == (DETECTOR, OBJECTS)
 
 
 def test_stored_confidence_is_the_mean_over_the_objects_of_cars_and_of_edges():
@@ -89,29 +97,27 @@ def test_stored_confidence_is_the_mean_over_the_objects_of_cars_and_of_edges():
     assert math.isnan(watched(("genie", world(genie("car1", 0.5))))["stored_confidence:edge"])
 
 
+def with_threshold(threshold, *heard):
+    """What is told of objects that are shared under this C_T."""
+    rules = dataclasses.replace(
+        RULES, object_map=dataclasses.replace(RULES.object_map, threshold=threshold)
+    )
+    one = genie("edge1", threshold=threshold_of(threshold).value)
+    facts = watched(("genie", world(one)), rules=rules, heard=heard)
+    return facts["objects_shared"], facts["unconfident_objects_shared"]
+
+
 def test_shared_objects_are_counted_those_below_c_t_apart():
-    watch = WorldObserver(RULES)
-    assert RULES.object_map.threshold == 0.6
-    watch.deliver("/objects", answer(0.6, 0.59, 0.9), "edge1/genie")
-    watch.deliver("/objects-remote", answer(0.1), "edge1/genie")
-    watch.deliver("/objects", answer(), "edge1/genie")
-    facts = by_text(watch.facts())
-    assert (facts["objects_shared"], facts["unconfident_objects_shared"]) == (4, 2)
+    assert with_threshold(0.6, answer(0.6, 0.59, 0.9), answer(0.1), answer()) == (4, 2)
 
 
 def test_a_c_t_by_its_word_is_known():
-    maps = dataclasses.replace(RULES.object_map, threshold="range_60")
-    watch = WorldObserver(dataclasses.replace(RULES, object_map=maps))
-    watch.deliver("/objects", answer(0.71, 0.73), "edge1/genie")
-    assert by_text(watch.facts())["unconfident_objects_shared"] == 1
+    assert with_threshold("range_60", answer(0.71, 0.73)) == (2, 1)
 
 
 def test_below_a_c_t_that_moves_nothing_is_counted_and_that_is_no_zero():
-    maps = dataclasses.replace(RULES.object_map, threshold="cell_60")
-    observer = WorldObserver(dataclasses.replace(RULES, object_map=maps))
-    observer.deliver("/objects", answer(0.1, 0.9), "edge1/genie")
-    facts = by_text(observer.facts())
-    assert facts["objects_shared"] == 2 and math.isnan(facts["unconfident_objects_shared"])
+    shared, unconfident = with_threshold("empirical", answer(0.1, 0.9))
+    assert shared == 2 and math.isnan(unconfident)
 
 
 @pytest.mark.parametrize(
@@ -134,7 +140,7 @@ def test_below_a_c_t_that_moves_nothing_is_counted_and_that_is_no_zero():
 def test_it_listens_to_all_that_c_t_is_for(changed, host, topics):
     node = genie(host)
     WorldObserver(dataclasses.replace(RULES, **changed)).before("genie", world(node))
-    assert node.graph.heard == topics
+    assert node.heard == topics
 
 
 def test_a_detector_is_the_same_with_and_without_a_genie_and_its_topics_are_not():
@@ -143,10 +149,8 @@ def test_a_detector_is_the_same_with_and_without_a_genie_and_its_topics_are_not(
         watched(("remote", world(alone)), ("genie", world(detector())))["detector_untouched"] == 1
     )
     assert watched(("genie", world(alone)))["detector_untouched"] == 0, "the Genie is not before it"
-    two = world(alone, detector("car1/detector"))
+    two = world(alone, detector("car1"))
     assert watched(("genie", two))["detector_untouched"] == 0, "nor before each of two"
     for harm in ({"publish": print}, {"subscribes": ("/image_raw-local",)}):
-        other = detector()
-        other.__dict__.update(harm)
-        facts = watched(("remote", world(detector())), ("genie", world(other)))
+        facts = watched(("remote", world(detector())), ("genie", world(detector(**harm))))
         assert facts["detector_untouched"] == 0, harm
