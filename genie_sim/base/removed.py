@@ -58,7 +58,6 @@ OPTIONS: dict[str, str] = {
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
-    "profile --tegrastats": "Write --cores N, and 'power' into the profile by hand.",
     "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
     "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",

@@ -421,7 +421,7 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 @click.option(
     "--csv",
     type=PATH,
-    help="Instead: latencies measured elsewhere: a table (CSV, Parquet).",
+    help="Instead: latencies measured elsewhere: a table (CSV, Parquet), or what trtexec writes.",
 )
 @click.option("--column", metavar="TITLE", help="Of that table, where several hold numbers.")
 @click.option(
@@ -431,6 +431,7 @@ def fetch(what: str, name: str, out: Path | None) -> None:
 )
 @click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
 @click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
+@click.option("--tegrastats", type=PATH, help="A log of the board: its cores and its power.")
 @click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
 @click.option(
@@ -449,6 +450,7 @@ def profile(
     unit: str | None,
     mean: str | None,
     sd: str | None,
+    tegrastats: Path | None,
     cores: int | None,
     model: str | None,
     weights: Path | None,
@@ -464,7 +466,7 @@ def profile(
     """
     from genie_sim.base import units
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.scenario import device_fit
+    from genie_sim.scenario import benchmark_logs, device_fit
 
     if [detector, csv, mean].count(None) != 2:
         raise UserError(
@@ -476,6 +478,10 @@ def profile(
     if csv is None and (column, unit) != (None, None):
         raise UserError("profile: --column and --unit go with --csv")
     report = ImportReport(csv or "profile", accept)
+    board = None
+    if tegrastats is not None:
+        board = benchmark_logs.tegrastats(tegrastats, report)
+    given = None
     if mean is not None:
         if model is None:
             raise UserError("profile: --mean needs --model, the name that scenarios use")
@@ -483,7 +489,11 @@ def profile(
         sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
         if sd_ns > mean_ns:
             raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
-        measured, fit = device_fit.of_summary(model, mean_ns, sd_ns)
+        given = device_fit.of_summary(model, mean_ns, sd_ns)
+    elif csv is not None and (summary := benchmark_logs.trtexec_summary(csv, report)):
+        given = device_fit.of_trtexec(csv, model or csv.stem, summary)
+    if given is not None:
+        measured, fit = given
     else:
         with ProgressBar(unit="pictures") as progress:
             if csv is not None:
@@ -495,7 +505,7 @@ def profile(
                 )
         fit = device_fit.fit(measured.latencies_ns)
         device_fit.check_fit(measured, fit, report)
-    device_fit.write(out, measured, fit, cores)
+    device_fit.write(out, measured, fit, cores, board=board)
     click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
     terminal.tell(report)
 

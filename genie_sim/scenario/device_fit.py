@@ -26,6 +26,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import atomic_write
 from genie_sim.base.progress import Progress
 from genie_sim.base.tables import UNITS, FileColumn, Table, is_number, title_of, with_point
+from genie_sim.scenario import benchmark_logs
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
@@ -125,7 +126,8 @@ def from_table(
     column: str | None = None,
     unit: str | None = None,
 ) -> Measurement:
-    """Latencies that somebody else measured, in a column of a table (CSV or Parquet).
+    """Latencies that somebody else measured, in a column of a table (CSV or Parquet), or in a file
+    of ``trtexec --exportTimes`` (``.json``).
 
     Raises UserError where it is not clear which column that is or what its unit is, and, naming the
     line, for anything that is no time. Slow runs at the beginning are left out as a warm-up, unless
@@ -140,15 +142,17 @@ def from_table(
     unit : of its values, such as ``ms``; ``None``: as its title says, else milliseconds
     """
     if path.suffix == ".json":
-        raise UserError(f"{path}: JSON is not read; 'jq .[].latencyMs' writes one time per line")
-    table = Table(path)
-    index = _column_of(table, column)
-    title = table.titles[index] if table.titles else ""
-    kind = title_of(title).unit
-    own = kind if UNITS.get(kind, ("",))[0] == "time" else ""
-    latencies = _latencies(table, index)
-    if len(table.titles) > 1:
-        report.choose("column", title, table.titles, "--column")
+        title, latencies = benchmark_logs.trtexec_times(path, column, report)
+        own = "ms"
+    else:
+        table = Table(path)
+        index = _column_of(table, column)
+        title = table.titles[index] if table.titles else ""
+        kind = title_of(title).unit
+        own = kind if UNITS.get(kind, ("",))[0] == "time" else ""
+        latencies = _latencies(table, index)
+        if len(table.titles) > 1:
+            report.choose("column", title, table.titles, "--column")
     if unit is not None and own and UNITS[own] != UNITS[unit]:
         raise UserError(f"{path}: --unit {unit}: the title {title!r} says {own}")
     factor_ns = UNITS[unit or own or "ms"][1]
@@ -251,6 +255,16 @@ def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:
         )
 
 
+def of_trtexec(path: Path, model: str, summary: benchmark_logs.Summary) -> tuple[Measurement, Fit]:
+    """The log-normal law through the median and a percentile of trtexec's summary."""
+    within = f"{100 * summary.share:g} % within {summary.percentile_ms:g} ms"
+    source = (
+        f"summary of trtexec in {path.name}: median {summary.median_ms:g} ms, {within}; "
+        "log-normal, which is assumed"
+    )
+    return _given(model, round(summary.median_ms * units.NS_PER_MS), summary.sigma, source)
+
+
 def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
     """The log-normal law of a mean and a standard deviation, where nothing else is known."""
     sigma = math.sqrt(math.log1p((sd_ns / mean_ns) ** 2))
@@ -259,6 +273,10 @@ def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
         f"given: mean {units.duration_text(mean_ns)}, standard deviation "
         f"{units.duration_text(sd_ns)}; log-normal, which is assumed"
     )
+    return _given(model, median_ns, sigma, source)
+
+
+def _given(model: str, median_ns: int, sigma: float, source: str) -> tuple[Measurement, Fit]:
     none = np.array([], dtype=np.float64)
     fitted = Fit(median_ns, loc=0.0, sigma=round(sigma, 4), gap=0.0, p95=1.0, p99=1.0, runs=0)
     return Measurement(model, none, source, here=False, tag="D"), fitted
@@ -302,7 +320,11 @@ def fit(latencies_ns: Times) -> Fit:
 
 
 def write(
-    path: Path, measured: Measurement, fitted: Fit, cores: int | None = None
+    path: Path,
+    measured: Measurement,
+    fitted: Fit,
+    cores: int | None = None,
+    board: benchmark_logs.Board | None = None,
 ) -> DeviceProfile:
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
     Reads it back.
@@ -311,7 +333,9 @@ def write(
     ----------
     path : the file
     measured, fitted : the model's latencies and their law
-    cores : of the device; ``None``: those of this machine if it was measured here, else assumed
+    cores : of the device; ``None``: those of ``board``, or of this machine if it was measured
+        here, else assumed
+    board : what tegrastats told of the device
     """
     spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
     source = f"{measured.source}; {fitted}" if fitted.runs else measured.source
@@ -322,6 +346,9 @@ def write(
     }
     if cores is not None:
         count = {"value": cores, "tag": "S", "source": "given"}
+    elif board is not None:
+        source_of = f"tegrastats, {board.lines} lines"
+        count = {"value": board.cores, "tag": "S", "source": source_of}
     elif measured.here:
         count = {
             "value": os.cpu_count() or 1,
@@ -360,6 +387,18 @@ def write(
         },
         "models": {measured.model: model},
     }
+    if board is not None and board.power is not None:
+        source_of = f"least squares over {board.lines} lines of tegrastats; range: two errors"
+        profile["power"] = {
+            name: {
+                "value": f"{watts:.3f} W",
+                "low": f"{max(watts - 2 * error, 0.0):.3f} W",
+                "high": f"{watts + 2 * error:.3f} W",
+                "tag": "D",
+                "source": source_of,
+            }
+            for name, (watts, error) in board.power.items()
+        }
     heading = (
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. "
         "Written by genie-sim profile.\n"

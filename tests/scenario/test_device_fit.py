@@ -259,10 +259,3 @@ def test_one_source_of_latencies_is_asked_for(run_cli):
     assert run_cli("profile", "--out", "x.yaml").stderr.startswith(
         "genie-sim: profile: give either --detector"
     )
-
-
-def test_json_of_trtexec_is_refused_with_what_to_do(tmp_path):
-    path = tmp_path / "times.json"
-    path.write_text('[{"latencyMs": 6.5}]')
-    with pytest.raises(UserError, match="JSON is not read; 'jq"):
-        device_fit.from_table(path, "yolo", ImportReport(path))
