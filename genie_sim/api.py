@@ -199,8 +199,9 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
-    workers: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run: ...
@@ -216,6 +217,8 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Runs: ...
@@ -230,8 +233,9 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
-    workers: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run | Runs:
@@ -255,11 +259,11 @@ def run(
     out : str or Path, optional
         A folder that gets the result folder; by default the run stays in memory. Of ``seeds``,
         runs that are in it are not run again.
+    report, figures : bool
+        With ``out``: whether the result folder has ``report.html``, and the figures as SVG.
     jobs : int, optional
-        Processes for ``seeds``; by default one per core.
-    workers : int
-        Processes for one run, which simulate several methods side by side.
-        The results do not depend on it.
+        Processes on this machine: of one run, which simulate several methods side by side, by
+        default 1; of ``seeds``, by default one a core. The results do not depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
         at nodes and their maps. For one run in memory, in this process.
@@ -270,24 +274,25 @@ def run(
     names = _names("methods", methods)
     loaded = load_scenario(scenario, settings, seed=plain(seed, "seed"), methods=names)
     label = results.checked_label(label)
-    if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
-        raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
-    if observer is not None and (workers != 1 or seeds is not None or out is not None):
-        raise UserError("observer: is for one run in memory, without workers, seeds and out")
+    if jobs is not None and (not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1):
+        raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
+    if observer is not None and (jobs not in (None, 1) or seeds is not None or out is not None):
+        raise UserError("observer: is for one run in memory, without jobs, seeds and out")
+    output = Output(report, ("svg",) if figures else ())
     if seeds is not None:
         if seed is not None:
             raise UserError("seed and seeds: give one of them")
-        if workers != 1:
-            raise UserError("workers: is for one run; with seeds give jobs")
         asked = plain(seeds, "seeds")
-        return _run_seeds(loaded, asked, label, out=out, jobs=jobs, progress=progress)
+        return _run_seeds(
+            loaded, asked, label, out=out, output=output, jobs=jobs, progress=progress
+        )
     if out is None:
         run = run_folder.run_in_memory(
-            loaded, progress, label=label, workers=workers, observer=observer
+            loaded, progress, label=label, workers=jobs or 1, observer=observer
         )
     else:
         run = run_folder.run_to_folder(
-            loaded, expanded(out), progress, label=label, workers=workers
+            loaded, expanded(out), progress, output, label=label, workers=jobs or 1
         )
     return _one_in_hand(run)
 
@@ -298,6 +303,7 @@ def _run_seeds(
     label: str,
     *,
     out: str | Path | None,
+    output: Output,
     jobs: int | None,
     progress: Progress | None,
 ) -> Runs:
@@ -306,6 +312,8 @@ def _run_seeds(
     from genie_sim.study.study import Study
 
     kept = out is not None
+    if not kept:
+        output = Output(page=False)
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
             design_of(scenario, seeds),
@@ -313,10 +321,10 @@ def _run_seeds(
             expanded(out or scratch),
             base=scenario,
             label=label,
-            reports=kept,
+            reports=output.page,
         )
         work.run(_workers(jobs, plain_data(scenario)), progress=progress)
-        status = work.finish(Output(page=kept))
+        status = work.finish(output)
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
     if kept:
@@ -588,6 +596,8 @@ def load_scenario(
     Raises ``UserError``.
     """
     overrides = _overrides(settings)
+    if isinstance(source, Scenario) and not (overrides or seed is not None or methods):
+        return source
     try:
         if isinstance(source, str | Path):
             return reading.load_scenario(source, overrides, seed, methods=methods)

@@ -41,6 +41,20 @@ class _Path(click.Path):
 PATH = _Path()
 COUNT = click.IntRange(min=1)
 
+set_option = click.option(
+    "--set",
+    "set_",
+    multiple=True,
+    metavar="PATH=VALUE",
+    shell_complete=completion.setting_paths,
+    help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
+)
+methods_option = click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these: methods of the scenario, of 'list methods', or module:Class.",
+)
 seeds_option = click.option(
     "--seeds",
     metavar="N|A,B,...",
@@ -54,6 +68,20 @@ metrics_option = click.option(
 )
 label_option = click.option(
     "--label", default="", help="What tables and figures call the results; default: the scenario."
+)
+
+results_argument = click.argument(
+    "folders",
+    nargs=-1,
+    required=True,
+    type=PATH,
+    help="Result folders: of a run, a sweep or an evaluation; several runs are compared.",
+)
+table_format_option = click.option(
+    "--format",
+    default="markdown",
+    shell_complete=completion.fixed("markdown", "csv", "latex"),
+    help="Of the printed table: markdown, latex, or csv (all digits).",
 )
 
 # of commands that spread runs over processes or machines
