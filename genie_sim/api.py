@@ -13,10 +13,9 @@ choices.
 """
 
 import json
-import re
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -463,15 +462,14 @@ def sweep(
     """
     import pandas as pd
 
-    from genie_sim.study.design import read_design
+    from genie_sim.study.design import named_axes, read_design
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepPlots, SweepTable
 
-    named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {
         "name": "sweep",
         "scenario": str(scenario),
-        "axes": plain(named, "axes"),
+        "axes": plain(named_axes(axes), "axes"),
         "set": plain(dict(settings or {}), "settings"),
         "samples": plain(samples, "samples"),
         "seeds": plain(seeds, "seeds"),
@@ -559,15 +557,6 @@ def search(
         work = Search(design, expanded(out or scratch), workers)
         work.run(progress)
         return work.finish(progress, pictures=out is not None)[0]
-
-
-def _axis(path: str, axis: Any) -> tuple[str, Any]:
-    """A list stands for an axis along the setting that its name says, called by the last word of
-    the path.
-    """
-    if isinstance(axis, str | Mapping) or not isinstance(axis, Iterable):
-        return path, axis
-    return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
 
 
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":

@@ -219,6 +219,7 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
     assert run.report("memory.html").read_bytes() == of_cli.report("loaded.html").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [None, 1])
 def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
     settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}

@@ -130,7 +130,7 @@ def resumable(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        text = f"interrupted; the same command goes on with what is in {folder}"
+        text = f"interrupted; finished runs are kept in {folder}"
         click.echo(f"genie-sim: {text}", err=True)
         raise SystemExit(130) from None
 

@@ -272,7 +272,7 @@ def test_interrupted_seeds_go_on_with_the_same_command(monkeypatch, capsys):
     monkeypatch.setattr("genie_sim.study.study.Study.run", interrupt)
     Path("s.yaml").write_text(GOOD)
     assert main(["run", "s.yaml", "--seeds", "2", "--out", "lab"]) == 130
-    _one_line(capsys, "interrupted; the same command goes on with what is in lab")
+    _one_line(capsys, "interrupted; finished runs are kept in lab")
 
 
 @pytest.mark.parametrize(
