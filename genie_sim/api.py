@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import compare_tables, seed_runs
+from genie_sim.analysis import compare_tables, registry, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -345,6 +345,7 @@ def compare(
     *results_: results.Run | SeedRuns | str | Path,
     methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
+    metrics: Sequence[str] = (),
     allow_changed: bool = False,
 ) -> "Comparison":
     """Compares runs, or result folders, that saw the same frames, or the methods of one: paired
@@ -352,8 +353,8 @@ def compare(
     second.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
-    in their order. ``allow_changed`` as in ``load``. Raises
-    ``UserError`` for what cannot be compared.
+    in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
+    ``load``. Raises ``UserError`` for what cannot be compared.
     """
     runs = [
         result
@@ -361,7 +362,9 @@ def compare(
         else seed_runs.load(result, allow_changed=allow_changed)
         for result in results_
     ]
-    return Comparison(comparing.compare(runs, methods, labels))
+    own = (metric.metric for run in runs for metric in run.measured)
+    registry.checked(metrics, own, "metrics")
+    return Comparison(comparing.compare(runs, methods, labels, metrics))
 
 
 @dataclass(frozen=True)

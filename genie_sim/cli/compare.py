@@ -5,12 +5,14 @@ from pathlib import Path
 import click
 
 from genie_sim.base.text import one_line
-from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     PATH,
     changed_option,
+    labels_option,
     listed,
+    metrics_option,
     own_code_option,
+    shown_methods_option,
     table_format_option,
 )
 
@@ -19,13 +21,9 @@ from genie_sim.cli.arguments import (
 @click.argument(
     "folders", nargs=-1, required=True, help="Result folders, the one to compare with first."
 )
-@click.option(
-    "--methods",
-    metavar="A,B,...",
-    shell_complete=completion.methods,
-    help="Only these; of one result, the first is compared with.",
-)
-@click.option("--labels", metavar="A,B,...", help="What the settings are called, in their order.")
+@shown_methods_option
+@metrics_option
+@labels_option
 @table_format_option
 @click.option("--out", type=PATH, help="Also write a page, figures and tables into this folder.")
 @changed_option
@@ -34,7 +32,8 @@ def compare(
     *,
     folders: tuple[str, ...],
     methods: str | None,
-    labels: str | None,
+    metrics: str | None,
+    labels: tuple[str, ...],
     format: str,
     out: Path | None,
     allow_changed: bool,
@@ -43,7 +42,7 @@ def compare(
 
     Of one result alone, its methods are compared.
     """
-    from genie_sim.analysis import compare_tables, renderers
+    from genie_sim.analysis import compare_tables, registry, renderers
     from genie_sim.analysis.compare import compare as compare_runs
     from genie_sim.analysis.seed_runs import load
     from genie_sim.analysis.verdict import verdicts
@@ -51,7 +50,11 @@ def compare(
 
     renderers.checked(format)
     runs = [load(folder, allow_changed=allow_changed) for folder in folders]
-    compared = compare_runs(runs, listed("--methods", methods), listed("--labels", labels))
+    rows = registry.checked(
+        listed("--metrics", metrics),
+        (metric.metric for run in runs for metric in run.measured),
+    )
+    compared = compare_runs(runs, listed("--methods", methods), labels, rows)
     click.echo(compare_tables.text(compared, format), nl=False)
     if format == "markdown":
         click.echo()

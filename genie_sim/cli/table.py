@@ -4,13 +4,14 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     changed_option,
+    labels_option,
     listed,
     metrics_option,
     own_code_option,
     results_argument,
+    shown_methods_option,
     table_format_option,
 )
 
@@ -18,13 +19,9 @@ from genie_sim.cli.arguments import (
 @click.command()
 @results_argument
 @table_format_option
-@click.option(
-    "--methods",
-    metavar="A,B,...",
-    shell_complete=completion.methods,
-    help="Only these; differences are from the first.",
-)
+@shown_methods_option
 @metrics_option
+@labels_option
 @changed_option
 @own_code_option
 def table(
@@ -33,6 +30,7 @@ def table(
     format: str,
     methods: str | None,
     metrics: str | None,
+    labels: tuple[str, ...],
     allow_changed: bool,
 ) -> None:
     """Print the numbers of results as a table for a paper.
@@ -42,7 +40,7 @@ def table(
     \b
     genie-sim table results/3car_hetero-65c23e86c242 --format latex
     """
-    from genie_sim.cli import outputs
+    from genie_sim.cli.outputs import Results
 
-    names, rows = listed("--methods", methods), listed("--metrics", metrics)
-    click.echo(outputs.table(folders, format, names, allow_changed, rows), nl=False)
+    results = Results(folders, listed("--methods", methods), labels, allow_changed)
+    click.echo(results.table(format, listed("--metrics", metrics)), nl=False)
