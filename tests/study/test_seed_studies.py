@@ -192,7 +192,6 @@ seeds: [2, 5, 9]
         (["--seeds", "1,,2"], "--seeds: '1,,2': expected how many"),
         (["--seeds", "1,1"], "street_1car_hetero: seeds: the seed 1 comes twice"),
         (["--seeds", "2", "--seed", "3"], "--seed and --seeds: give one of them"),
-        (["--jobs", "2"], "--jobs: goes with --seeds"),
         (["--label", "a\nb"], "--label: must be one line of at most 60 characters"),
         (["--methods", "remote,"], "--methods: 'remote,': expected names with commas"),
     ],
