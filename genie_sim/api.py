@@ -13,17 +13,16 @@ choices.
 """
 
 import json
-import re
 import sys
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import compare_tables, seed_runs
+from genie_sim.analysis import compare_tables, registry, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -199,8 +198,9 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
-    workers: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run: ...
@@ -216,6 +216,8 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
     progress: Progress | None = None,
 ) -> Runs: ...
@@ -230,8 +232,9 @@ def run(
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
     jobs: int | None = None,
-    workers: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run | Runs:
@@ -255,11 +258,11 @@ def run(
     out : str or Path, optional
         A folder that gets the result folder; by default the run stays in memory. Of ``seeds``,
         runs that are in it are not run again.
+    report, figures : bool
+        With ``out``: whether the result folder has ``report.html``, and the figures as SVG.
     jobs : int, optional
-        Processes for ``seeds``; by default one per core.
-    workers : int
-        Processes for one run, which simulate several methods side by side.
-        The results do not depend on it.
+        Processes on this machine: of one run, which simulate several methods side by side, by
+        default 1; of ``seeds``, by default one a core. The results do not depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
         at nodes and their maps. For one run in memory, in this process.
@@ -270,24 +273,25 @@ def run(
     names = _names("methods", methods)
     loaded = load_scenario(scenario, settings, seed=plain(seed, "seed"), methods=names)
     label = results.checked_label(label)
-    if not isinstance(workers, int) or isinstance(workers, bool) or workers < 1:
-        raise UserError(f"workers: {short_repr(workers)}: expected a whole number from 1 on")
-    if observer is not None and (workers != 1 or seeds is not None or out is not None):
-        raise UserError("observer: is for one run in memory, without workers, seeds and out")
+    if jobs is not None and (not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1):
+        raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
+    if observer is not None and (jobs not in (None, 1) or seeds is not None or out is not None):
+        raise UserError("observer: is for one run in memory, without jobs, seeds and out")
+    output = Output(report, ("svg",) if figures else ())
     if seeds is not None:
         if seed is not None:
             raise UserError("seed and seeds: give one of them")
-        if workers != 1:
-            raise UserError("workers: is for one run; with seeds give jobs")
         asked = plain(seeds, "seeds")
-        return _run_seeds(loaded, asked, label, out=out, jobs=jobs, progress=progress)
+        return _run_seeds(
+            loaded, asked, label, out=out, output=output, jobs=jobs, progress=progress
+        )
     if out is None:
         run = run_folder.run_in_memory(
-            loaded, progress, label=label, workers=workers, observer=observer
+            loaded, progress, label=label, workers=jobs or 1, observer=observer
         )
     else:
         run = run_folder.run_to_folder(
-            loaded, expanded(out), progress, label=label, workers=workers
+            loaded, expanded(out), progress, output, label=label, workers=jobs or 1
         )
     return _one_in_hand(run)
 
@@ -298,6 +302,7 @@ def _run_seeds(
     label: str,
     *,
     out: str | Path | None,
+    output: Output,
     jobs: int | None,
     progress: Progress | None,
 ) -> Runs:
@@ -306,6 +311,8 @@ def _run_seeds(
     from genie_sim.study.study import Study
 
     kept = out is not None
+    if not kept:
+        output = Output(page=False)
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
             design_of(scenario, seeds),
@@ -313,10 +320,10 @@ def _run_seeds(
             expanded(out or scratch),
             base=scenario,
             label=label,
-            reports=kept,
+            reports=output.page,
         )
         work.run(_workers(jobs, plain_data(scenario)), progress=progress)
-        status = work.finish(Output(page=kept))
+        status = work.finish(output)
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
     if kept:
@@ -338,6 +345,7 @@ def compare(
     *results_: results.Run | SeedRuns | str | Path,
     methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
+    metrics: Sequence[str] = (),
     allow_changed: bool = False,
 ) -> "Comparison":
     """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
@@ -345,8 +353,8 @@ def compare(
     sides saw the same frames; those of other cars or drives are not.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
-    in their order. ``allow_changed`` as in ``load``. Raises
-    ``UserError`` for what cannot be compared.
+    in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
+    ``load``. Raises ``UserError`` for what cannot be compared.
     """
     runs = [
         result
@@ -354,7 +362,9 @@ def compare(
         else seed_runs.load(result, allow_changed=allow_changed)
         for result in results_
     ]
-    return Comparison(comparing.compare(runs, methods, labels))
+    own = (metric.metric for run in runs for metric in run.measured)
+    registry.checked(metrics, own, "metrics")
+    return Comparison(comparing.compare(runs, methods, labels, metrics))
 
 
 @dataclass(frozen=True)
@@ -455,15 +465,14 @@ def sweep(
     """
     import pandas as pd
 
-    from genie_sim.study.design import read_design
+    from genie_sim.study.design import named_axes, read_design
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepPlots, SweepTable
 
-    named = dict(_axis(path, axis) for path, axis in axes.items())
     given = {
         "name": "sweep",
         "scenario": str(scenario),
-        "axes": plain(named, "axes"),
+        "axes": plain(named_axes(axes), "axes"),
         "set": plain(dict(settings or {}), "settings"),
         "samples": plain(samples, "samples"),
         "seeds": plain(seeds, "seeds"),
@@ -553,15 +562,6 @@ def search(
         return work.finish(progress, pictures=out is not None)[0]
 
 
-def _axis(path: str, axis: Any) -> tuple[str, Any]:
-    """A list stands for an axis along the setting that its name says, called by the last word of
-    the path.
-    """
-    if isinstance(axis, str | Mapping) or not isinstance(axis, Iterable):
-        return path, axis
-    return re.findall(r"\w+", path)[-1], {"set": path, "list": list(axis)}
-
-
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of
     every value of the column ``along``, an axis or ``method``, from the value ``to``, seed by seed,
@@ -588,6 +588,8 @@ def load_scenario(
     Raises ``UserError``.
     """
     overrides = _overrides(settings)
+    if isinstance(source, Scenario) and not (overrides or seed is not None or methods):
+        return source
     try:
         if isinstance(source, str | Path):
             return reading.load_scenario(source, overrides, seed, methods=methods)

@@ -219,6 +219,17 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
     assert run.report("memory.html").read_bytes() == of_cli.report("loaded.html").read_bytes()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seeds", [None, 1])
+def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
+    settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}
+    bare = gs.run("street_1car_homo", settings, seeds=seeds, jobs=1, out="bare", report=False)
+    drawn = gs.run("street_1car_homo", settings, seeds=seeds, jobs=1, out="drawn", figures=True)
+    assert not list(bare.folder.rglob("report.html")) + list(bare.folder.rglob("figures"))
+    assert (drawn.folder / "report.html").is_file()
+    assert (drawn.folder / "figures/latency_cdf.svg").is_file()
+
+
 def test_a_scenario_may_be_a_mapping_a_file_or_another_scenario(run):
     as_mapping = gs.load_scenario(run.facts["scenario"])
     assert as_mapping == run.scenario

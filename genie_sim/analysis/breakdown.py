@@ -12,6 +12,7 @@ from genie_sim.analysis.part_metrics import PART
 from genie_sim.base.text import number_text
 from genie_sim.record.results import MethodInfo, Metric
 
+MAX_BARS = 12  # of both panels together
 MAX_SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
 
 Parts = Mapping[str, float]  # mean time [ms] by part
@@ -56,7 +57,7 @@ def time_parts(
     whole = {label: sum(parts.values()) for label, parts in bars.items()}
     longest = max(whole.values())
     short = {label: parts for label, parts in bars.items() if whole[label] < MAX_SHORT * longest}
-    panels = [bars, short] if short else [bars]
+    panels = [bars, short] if short and len(bars) + len(short) <= MAX_BARS else [bars]
     rows = [max(len(panel), 1) for panel in panels]
     figure = Figure(figsize=(width_in or style.COLUMN_IN, 0.45 * len(rows) + 0.2 * sum(rows)))
     axes = list(figure.subplots(len(rows), squeeze=False, height_ratios=rows).flat)

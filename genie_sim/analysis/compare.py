@@ -146,7 +146,8 @@ class ComparedRuns:
     """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
     differs, with its value under every setting, in the order of ``names``.
     ``warning`` says which files of the runs were changed; empty if none was. ``unpaired``: which
-    arms are not paired with what they are compared with, and why.
+    arms are not paired with what they are compared with, and why. ``metrics`` are those that were
+    asked for, none for the usual ones.
     """
 
     arms: Sequence[ComparedMethod]
@@ -155,6 +156,7 @@ class ComparedRuns:
     settings: Mapping[str, Sequence[str]]
     warning: str = ""
     unpaired: Mapping[str, str] = field(default_factory=dict)
+    metrics: Sequence[str] = ()
 
     @property
     def by(self) -> str:
@@ -175,17 +177,20 @@ class ComparedRuns:
 
 
 def compare(
-    runs: Sequence[Run | SeedRuns], methods: Sequence[str] = (), labels: Sequence[str] = ()
+    runs: Sequence[Run | SeedRuns],
+    methods: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    metrics: Sequence[str] = (),
 ) -> ComparedRuns:
     """Compares runs, paired where they saw the same frames. Runs that differ in nothing but the
     seed are one setting.
 
     ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
-    the order in which they come. The first setting is what the others are compared with, under the
-    same method; of one setting alone, the first method. Raises UserError for runs that cannot be
-    compared.
+    the order in which they come. ``metrics``: which, by default ``COMPARED``. The first setting is
+    what the others are compared with, under the same method; of one setting alone, the first
+    method. Raises UserError for runs that cannot be compared.
     """
-    comparison = compared(runs, methods, labels)
+    comparison = compared(runs, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
@@ -194,18 +199,23 @@ def compare(
 
 
 def compared(
-    results: Sequence[Run | SeedRuns], methods: Sequence[str] = (), labels: Sequence[str] = ()
+    results: Sequence[Run | SeedRuns],
+    methods: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    metrics: Sequence[str] = (),
 ) -> ComparedRuns:
     """As ``compare``, also where there is only one method of one setting."""
     runs = [run for result in results for run in result.runs]
     folder = next((run.folder for run in runs if run.folder is not None), None)
     with provenance.of_this_version(folder):
-        return _compared(runs, methods, labels)
+        return _compared(runs, methods, labels, metrics)
 
 
-def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]) -> ComparedRuns:
-    settings = _settings_of(runs)
-    names = _names(settings, labels)
+def _compared(
+    runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str], metrics: Sequence[str]
+) -> ComparedRuns:
+    settings = settings_of(runs)
+    names = names_of(settings, labels)
     arms: list[ComparedMethod] = []
     references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
     unpaired: dict[str, str] = {}
@@ -223,14 +233,14 @@ def _compared(runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str]
                 references[label] = reference
             arms.append(arm)
     rows = []
-    for metric in (*COMPARED, *_own(arms)):
+    for metric in metrics or (*COMPARED, *_own(arms)):
         for arm in arms:
             row = _difference(metric, arm, references.get(arm.label), arm.label not in unpaired)
             if row is not None:
                 rows.append(row)
     warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
     differing = _settings([_any(by_seed) for by_seed in settings])
-    return ComparedRuns(arms, rows, names, settings=differing, warning=warning, unpaired=unpaired)
+    return ComparedRuns(arms, rows, names, differing, warning, unpaired, metrics)
 
 
 def _own(arms: Sequence[ComparedMethod]) -> list[str]:
@@ -264,7 +274,7 @@ def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
     return [methods[name] for name in names] or list(methods.values())
 
 
-def _settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
+def settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
     """Of each setting its runs by seed."""
     settings: dict[str, dict[int, Run]] = {}
     for run in runs:
@@ -278,7 +288,7 @@ def _settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
     return list(settings.values())
 
 
-def _names(settings: Sequence[Mapping[int, Run]], labels: Sequence[str]) -> list[str]:
+def names_of(settings: Sequence[Mapping[int, Run]], labels: Sequence[str]) -> list[str]:
     """What the settings are called: as the user says, with ``labels`` or with that of each run,
     else by themselves. Raises UserError for labels that do not tell them apart.
     """
@@ -478,7 +488,7 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]
     """
     metrics = []
     for arm in comparison.arms:
-        for name in (*COMPARED, *_own(comparison.arms)):
+        for name in comparison.metrics or (*COMPARED, *_own(comparison.arms)):
             of_runs = _metrics_of(arm, name)
             if len(of_runs) == 1:
                 metrics.append(replace(of_runs[0], method=arm.label))

@@ -119,7 +119,7 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     """
     titles = {arm.label: arm.title for arm in comparison.arms}
     has_truth = any(row.metric == "streaming_f1" for row in comparison.rows)
-    metrics = (*(DRAWN if has_truth else WITHOUT_TRUTH), *PRICES)
+    metrics = comparison.metrics or (*(DRAWN if has_truth else WITHOUT_TRUTH), *PRICES)
     rows = [row for row in comparison.rows if row.metric in metrics and row.difference is not None]
     by_place = {(row.metric, row.arm): row for row in rows}
     references = {row.against for row in rows}

@@ -9,7 +9,8 @@ matplotlib.
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -79,33 +80,46 @@ MAX_COLUMNS = 4  # of methods beside each other
 
 
 def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figure]:
-    """Every figure of one run, or of several seeds with their paired differences, by file name, but
-    of Genies and of use only what was simulated and recorded. They are ``width_in`` wide if that is
-    given; use needs a page.
+    """Every figure of ``makers``, drawn."""
+    return {name: draw() for name, draw in makers(run, width_in).items()}
+
+
+def makers(
+    run: Run | SeedRuns, width_in: float | None = None, footer: str | None = None
+) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure of one run, or of several seeds with their paired differences, by file
+    name, but of Genies and of use only what was simulated and recorded.
+
+    Parameters
+    ----------
+    run : Run or SeedRuns
+        What is drawn.
+    width_in : float, optional
+        How wide figures are, in inches; by default as fits each. Use needs a page.
+    footer : str, optional
+        Names the run; by default as it does itself.
     """
-    methods, footer = run.methods, run.footer
+    methods, footer = run.methods, run.footer if footer is None else footer
     metrics = {run.title: run.measured}
     frames = {run.title: tables_of(run, "frames")}
     lookups = {run.title: tables_of(run, "lookups")}
     resources = tables_of(run, "resources")
-    figures = {}
+    drawn: dict[str, Callable[[], Figure]] = {}
     if drawable(metrics):
-        figures["latency_accuracy"] = latency_accuracy(metrics, methods, footer, width_in)
-    figures[ALWAYS] = latency_cdf(frames, methods, footer, width_in)
-    figures["latency_cdf_of_answered"] = latency_cdf(
-        frames, methods, footer, width_in, of="answered"
-    )
+        drawn["latency_accuracy"] = partial(latency_accuracy, metrics, methods, footer, width_in)
+    cdf = partial(latency_cdf, frames, methods, footer, width_in)
+    drawn[ALWAYS] = cdf
+    drawn["latency_cdf_of_answered"] = partial(cdf, of="answered")
     if any(metric.metric in PART.values() for metric in run.measured):
-        figures["time_parts"] = time_parts(run.measured, methods, footer, width_in)
+        drawn["time_parts"] = partial(time_parts, run.measured, methods, footer, width_in)
     if all(map(len, resources)):
-        figures["resources"] = resource_use(resources, methods, footer)
+        drawn["resources"] = partial(resource_use, resources, methods, footer)
     if any(map(len, lookups[run.title])):
-        figures["image_reuse"] = image_reuse(lookups, methods, footer, width_in)
-        figures["object_reuse"] = object_reuse(lookups, methods, footer, width_in)
-        figures["confidence_boost"] = confidence_boost(lookups, methods, footer, width_in)
+        for draw in (image_reuse, object_reuse, confidence_boost):
+            drawn[draw.__name__] = partial(draw, lookups, methods, footer, width_in)
     if isinstance(run, SeedRuns) and len(methods) > 1:
-        figures["differences"] = differences(compared([run]), footer, width_in)
-    return figures
+        drawn["differences"] = lambda: differences(compared([run]), footer, width_in)
+    return drawn
 
 
 def tables_of(run: Run | SeedRuns, name: str) -> list[Columns]:
@@ -134,14 +148,9 @@ def _metadata(figure: Figure, format: str) -> dict[str, str | None]:
     return dict.fromkeys(suppressed) | {name: text for name, text in texts if text}
 
 
-def write(
-    run: Run | SeedRuns, folder: Path, formats: Sequence[str], width: str | None = None
-) -> list[Path]:
-    """Writes every figure of a run into a folder, as wide as one of ``style.WIDTHS`` if that is
-    said. Raises UserError if it cannot.
-    """
-    drawn = of_run(run, None if width is None else style.WIDTHS[width])
-    return save_all(drawn, folder, formats)
+def write(run: Run | SeedRuns, folder: Path, formats: Sequence[str]) -> list[Path]:
+    """Writes every figure of a run into a folder. Raises UserError if it cannot."""
+    return save_all(of_run(run), folder, formats)
 
 
 def save_all(figures: Mapping[str, Figure], folder: Path, formats: Sequence[str]) -> list[Path]:
@@ -395,7 +404,7 @@ def _reuse_bars(
     title = f"{what}: mean over Genies; error bars: {whiskers}"
     labels = [f"{label}\n{method.title}" for label, method, _ in groups]
     if len(panels) == 1:
-        labels = [method.title for method in ran]
+        labels = [method.title.replace(": ", ":\n") for method in ran]  # of one of several results
     elif len(ran) == 1:
         labels = list(panels)
     width_in = width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN)

@@ -100,6 +100,19 @@ class Plots:
 
         return differences(compare([self._run]), self._run.footer)
 
+    def metric(self, name: str, *, ax: "Axes | None" = None) -> "Figure":
+        """The values of a metric of ``genie-sim list metrics``, or of your own, under each method,
+        with their intervals. Raises ``UserError`` where the run has none.
+        """
+        from genie_sim.analysis.metric_plot import metric_values
+        from genie_sim.analysis.registry import METRICS
+
+        known = dict.fromkeys((*METRICS, *(metric.metric for metric in self._run.measured)))
+        if name not in known:
+            raise UserError(f"metric: {unknown('metric', name, known)}")
+        run = self._run
+        return metric_values(name, run.measured, run.methods, run.footer, ax=ax)
+
     def _bars(self, name: str, ax: "Axes | None") -> "Figure":
         if ax is not None and _drawn_in(ax):
             raise UserError(f"{name}: bars of two runs need a panel each")

@@ -95,12 +95,16 @@ def definition(name: str) -> MetricDefinition:
         return Unregistered(name)
 
 
-def checked(names: Sequence[str], custom: Iterable[str] = ()) -> Sequence[str]:
-    """The names, if all are of metrics, or of these of the user's own. Raises ``UserError``."""
-    known = (*METRICS, *custom)
+def checked(
+    names: Sequence[str], custom: Iterable[str] = (), where: str = "--metrics"
+) -> Sequence[str]:
+    """The names, if all are of metrics, or of these of the user's own. Raises ``UserError`` that
+    begins with ``where`` they are from.
+    """
+    known = {*METRICS, *custom}
     for name in names:
         if name not in known:
-            raise UserError(f"--metrics: {unknown('metric', name, known)}")
+            raise UserError(f"{where}: {unknown('metric', name, known)}")
     return names
 
 

@@ -60,6 +60,8 @@ OPTIONS: dict[str, str] = {
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
     "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
+    "compare --labels": "Write --label A --label B, one for each result.",
+    "run --workers": "Write --jobs N.",
     "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",
     "search --storage": "Leave it out; nothing is stored but runs, and points.csv has every point.",
     "ros attach --revoked": (

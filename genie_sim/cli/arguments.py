@@ -14,6 +14,8 @@ from genie_sim.base.paths import expanded
 from genie_sim.cli import completion
 
 MAX_COUNT = 1024
+# of style.WIDTHS, which imports numpy
+WIDTHS = {"column": 3.5, "page": 7.16, "acm-column": 3.33, "acm-page": 7.0}
 _DIGITS = re.compile("[0-9]{1,9}")
 _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
@@ -41,6 +43,20 @@ class _Path(click.Path):
 PATH = _Path()
 COUNT = click.IntRange(min=1)
 
+set_option = click.option(
+    "--set",
+    "set_",
+    multiple=True,
+    metavar="PATH=VALUE",
+    shell_complete=completion.setting_paths,
+    help="Change a field, such as cars[0].device=orin_nano. Repeatable.",
+)
+methods_option = click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these: methods of the scenario, of 'list methods', or module:Class.",
+)
 seeds_option = click.option(
     "--seeds",
     metavar="N|A,B,...",
@@ -50,10 +66,36 @@ metrics_option = click.option(
     "--metrics",
     metavar="A,B,...",
     shell_complete=completion.metrics,
-    help="Print the rows of these metrics, such as first_answer_p99.",
+    help="Only the rows of these metrics, such as first_answer_p99 ('list metrics').",
 )
 label_option = click.option(
     "--label", default="", help="What tables and figures call the results; default: the scenario."
+)
+
+shown_methods_option = click.option(
+    "--methods",
+    metavar="A,B,...",
+    shell_complete=completion.methods,
+    help="Only these, in this order; differences are from the first.",
+)
+labels_option = click.option(
+    "--label",
+    "labels",
+    multiple=True,
+    help="What a result is called; repeat it for each result, in their order.",
+)
+results_argument = click.argument(
+    "folders",
+    nargs=-1,
+    required=True,
+    type=PATH,
+    help="Result folders: of a run, a sweep or an evaluation; several runs are compared.",
+)
+table_format_option = click.option(
+    "--format",
+    default="markdown",
+    shell_complete=completion.fixed("markdown", "csv", "latex"),
+    help="Of the printed table: markdown, latex, or csv (all digits).",
 )
 
 # of commands that spread runs over processes or machines
@@ -106,6 +148,20 @@ def width_height(option: str, text: str | None) -> tuple[int, int] | None:
             f"{option}: {short_repr(text)}: expected WIDTHxHEIGHT in pixels, for example 832x256"
         )
     return width, height
+
+
+def width_in(text: str | None) -> float | None:
+    """A width of ``style.WIDTHS`` by its name, or a number of inches. Raises ``UserError``."""
+    if text is None:
+        return None
+    if text in WIDTHS:
+        return WIDTHS[text]
+    if re.fullmatch(r"[0-9]{1,2}(\.[0-9]{1,3})?", text) and 2 <= float(text) <= 12:
+        return float(text)
+    names = ", ".join(WIDTHS)
+    raise UserError(
+        f"--width: {short_repr(text)}: expected {names}, or inches from 2 to 12, such as 3.5"
+    )
 
 
 def geodetic(option: str, text: str | None) -> tuple[float, float, float] | None:

@@ -2,6 +2,14 @@
 
 from collections.abc import Callable, Iterable
 
+FIGURES = (  # of runs
+    "latency_accuracy",
+    "latency_cdf",
+    "latency_cdf_of_answered",
+    "time_parts",
+    "resources",
+    "differences",
+)
 Completion = Callable[[object, object, str], list[str]]  # as click's shell_complete takes it
 
 
@@ -43,6 +51,10 @@ def _metrics() -> Iterable[str]:
     return METRICS
 
 
+def _figures() -> Iterable[str]:
+    return (*FIGURES, *_metrics())
+
+
 def _kinds() -> Iterable[str]:
     from genie_sim.cli.catalogue import KINDS
 
@@ -62,5 +74,6 @@ searches = _of_files("SEARCH", "SCENARIO")
 files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE", "SEARCH", "SPACE")
 methods = _completion(_methods)
 metrics = _completion(_metrics)
+figures = _completion(_figures)
 kinds = _completion(_kinds)
 setting_paths = _completion(_settings)

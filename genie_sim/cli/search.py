@@ -1,6 +1,5 @@
 """The command ``search``. Everything heavy is imported after the arguments are parsed."""
 
-import sys
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -8,8 +7,15 @@ from typing import Any
 import click
 
 from genie_sim.cli import completion
-from genie_sim.cli.arguments import COUNT, PATH, backend_option, jobs_option, scheduler_option
-from genie_sim.cli.terminal import ProgressBar
+from genie_sim.cli.arguments import (
+    COUNT,
+    PATH,
+    backend_option,
+    jobs_option,
+    scheduler_option,
+    set_option,
+)
+from genie_sim.cli.terminal import ProgressBar, resumable
 
 
 @click.command()
@@ -23,14 +29,7 @@ from genie_sim.cli.terminal import ProgressBar
     metavar="A,B,...",
     help="Which methods are tuned, each on the same budget: names or files of spaces.",
 )
-@click.option(
-    "--set",
-    "set_",
-    multiple=True,
-    metavar="PATH=VALUE",
-    shell_complete=completion.setting_paths,
-    help="Fix a setting, which is then not searched. Repeatable.",
-)
+@set_option
 @click.option("--maximize", multiple=True, metavar="METRIC", help="An objective. Repeatable.")
 @click.option("--minimize", multiple=True, metavar="METRIC", help="An objective. Repeatable.")
 @click.option(
@@ -96,13 +95,9 @@ def search(
         ProgressBar(unit="points") as progress,
     ):
         work = Search(design, out, workers)
-        try:
+        with resumable(work.folder):
             work.run(progress)
             _, picks = work.finish(progress)
-        except KeyboardInterrupt:
-            text = f"interrupted; the same command goes on with what is in {work.folder}"
-            click.echo(f"genie-sim: {text}", err=True)
-            sys.exit(130)
     for pick in picks:
         click.echo(pick.text)
     click.echo(f"\nHeld-out results: {work.folder / 'designs.csv'}")

@@ -125,6 +125,17 @@ def _removed_options() -> Iterator[None]:
 
 
 @contextmanager
+def resumable(folder: Path) -> Iterator[None]:
+    """Ctrl-C ends the program with one line that says where finished runs are kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        text = f"interrupted; finished runs are kept in {folder}"
+        click.echo(f"genie-sim: {text}", err=True)
+        raise SystemExit(130) from None
+
+
+@contextmanager
 def _terminable() -> Iterator[None]:
     """SIGTERM, which batch systems send when the time is up, is taken for Ctrl-C: what is half done
     is cleared away.

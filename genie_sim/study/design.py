@@ -412,14 +412,44 @@ def range_of(count: int, first: int = 1) -> tuple[int, ...]:
     return tuple(range(first, first + count))
 
 
-def load_design(path_or_name: str | Path, seeds: int | Sequence[int] | None = None) -> Design:
-    """A sweep file, by path or by name, with its own seeds or with ``seeds``. Raises
-    ``UserError``.
+def named_axes(axes: Mapping[str, Any]) -> dict[str, Any]:
+    """Axes as in a file. A list stands for an axis along the setting that its name says, a path;
+    it is called by the last word of the path, or by all of them where that name is taken.
+    """
+    words = {path: re.findall(r"\w+", path) for path, axis in axes.items() if _is_list(axis)}
+    lasts = [of_path[-1] for of_path in words.values() if of_path]
+    taken = {*COLUMNS, *(axes.keys() - words.keys())}
+    named = {}
+    for path, axis in axes.items():
+        if not words.get(path):
+            named[path] = axis
+            continue
+        last = words[path][-1]
+        is_free = last not in taken and lasts.count(last) == 1
+        name = last if is_free else "_".join(words[path])
+        named[name] = {"set": path, "list": list(axis)}
+    return named
+
+
+def _is_list(axis: object) -> bool:
+    return isinstance(axis, Iterable) and not isinstance(axis, str | Mapping)
+
+
+def load_design(
+    path_or_name: str | Path,
+    seeds: int | Sequence[int] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Design:
+    """A sweep file, by path or by name, with its own seeds or with ``seeds``, and with further
+    fixed ``settings``. Raises ``UserError``.
     """
     path = files.find(files.SWEEP, path_or_name)
     data = {"name": path.stem, **read_mapping(path)}
     if seeds is not None:
         data["seeds"] = seeds if isinstance(seeds, int) else list(seeds)
+    fixed = data.get("set") or {}
+    if settings and isinstance(fixed, Mapping):
+        data["set"] = {**fixed, **settings}
     return read_design(data, str(path))
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis.seed_runs import load
-from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
@@ -22,7 +21,7 @@ from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
-from genie_sim.study.design import Design, load_design
+from genie_sim.study.design import Design
 from genie_sim.study.parts import Parts
 from genie_sim.study.plan import Plan, plan
 from genie_sim.study.tasks import DaskWorkers, LocalWorkers
@@ -65,24 +64,6 @@ class Study:
     folder: Path
     plan: Plan
     label: str = ""
-
-    @classmethod
-    def load(
-        cls,
-        path_or_name: str | Path,
-        out: Path,
-        progress: Progress | None = None,
-        *,
-        seeds: int | Sequence[int] | None = None,
-        methods: Sequence[str] = (),
-        label: str = "",
-    ) -> "Study":
-        """Reads and checks the sweep and its folder, as ``of``; ``seeds`` replace those of the
-        file. Raises ``UserError``.
-        """
-        design = load_design(path_or_name, seeds)
-        where = str(files.find(files.SWEEP, path_or_name))
-        return cls.of(design, where, out, progress, methods=methods, label=label)
 
     @classmethod
     def of(

@@ -265,6 +265,16 @@ def test_an_interrupted_command_leaves_nothing_and_exits_with_130(asked):
     assert not list(Path().glob("results/*"))
 
 
+def test_interrupted_seeds_go_on_with_the_same_command(monkeypatch, capsys):
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("genie_sim.study.study.Study.run", interrupt)
+    Path("s.yaml").write_text(GOOD)
+    assert main(["run", "s.yaml", "--seeds", "2", "--out", "lab"]) == 130
+    _one_line(capsys, "interrupted; finished runs are kept in lab")
+
+
 @pytest.mark.parametrize(
     ("setting", "message"),
     [

@@ -369,8 +369,9 @@ def test_help_is_there_before_anything_heavy(arguments):
     loaded = set(told.stdout.splitlines()[-1].split())
     assert not loaded & HEAVY
     ours = {name for name in loaded if name.startswith("genie_sim.")}
-    command_line = ("arguments", "compare", "completion", "imports", "links", "main", "perceive")
-    command_line += ("ros", "search", "shipped", "terminal")
+    command_line = [path.stem for path in (REPOSITORY / "genie_sim" / "cli").glob("*.py")]
+    for late in ("catalogue", "outputs"):
+        command_line.remove(late)
     assert ours <= {
         "genie_sim.version",
         *(f"genie_sim.base{part}" for part in ("", ".errors", ".paths", ".plugins", ".removed")),

@@ -46,12 +46,12 @@ def test_figures_are_not_drawn_from_changed_data(tmp_path):
     quality = folder / "quality.json"
     quality.write_text(quality.read_text(encoding="utf-8").replace("0.1", "0.2"))
     with pytest.raises(UserError, match=r"quality\.json"):
-        outputs.figures([folder])
+        outputs.Results([folder]).figures()
     (folder / "figures.parquet").unlink()
     with pytest.raises(UserError, match=r"figures\.parquet: no such file"):
-        outputs.figures([folder])
+        outputs.Results([folder]).figures()
 
 
 def test_an_evaluation_s_table_is_of_claims_and_not_of_methods(capsys):
     assert main(["table", str(PAPER), "--methods", "genie"]) == 1
-    assert "its table is one of claims" in capsys.readouterr().err
+    assert "its table are of claims" in capsys.readouterr().err

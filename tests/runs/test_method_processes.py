@@ -60,7 +60,7 @@ def test_methods_in_processes_write_the_same_tables_as_one_by_one(tmp_path, monk
 
 @pytest.mark.nightly
 def test_processes_write_the_results_of_one_process():
-    one, two = (gs.run(EVERY_TABLE, out=f"with {workers}", workers=workers) for workers in (1, 2))
+    one, two = (gs.run(EVERY_TABLE, out=f"with {jobs}", jobs=jobs) for jobs in (1, 2))
     assert one.run_id == two.run_id
     of_one, of_two = ({path.name for path in run.folder.iterdir()} for run in (one, two))
     assert of_one == of_two
@@ -81,27 +81,16 @@ def test_progress_is_that_of_all_methods_together(tmp_path):
     assert told == [(5.0, 12.0, "remote, 8 frames/s")]
 
 
-@pytest.mark.parametrize("workers", [0, -1, 1.5, "two", True, None])
-def test_workers_are_a_whole_number_from_one_on(workers):
-    with pytest.raises(gs.UserError, match=r"^workers: .*: expected a whole number from 1 on$"):
-        gs.run("street_1car_homo", workers=workers)
+@pytest.mark.parametrize("jobs", [0, -1, 1.5, "two", True])
+def test_jobs_are_a_whole_number_from_one_on(jobs):
+    with pytest.raises(gs.UserError, match=r"^jobs: .*: expected a whole number from 1 on$"):
+        gs.run("street_1car_homo", jobs=jobs)
 
 
-def test_workers_are_for_one_run_and_jobs_for_several(capsys):
-    with pytest.raises(gs.UserError, match="workers: is for one run; with seeds give jobs"):
-        gs.run("street_1car_homo", seeds=2, workers=2)
-    assert main(["run", "street_1car_homo", "--seeds", "2", "--workers", "2"]) == 1
-    assert main(["run", "street_1car_homo", "--jobs", "2"]) == 1
-    assert capsys.readouterr().err.splitlines() == [
-        "genie-sim: --workers: is for one run; with --seeds give --jobs",
-        "genie-sim: --jobs: goes with --seeds; for one run give --workers",
-    ]
-
-
-@pytest.mark.parametrize("workers", ["0", "-1", "two", "1.5"])
-def test_workers_that_are_none_are_refused_by_name(workers, capsys):
-    assert main(["run", "street_1car_homo", "--workers", workers]) == 2
-    assert "Invalid value for '--workers'" in capsys.readouterr().err
+@pytest.mark.parametrize("jobs", ["0", "-1", "two", "1.5"])
+def test_jobs_that_are_none_are_refused_by_name(jobs, capsys):
+    assert main(["run", "street_1car_homo", "--jobs", jobs]) == 2
+    assert "Invalid value for '--jobs'" in capsys.readouterr().err
 
 
 def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
@@ -110,7 +99,7 @@ def test_one_method_needs_no_process_of_its_own(tmp_path, monkeypatch):
 
     monkeypatch.setattr("genie_sim.runs.method_processes.in_processes", refuse)
     settings = {"cars[0].route.window": ["0 s", "0.3 s"]}
-    gs.run("street_1car_homo", settings, methods=["local"], workers=8)
+    gs.run("street_1car_homo", settings, methods=["local"], jobs=8)
 
 
 def memory_told_by(program: str) -> list[int]:

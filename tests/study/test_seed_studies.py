@@ -141,7 +141,7 @@ def test_a_label_is_what_tables_figures_and_pages_say(folder, tmp_path, capsys):
     assert main(["rerun", str(single)]) == 0
     unlabelled = folder / "runs" / "seed-2"
     capsys.readouterr()
-    assert main(["compare", str(unlabelled), str(folder), "--labels", "a"]) == 1
+    assert main(["compare", str(unlabelled), str(folder), "--label", "a"]) == 1
     assert "the same run is given twice" in capsys.readouterr().err
 
 
@@ -153,13 +153,15 @@ def test_comparing_takes_folders_of_seeds_methods_and_labels_as_lists(folder, tm
     assert not (other / "report.html").exists() and not list(other.glob("runs/*/report.html"))
     capsys.readouterr()
     command = ["compare", str(folder), str(other)]
-    assert main([*command, "--methods", "remote", "--labels", "server,car computer"]) == 0
+    assert (
+        main([*command, "--methods", "remote", "--label", "server", "--label", "car computer"]) == 0
+    )
     out = capsys.readouterr().out
     assert "car computer: remote (R) is worse than server: remote (R) in first answer, mean" in out
     assert "over 3 seeds" in out and "edges[0].device" in out and "Genie" not in out
-    assert main([*command, "--labels", "same,same"]) == 1
+    assert main([*command, "--label", "same", "--label", "same"]) == 1
     assert "two settings have the same label" in capsys.readouterr().err
-    assert main([*command, "--labels", "a,b,c"]) == 1
+    assert main([*command, "--label=a", "--label=b", "--label=c"]) == 1
     assert "3 labels for 2 settings" in capsys.readouterr().err
 
 
@@ -190,7 +192,6 @@ seeds: [2, 5, 9]
         (["--seeds", "1,,2"], "--seeds: '1,,2': expected how many"),
         (["--seeds", "1,1"], "street_1car_hetero: seeds: the seed 1 comes twice"),
         (["--seeds", "2", "--seed", "3"], "--seed and --seeds: give one of them"),
-        (["--jobs", "2"], "--jobs: goes with --seeds"),
         (["--label", "a\nb"], "--label: must be one line of at most 60 characters"),
         (["--methods", "remote,"], "--methods: 'remote,': expected names with commas"),
     ],

@@ -579,9 +579,11 @@ def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
     uninterrupted,
 ):
     finished(uninterrupted)
-    first = Study.load("s.yaml", Path("results"))
+    first = Study.of(load_design("s.yaml"), "s.yaml", Path("results"))
     first.run(LocalWorkers(1))
-    Study.load(write(SMALL.replace("seeds: 3", "seeds: 1")), Path("results")).run(LocalWorkers(1))
+    Study.of(
+        load_design(write(SMALL.replace("seeds: 3", "seeds: 1"))), "s.yaml", Path("results")
+    ).run(LocalWorkers(1))
     first.finish()
     assert json.loads(Path("results/s/sweep.json").read_text())["runs"] == 12
     assert len(pd.read_parquet("results/s/runs.parquet")["run_id"].unique()) == 12

@@ -1,0 +1,112 @@
+"""The command ``profile``. Everything heavy is imported after the arguments are parsed."""
+
+from pathlib import Path
+
+import click
+
+from genie_sim.base.errors import UserError
+from genie_sim.cli import arguments, terminal
+from genie_sim.cli.arguments import COUNT, PATH, accept_option
+from genie_sim.cli.terminal import ProgressBar
+
+
+@click.command()
+@click.option(
+    "--out",
+    type=PATH,
+    required=True,
+    help="The device profile to write, such as device_profiles/here.yaml.",
+)
+@click.option(
+    "--detector", help="Measure this detector here ('list detectors', or your own module:Class)."
+)
+@click.option(
+    "--csv",
+    type=PATH,
+    help="Instead: latencies measured elsewhere: a table (CSV, Parquet), or what trtexec writes.",
+)
+@click.option("--column", metavar="TITLE", help="Of that table, where several hold numbers.")
+@click.option(
+    "--unit",
+    type=click.Choice(("s", "ms", "us", "ns")),
+    help="Of that column, if its title has none; default: ms.",
+)
+@click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
+@click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
+@click.option("--tegrastats", type=PATH, help="A log of the board: its cores and its power.")
+@click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
+@click.option("--model", help="What scenarios call the model; default: the detector's name.")
+@click.option(
+    "--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS."
+)
+@click.option(
+    "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
+)
+@accept_option
+def profile(
+    *,
+    out: Path,
+    detector: str | None,
+    csv: Path | None,
+    column: str | None,
+    unit: str | None,
+    mean: str | None,
+    sd: str | None,
+    tegrastats: Path | None,
+    cores: int | None,
+    model: str | None,
+    weights: Path | None,
+    runs: int,
+    accept: bool,
+) -> None:
+    """Measure a detector on this machine into a device profile. Or take measured latencies.
+
+    \b
+    genie-sim profile --detector yolox_nano --out device_profiles/here.yaml
+    genie-sim profile --csv runs.csv --column "latency [ms]" --cores 8 --out orin.yaml
+    genie-sim profile --mean 45ms --sd 5ms --cores 8 --model yolov8 --out board.yaml
+    """
+    from genie_sim.base import units
+    from genie_sim.base.import_report import ImportReport
+    from genie_sim.scenario import benchmark_logs, device_fit
+
+    if [detector, csv, mean].count(None) != 2:
+        raise UserError(
+            "profile: give either --detector, to measure here, or --csv, with latencies measured "
+            "elsewhere, or --mean"
+        )
+    if mean is None and sd is not None:
+        raise UserError("profile: --sd goes with --mean")
+    if csv is None and (column, unit) != (None, None):
+        raise UserError("profile: --column and --unit go with --csv")
+    report = ImportReport(csv or "profile", accept)
+    board = None
+    if tegrastats is not None:
+        board = benchmark_logs.tegrastats(tegrastats, report)
+    given = None
+    if mean is not None:
+        if model is None:
+            raise UserError("profile: --mean needs --model, the name that scenarios use")
+        mean_ns = arguments.quantity("--mean", mean, units.duration_ns)
+        sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
+        if sd_ns > mean_ns:
+            raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
+        given = device_fit.of_summary(model, mean_ns, sd_ns)
+    elif csv is not None and (summary := benchmark_logs.trtexec_summary(csv, report)):
+        given = device_fit.of_trtexec(csv, model or csv.stem, summary)
+    if given is not None:
+        measured, fit = given
+    else:
+        with ProgressBar(unit="pictures") as progress:
+            if csv is not None:
+                measured = device_fit.from_table(csv, model or csv.stem, report, column, unit)
+            else:
+                assert detector is not None
+                measured = device_fit.measure(
+                    detector, weights, runs, model=model, progress=progress
+                )
+        fit = device_fit.fit(measured.latencies_ns)
+        device_fit.check_fit(measured, fit, report)
+    device_fit.write(out, measured, fit, cores, board=board)
+    click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
+    terminal.tell(report)

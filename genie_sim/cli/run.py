@@ -1,0 +1,153 @@
+"""The command ``run``. Everything heavy is imported after the arguments are parsed."""
+
+import textwrap
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.text import one_line
+from genie_sim.cli import arguments, completion, terminal
+from genie_sim.cli.arguments import (
+    COUNT,
+    PATH,
+    label_option,
+    methods_option,
+    metrics_option,
+    seeds_option,
+    set_option,
+)
+from genie_sim.cli.terminal import ProgressBar
+
+if TYPE_CHECKING:
+    from genie_sim.analysis.seed_runs import SeedRuns
+    from genie_sim.record.results import Run
+
+
+@click.command()
+@click.argument(
+    "scenario",
+    help="A scenario file, or the name of one that comes with genie-sim.",
+    shell_complete=completion.scenarios,
+)
+@set_option
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Root of all random streams; default: the scenario's.",
+)
+@methods_option
+@seeds_option
+@click.option(
+    "--jobs",
+    type=COUNT,
+    help="Processes on this machine: of one run, for its methods (default: 1), with --seeds for"
+    " its runs (default: one a core).",
+)
+@label_option
+@click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
+@click.option("--no-report", is_flag=True, help="Leave out report.html.")
+@click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
+@click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")
+@metrics_option
+def run(
+    *,
+    scenario: str,
+    set_: tuple[str, ...],
+    seed: int | None,
+    methods: str | None,
+    seeds: str | None,
+    jobs: int | None,
+    label: str,
+    out: Path,
+    no_report: bool,
+    figures: bool,
+    all_rows: bool,
+    metrics: str | None,
+) -> None:
+    """Simulate a scenario under each of its methods.
+
+    Those are local, remote and Genie, unless it says otherwise.
+
+    \b
+    genie-sim run 3car_hetero
+    genie-sim run 3car_hetero --set cars[0].device=orin_nano --set genie.eviction=lru
+    genie-sim run mine.yaml --seed 7 --out lab
+    genie-sim run mine.yaml --methods local,genie
+    genie-sim run 3car_hetero --seeds 5
+    """
+    from genie_sim.base import files
+
+    several = arguments.seeds(seeds)
+    if seed is not None and several is not None:
+        raise UserError("--seed and --seeds: give one of them")
+    rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
+    if rows and all_rows:
+        raise UserError("--all and --metrics: give one of them")
+
+    files.find(files.SCENARIO, scenario)  # a wrong name is reported before the heavy imports
+    from genie_sim import api
+    from genie_sim.analysis import registry
+    from genie_sim.record.results import checked_label
+    from genie_sim.runs import build
+    from genie_sim.scenario.reading import load_scenario
+
+    names = arguments.listed("--methods", methods)
+    loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
+    registry.checked(rows or (), loaded.metrics)
+    label = checked_label(label, "--label")
+    if own := build.plugin_names(loaded):
+        click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
+    for note in build.notes(loaded):
+        click.echo(textwrap.fill(note, min(terminal.width(), 100)))
+    with (
+        ProgressBar("s" if several is None else "runs") as progress,
+        nullcontext() if several is None else terminal.resumable(out),
+    ):
+        result = api.run(
+            loaded,
+            seeds=several,
+            label=label,
+            out=out,
+            report=not no_report,
+            figures=figures,
+            jobs=jobs,
+            progress=progress,
+        )
+    print_results(result, page=not no_report, figures=figures, rows=rows)
+
+
+def print_results(
+    result: "Run | SeedRuns", *, page: bool, figures: bool, rows: list[str] | None = None
+) -> None:
+    """Prints the table of a run, or of several seeds, and where the results are.
+
+    Parameters
+    ----------
+    result : Run or SeedRuns
+        What ran, in its folder.
+    page, figures : bool
+        Whether the folder has a page, and figures.
+    rows : list of str, optional
+        The metrics that are printed, none for all; by default ``screen.text`` chooses.
+    """
+    from genie_sim.analysis import screen
+
+    folder, columns = result.folder, min(terminal.width(), 100)
+    assert folder is not None
+    click.echo(screen.text(result, columns, rows), nl=False)
+    if len(result.runs) > 1:
+        from genie_sim.analysis.compare import compared
+        from genie_sim.analysis.verdict import verdicts
+
+        for sentence in verdicts(compared([result])):
+            click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
+    if len(result.runs) > 1 and len(result.methods) > 2:
+        others = ",".join(method.name for method in result.methods[1:])
+        click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
+    click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
+    click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
+    if page:
+        click.echo(f"Report:  {folder / terminal.PAGE}")

@@ -1,0 +1,188 @@
+"""The command ``sweep``. Everything heavy is imported after the arguments are parsed."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import click
+
+from genie_sim.base.errors import UserError
+from genie_sim.cli import arguments, completion, terminal
+from genie_sim.cli.arguments import (
+    PATH,
+    backend_option,
+    jobs_option,
+    label_option,
+    methods_option,
+    scheduler_option,
+    seeds_option,
+    set_option,
+)
+from genie_sim.cli.run import print_results
+from genie_sim.cli.terminal import ProgressBar
+
+WRITTEN = "design.yaml"  # beside the results: the sweep that the command line described
+MAX_NAME = 80  # characters of a sweep's folder, before the digest
+
+
+@click.command()
+@click.argument(
+    "what",
+    metavar="SWEEP|SCENARIO",
+    help="A sweep file or, with --axis, a scenario; or the name of one that comes with genie-sim.",
+    shell_complete=completion.sweeps,
+)
+@click.option(
+    "--axis",
+    "axes",
+    multiple=True,
+    metavar="PATH=A,B,...",
+    shell_complete=completion.setting_paths,
+    help="Vary a field of a scenario, such as fleet.cars=10,20. Repeatable.",
+)
+@set_option
+@methods_option
+@seeds_option
+@click.option(
+    "--out", type=PATH, default="results", help="The folder that gets the sweep's folder."
+)
+@jobs_option
+@backend_option
+@scheduler_option
+@click.option(
+    "--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays."
+)
+@label_option
+def sweep(
+    *,
+    what: str,
+    axes: tuple[str, ...],
+    set_: tuple[str, ...],
+    methods: str | None,
+    seeds: str | None,
+    out: Path,
+    jobs: int | None,
+    backend: str,
+    scheduler: str | None,
+    shard: str,
+    label: str,
+) -> None:
+    """Simulate a scenario along axes, with several seeds. What has been done is not done again.
+
+    \b
+    genie-sim sweep where_it_pays
+    genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
+    """
+    part = arguments.shard(shard)
+    names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
+    if (backend == "dask") != (scheduler is not None):
+        raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
+    from genie_sim.analysis.seed_runs import load
+    from genie_sim.base import files, parallel
+    from genie_sim.record.results import checked_label
+    from genie_sim.study.design import load_design, read_design
+    from genie_sim.study.search_design import fixed_settings
+    from genie_sim.study.study import Study
+    from genie_sim.study.tasks import DaskWorkers, LocalWorkers
+
+    label = checked_label(label, "--label")
+    settings = fixed_settings(set_)
+    if axes:
+        described = _described(what, axes, settings, numbers, names)
+        design, where = read_design(described, "--axis"), "--axis"
+    else:
+        _refuse_scenario(what)
+        design, where = load_design(what, numbers, settings), str(files.find(files.SWEEP, what))
+    with ProgressBar(unit="points") as progress:
+        work = Study.of(design, where, out, progress, methods=names, label=label)
+    workers = (
+        LocalWorkers(jobs or parallel.workers_here())
+        if scheduler is None
+        else DaskWorkers(scheduler)
+    )
+    with (
+        closing(workers),
+        ProgressBar(unit="runs") as progress,
+        terminal.resumable(work.folder),
+    ):
+        work.run(workers, part, progress)
+    if axes:
+        _write_design(work.folder / WRITTEN, described, methods)
+    done = work.finish()
+    if done.complete and not work.design.axes:
+        print_results(load(done.folder), page=True, figures=False)
+    elif done.complete:
+        click.echo(
+            f"{done.points:,} points, {done.runs:,} runs\n"
+            f"Table: {done.folder / 'table.csv'} (and .parquet)"
+        )
+        click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
+    else:
+        click.echo(
+            f"{done.done:,} of {done.runs:,} runs are in {done.folder}; "
+            "the last shard makes the table"
+        )
+
+
+def _described(
+    scenario: str,
+    axes: Sequence[str],
+    settings: dict[str, Any],
+    seeds: int | list[int] | None,
+    methods: Sequence[str],
+) -> dict[str, Any]:
+    """The sweep that the command line describes, as in a file. Its folder is that of all sweeps
+    that differ in nothing but the values of the axes and the seeds. Raises ``UserError``.
+    """
+    from genie_sim.base import files
+    from genie_sim.scenario.yaml_input import parse
+    from genie_sim.study.design import named_axes
+    from genie_sim.version import VERSION
+
+    path = files.find(files.SCENARIO, scenario)
+    values: dict[str, Any] = {}
+    for text in axes:
+        setting, equals, listed = (part.strip() for part in text.partition("="))
+        if not equals or not setting or not listed:
+            raise UserError(f"--axis {text}: must be path=A,B,... such as fleet.cars=10,20")
+        if setting == "seed":
+            raise UserError(f"--axis {text}: write --seeds {listed}")
+        if setting in values:
+            raise UserError(f"--axis {text}: {setting} is varied already")
+        values[setting] = parse(f"[{listed}]", f"--axis {text}")
+    named = named_axes(values)
+    what = [path.read_text(encoding="utf-8"), list(values), settings, list(methods), VERSION]
+    digest = hashlib.sha256(json.dumps(what, default=str).encode()).hexdigest()[:8]
+    described: dict[str, Any] = {
+        "name": "-".join((path.stem, *named))[:MAX_NAME] + f"-{digest}",
+        "scenario": scenario,
+        "set": settings,
+        "seeds": seeds,
+        "axes": named,
+    }
+    return {key: value for key, value in described.items() if value}
+
+
+def _refuse_scenario(name: str) -> None:
+    """Raises ``UserError`` for a scenario without an axis."""
+    from genie_sim.base import files
+
+    if name not in files.available(files.SWEEP) and name in files.available(files.SCENARIO):
+        raise UserError(
+            f"{name} is a scenario: say what varies, such as --axis fleet.cars=10,20, or run it "
+            f"with several seeds: genie-sim run {name} --seeds 5"
+        )
+
+
+def _write_design(path: Path, described: dict[str, Any], methods: str | None) -> None:
+    """Writes the sweep as a file, with the command that runs it again."""
+    from genie_sim.base.paths import atomic_write
+    from genie_sim.scenario.yaml_input import dump
+
+    again = f"genie-sim sweep {path}" + ("" if methods is None else f" --methods {methods}")
+    with atomic_write(path) as beside:
+        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
+        beside.write_text(text, encoding="utf-8")

@@ -1,0 +1,122 @@
+"""``genie-sim figures --only``: one figure, or one metric, of one or several results."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import genie_sim as gs
+from genie_sim.analysis import figures as of_runs
+from genie_sim.cli import completion
+from genie_sim.cli.main import main
+
+WINDOW = {"cars[0].route.window": ["0 s", "1 s"]}
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Runs that did not see the same frames: of other cars."""
+    out = tmp_path_factory.mktemp("results")
+    scenarios = ("street_1car_hetero", "street_2car_homo")
+    return [str(gs.run(name, WINDOW, out=out, report=False).folder) for name in scenarios]
+
+
+def words(path: str) -> str:
+    """All text of an SVG."""
+    return " | ".join(re.findall(r">([^<>]+)</(?:text|tspan)>", Path(path).read_text()))
+
+
+def size_in(path: str) -> list[float]:
+    """Width and height of an SVG [in]."""
+    found = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', Path(path).read_text())
+    assert found is not None
+    return [float(points) / 72 for points in found.groups()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["latency_cdf", "time_parts", "image_reuse", "confidence_boost"])
+def test_one_figure_of_several_results_fits_a_column(folders, name, capsys):
+    line = ["--only", name, "--methods", "genie,remote", "--label", "one", "--label", "two"]
+    assert main(["figures", *folders, *line, "--width", "3.5", "--out", "f.svg"]) == 0
+    assert capsys.readouterr().out == "f.svg\n"
+    text = words("f.svg")
+    assert "one:" in text and "two:" in text and "Genie (DG)" in text
+    assert "local" not in text
+    width, height = size_in("f.svg")
+    assert width == pytest.approx(3.5) and height <= 3.2 + 1e-6
+
+
+@pytest.mark.slow
+def test_one_metric_of_results_under_one_method_is_called_by_the_results(folders, capsys):
+    line = ["--only", "first_answer_p99", "--methods", "genie", "--format", "svg,pdf"]
+    assert main(["figures", *folders, *line, "--out", "drawn"]) == 0
+    assert capsys.readouterr().out.split() == [
+        "drawn/first_answer_p99.svg",
+        "drawn/first_answer_p99.pdf",
+    ]
+    text = words("drawn/first_answer_p99.svg")
+    assert "street_1car_hetero" in text and "street_2car_homo" in text and "Genie" not in text
+    assert "first answer, p99 [ms], lower is better" in text
+    run = gs.load(folders[0])
+    assert run.plot.metric("first_answer_p99").axes[0].get_xlabel() == (
+        "first answer, p99 [ms], lower is better"
+    )
+    with pytest.raises(gs.UserError, match="metric: unknown metric 'nope'"):
+        run.plot.metric("nope")
+
+
+@pytest.mark.slow
+def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
+    run = gs.load(folders[0])
+    known = {*completion.FIGURES, *completion._metrics()}
+    assert of_runs.makers(run).keys() <= known
+    assert (
+        main(["figures", folders[0], "--only", "resources", "--label", "mine", "--out", "r.svg"])
+        == 0
+    )
+    assert "mine, street_1car_hetero" in Path("r.svg").read_text(), "in its description"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (
+            ["--only", "latncy_cdf"],
+            "--only: unknown figure 'latncy_cdf' (did you mean 'latency_cdf'?)",
+        ),
+        (["--only", "poison_life"], "poison_life: these results have no value of it"),
+        (["--only", "utilization"], "values are too many for a column: name fewer with --methods"),
+        (["--only", "resources", "--width", "3.5"], "--width: the figure resources needs a page"),
+        (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),
+        (["--only", "latency_cdf", "--width", "wide"], "or inches from 2 to 12, such as 3.5"),
+        (["--only", "latency_cdf", "--out", "f.jpg"], "--out: unknown format 'jpg'"),
+        (["--out", "f.pdf", "--only", "latency_cdf", "--format", "svg"], "--format: f.pdf says it"),
+        (["--methods", "genei"], "unknown method 'genei' (did you mean 'genie'?)"),
+        (["--label", "a", "--label", "b"], "--label: 2 labels for one result"),
+        (["--format", "jpg"], "--format: unknown format 'jpg'"),
+    ],
+)
+def test_a_figure_that_cannot_be_drawn_gets_one_line(folders, line, message, capsys):
+    assert main(["figures", folders[0], "--out", "drawn", *line]) == 1
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+    assert not Path("drawn").exists()
+
+
+@pytest.mark.slow
+def test_methods_labels_and_metrics_choose_in_every_command_that_shows(folders, capsys):
+    line = ["--methods", "genie,remote", "--metrics", "first_answer_p99", "--format", "csv"]
+    for command in ("table", "compare"):
+        assert main([command, folders[0], *line]) == 0
+        rows = capsys.readouterr().out.splitlines()
+        of_metrics = [row for row in rows if row.startswith("first_answer_p99")]
+        assert len(of_metrics) == 2 == sum("genie" in row or "remote" in row for row in of_metrics)
+    assert main(["table", folders[0], "--label", "mine"]) == 0
+    assert main(["table", folders[0], "--metrics", "nope"]) == 1
+    assert main(["compare", folders[0], "--metrics", "nope"]) == 1
+    assert capsys.readouterr().err.count("--metrics: unknown metric 'nope'") == 2
+    with pytest.raises(gs.UserError, match=r"^metrics: unknown metric 'nope'"):
+        gs.compare(folders[0], metrics=["nope"])

@@ -1,0 +1,87 @@
+"""``genie-sim sweep`` of a scenario along axes that the command line names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from genie_sim.cli.main import main
+from genie_sim.study.design import named_axes
+
+SHORT = ["--set", "cars[0].route.window=[0 s, 0.3 s]", "--jobs", "1"]
+SWEEP = ["sweep", "street_1car_homo", "--axis", "genie.eviction=lru,lfu", *SHORT]
+
+
+def only_folder() -> Path:
+    (folder,) = Path("results").iterdir()
+    return folder
+
+
+@pytest.mark.slow
+def test_a_sweep_without_a_file_writes_one_that_runs_it_again(capsys):
+    assert main([*SWEEP, "--seeds", "2", "--methods", "genie"]) == 0
+    assert capsys.readouterr().out.startswith("2 points, 4 runs\n")
+    design = only_folder() / "design.yaml"
+    assert yaml.safe_load(design.read_text()) == {
+        "name": only_folder().name,
+        "scenario": "street_1car_homo",
+        "set": {"cars[0].route.window": ["0 s", "0.3 s"]},
+        "seeds": 2,
+        "axes": {"eviction": {"set": "genie.eviction", "list": ["lru", "lfu"]}},
+    }
+    table = (only_folder() / "table.parquet").read_bytes()
+    parts = sorted(path.name for path in only_folder().glob("parts/*"))
+    again = design.read_text().splitlines()[0].partition("genie-sim ")[2].split()
+    assert main([*again, "--jobs", "1"]) == 0
+    assert (only_folder() / "table.parquet").read_bytes() == table
+    assert sorted(path.name for path in only_folder().glob("parts/*")) == parts, "nothing ran again"
+
+
+@pytest.mark.slow
+def test_more_seeds_go_into_the_same_folder_and_other_settings_into_another(capsys):
+    assert main([*SWEEP, "--seeds", "1", "--methods", "local"]) == 0
+    folder = only_folder()
+    assert main([*SWEEP, "--seeds", "2", "--methods", "local"]) == 0
+    assert only_folder() == folder
+    other = ["--set", "spread=loaded"]
+    assert main([*SWEEP, *other, "--seeds", "1", "--methods", "local"]) == 0
+    assert len(list(Path("results").iterdir())) == 2
+
+
+def test_a_sweep_file_takes_settings_too(capsys):
+    Path("s.yaml").write_text(
+        "scenario: street_1car_homo\naxes: {e: {set: genie.eviction, list: [lru]}}\nseeds: 1\n"
+    )
+    assert main(["sweep", "s.yaml", *SHORT, "--set", "genie.eviction=lfu"]) == 1
+    assert "genie.eviction would undo genie.eviction, set by 'set'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--axis", "fleet.cars"], "--axis fleet.cars: must be path=A,B,... such as"),
+        (["--axis", "genie.eviction="], "--axis genie.eviction=: must be path=A,B,..."),
+        (["--axis", "seed=1,2"], "--axis seed=1,2: write --seeds 1,2"),
+        (["--axis", "cars[0].lnk=lte"], "cars[0].lnk: unknown field; did you mean 'link'?"),
+        (["--axis", "link=lte"], "link: unknown field; did you mean 'fleet.link' or"),
+        (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: expected"),
+        (["--axis", "cars[0].link=lte,let"], "unknown link 'let' (did you mean 'lte'?); known: "),
+        (["--axis", "spread=a", "--axis", "spread=b"], "--axis spread=b: spread is varied already"),
+        ([], "street_1car_homo is a scenario: say what varies, such as --axis "),
+    ],
+)
+def test_an_axis_that_cannot_be_gets_one_line(arguments, message, capsys):
+    assert main(["sweep", "street_1car_homo", *arguments]) == 1
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1
+    assert not Path("results").exists()
+
+
+def test_axes_along_lists_have_names_of_their_own():
+    along = {"cars[0].link": ["lte"], "cars[1].link": ["lte"], "genie.eviction": ["lru"]}
+    assert list(named_axes(along)) == ["cars_0_link", "cars_1_link", "eviction"]
+    named = {"eviction": {"set": "spread", "list": ["loaded"]}, "genie.eviction": ["lru"]}
+    assert list(named_axes(named)) == ["eviction", "genie_eviction"]
+    assert list(named_axes({"cars[0].method": ["genie"]})) == ["cars_0_method"]
