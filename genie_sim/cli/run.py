@@ -91,16 +91,16 @@ def run(
     from genie_sim import api
     from genie_sim.analysis import registry
     from genie_sim.record.results import checked_label
-    from genie_sim.runs import build
+    from genie_sim.runs import prepare
     from genie_sim.scenario.reading import load_scenario
 
     names = arguments.listed("--methods", methods)
     loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
     registry.checked(rows or (), loaded.metrics)
     label = checked_label(label, "--label")
-    if own := build.plugin_names(loaded):
+    if own := prepare.plugin_names(loaded):
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
-    for note in build.notes(loaded):
+    for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     with (
         ProgressBar("s" if several is None else "runs") as progress,
