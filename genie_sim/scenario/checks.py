@@ -5,6 +5,7 @@ rest is told when a run is prepared: ``check_own_plugins`` once the user's code 
 ``check_driven`` once each car has its drive.
 """
 
+import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -15,7 +16,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.settings import SettingError, join, own_arguments
 from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text, frame_rate_text
 from genie_sim.core.caches.features import feature_of
-from genie_sim.core.rules import GenieRules
+from genie_sim.core.rules import GenieRules, LookRules
 from genie_sim.core.without_effect import check_effect
 from genie_sim.data.source import Drive
 from genie_sim.scenario.faults import check_faults
@@ -26,6 +27,8 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.cameras import recorded_rate
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import EDGES, Car, Route, check_unique
+
+log = logging.getLogger(__name__)
 
 # The longest time that a scenario may simulate. The frames of one car over that time fill a
 # computer's memory; more is almost certainly a unit error and would be noticed only after hours.
@@ -405,6 +408,31 @@ def check_driven(
                     f"{known}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
                     "features"
                 )
+    _tell_of_pace(scenario, drives)
+
+
+def _tell_of_pace(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
+    """Says where looks were asked for more often than any car has frames."""
+    rates = [
+        sum(
+            camera.rate or recorded_rate(drives[car.name].frames[camera.recording])
+            for camera in scenario.cameras_of(car)
+        )
+        for car in (scenario.cars[:1] if scenario.fleet else scenario.cars)
+    ]
+    shortest_ns = NS_PER_S / max(rates) if max(rates, default=0) else 0
+    for entry in scenario.methods:
+        looks = scenario.method_settings[entry.name].genie.looks
+        if looks is None or looks.every_ns in (0, LookRules.every_ns):
+            continue
+        if looks.every_ns < shortest_ns * (1 - SAME_RATE):
+            log.warning(
+                "%s: looks.every: %s is less than %s, the shortest gap between the frames of a "
+                "car: a look falls due at every frame, as with 0 s",
+                entry.name,
+                duration_text(looks.every_ns),
+                duration_text(round(shortest_ns)),
+            )
 
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs.prepare import notes
+from genie_sim.runs.prepare import notes, prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.yaml_input import parse
 
@@ -162,3 +162,14 @@ def refused(override: str, message: str) -> Any:
     with pytest.raises(UserError) as error:
         load_scenario("street_1car_homo", [override])
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("every", "told"), [("20 ms", True), ("75 ms", False), ("0 s", False)])
+def test_looks_more_often_than_there_are_frames(every: str, told: bool, caplog: Any):
+    """One stream of 10 Hz; 75 ms is what everybody gets."""
+    settings = ["cameras=[{name: c, recording: '02'}]", "genie.algorithm=recommended"]
+    scenario = load_scenario("street_1car_homo", [*settings, f"genie.looks.every={every}"])
+    with caplog.at_level("WARNING"):
+        prepare(scenario)
+    line = f"genie: looks.every: {every} is less than 103.2"
+    assert [text.startswith(line) for text in caplog.messages] == [True] * told
