@@ -421,18 +421,17 @@ def _tell_of_pace(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
         for car in (scenario.cars[:1] if scenario.fleet else scenario.cars)
     ]
     shortest_ns = NS_PER_S / max(rates) if max(rates, default=0) else 0
-    for entry in scenario.methods:
-        looks = scenario.method_settings[entry.name].genie.looks
-        if looks is None or looks.every_ns in (0, LookRules.every_ns):
+    asked = [settings.genie.looks for settings in scenario.method_settings.values()]
+    for every_ns in dict.fromkeys(looks.every_ns for looks in asked if looks is not None):
+        if every_ns in (0, LookRules.every_ns) or every_ns >= shortest_ns * (1 - SAME_RATE):
             continue
-        if looks.every_ns < shortest_ns * (1 - SAME_RATE):
-            log.warning(
-                "%s: looks.every: %s is less than %s, the shortest gap between the frames of a "
-                "car: a look falls due at every frame, as with 0 s",
-                entry.name,
-                duration_text(looks.every_ns),
-                duration_text(round(shortest_ns)),
-            )
+        log.warning(
+            "%s: genie.looks.every: %s is less than %s, the shortest gap between the frames of a "
+            "car: a look falls due at every frame, as with 0 s",
+            scenario.name,
+            duration_text(every_ns),
+            duration_text(round(shortest_ns)),
+        )
 
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:

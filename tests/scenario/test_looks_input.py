@@ -171,5 +171,5 @@ def test_looks_more_often_than_there_are_frames(every: str, told: bool, caplog: 
     scenario = load_scenario("street_1car_homo", [*settings, f"genie.looks.every={every}"])
     with caplog.at_level("WARNING"):
         prepare(scenario)
-    line = f"genie: looks.every: {every} is less than 103.2"
+    line = f"street_1car_homo: genie.looks.every: {every} is less than 103.2"
     assert [text.startswith(line) for text in caplog.messages] == [True] * told
