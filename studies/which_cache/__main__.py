@@ -75,8 +75,13 @@ def compared(folder: Path) -> pd.DataFrame:
         row |= {"high": design[f"{objective} high"]}
         row |= {metric: design[metric] for metric in PRICES}
         if method not in ("genie", "as_it_ships"):
-            gain = differences.loc[(objective, best.loc["genie", "design"], point["design"])]
-            row |= {"gain": gain["value"], "gain low": gain["low"], "gain high": gain["high"]}
+            genie = best.loc["genie", "design"]
+            if (pair := (objective, genie, point["design"])) in differences.index:
+                gain = differences.loc[pair, ["value", "low", "high"]]
+            else:  # told the other way round
+                other_way = differences.loc[(objective, point["design"], genie)]
+                gain = -other_way[["value", "high", "low"]]
+            row |= dict(zip(("gain", "gain low", "gain high"), gain, strict=True))
         rows.append(row)
     return pd.DataFrame(rows)
 
