@@ -12,9 +12,8 @@ Declared before any of it was run:
 
 - *Budget*: 16 points for each method and condition, one tuning seed, the same objectives.
 - *Cameras*: real streams alone, two a car on drive 2011_09_26/0005, one on tracking sequences.
-- *Chosen on*: drive 0005 under seed 1; the five shortest of ten development sequences; a town
-  under seed 1.
-- *Reported on*: the four tracking sequences that nothing was chosen on; towns of seeds 201 to 205.
+- *Chosen on*: drive 0005 under seed 1; the five shortest of ten development sequences.
+- *Reported on*: the four tracking sequences that nothing was chosen on, with intervals over them.
   Drive 0005 is the only one with pictures: its conditions are reported under seeds 2 to 4, which
   says nothing about other streets.
 - *Compared*: of each method the design with the best streaming F1 on the tuning set. The best
