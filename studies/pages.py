@@ -228,7 +228,6 @@ def which_cache() -> str:
         "raw_5g": "three cars, 5G, raw pictures",
         "ten": "ten cars on one Quadro",
         "streets": "four other streets, 5G",
-        "town": "towns, 5G",
     }
     table: Any = pd.read_csv(RESULTS / "which_cache" / "compared.csv")
     table = table.set_index(["search", "method"])

@@ -56,6 +56,7 @@ def test_a_method_is_compared_by_the_design_that_the_tuning_set_says(tmp_path: P
         "remote,1,COMPLETE,0.75,1,1",
         "remote,2,FAIL,0.99,1,1",
         "genie,0,COMPLETE,0.72,1,1",
+        "sim_lru,0,COMPLETE,0.6,1,1",
     )
     csv(
         tmp_path / "designs.csv",
@@ -63,16 +64,19 @@ def test_a_method_is_compared_by_the_design_that_the_tuning_set_says(tmp_path: P
         "remote-0,0.80,0.7,0.9,9,9",
         "remote-1,0.74,0.7,0.8,8,8",
         "genie-0,0.76,0.7,0.8,2,4",
+        "sim_lru-0,0.66,0.6,0.7,2,4",
     )
     csv(
         tmp_path / "differences.csv",
         "design,from,metric,value,low,high",
         "genie-0,remote-0,streaming_f1,-0.04,-0.05,-0.03",
         "genie-0,remote-1,streaming_f1,0.02,0.01,0.03",
+        "sim_lru-0,genie-0,streaming_f1,-0.1,-0.13,-0.08",
     )
     rows = compared(tmp_path).set_index("method")
     assert rows.loc["remote", "design"] == "remote-1"
     assert rows.loc["remote", ["f1", "gain", "gain low"]].tolist() == [0.74, 0.02, 0.01]
+    assert rows.loc["sim_lru", ["gain", "gain low", "gain high"]].tolist() == [0.1, 0.08, 0.13]
     assert rows.loc["genie", "bytes_up_per_frame"] == 2
 
 
