@@ -32,7 +32,14 @@ GZIP = b"\x1f\x8b"  # how a file begins that is compressed so
 MAX_UNPACKED_BYTES = 2 * 10**9
 MAX_LINE_BYTES = 1_000_000
 BLANKS = " "  # separates columns: any number of spaces and tabs
+SURE = "\t;,"  # separate columns wherever they stand
 MARKS = ",; \t\r\n"  # a line of nothing else is empty
+# What is text, but no table, by how it begins.
+OTHERS = {
+    "JSON": ("{", "["),
+    "XML": "<",
+    "sentences of NMEA 0183": ("$GP", "$GN", "$GL", "$GA", "$GB"),
+}
 SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
 
 # What a unit in a title measures, and how many of the smallest unit it is.
@@ -311,6 +318,9 @@ class _TextLayout:
             self.encoding = "utf-16" if is_utf_16 else "utf-8-sig"
             is_whole = len(head) < HEAD_BYTES
             text = codecs.getincrementaldecoder(self.encoding)().decode(head, final=is_whole)
+        for what, begins in OTHERS.items():
+            if text.lstrip().startswith(begins):
+                raise UserError(f"{path}: is no table: it holds {what}")
         lines = list(io.StringIO(text, newline=""))
         if not is_whole:
             lines = lines[:-1] or lines  # the last one is cut off
@@ -324,6 +334,7 @@ class _TextLayout:
             elif line.strip(MARKS):
                 break
             self._skipped += 1
+        self._skipped += _before_header(lines[self._skipped :][:SAMPLE_LINES])
         sample = [line for line in lines[self._skipped :][:SAMPLE_LINES] if line.strip(MARKS)]
         self.separator = said or _separator(sample[:1] if uneven else sample)
         header = _split(sample[0], self.separator) if sample else []
@@ -415,11 +426,20 @@ def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int,
         yield before + rows.line_num, cells
 
 
+def _before_header(lines: Sequence[str]) -> int:
+    """How many of some lines stand before the header: those without a separator, such as a date,
+    where lines with several follow.
+    """
+    plain = next((at for at, line in enumerate(lines) if any(mark in line for mark in SURE)), 0)
+    is_table = lines and any(lines[plain].count(mark) > 1 for mark in SURE)
+    return plain if is_table else 0
+
+
 def _separator(lines: Sequence[str]) -> str:
     """What separates the columns of some lines, the first of which is the header: what gives all
     of them the same number of columns. A table without any has one column.
     """
-    marks = [mark for mark in "\t;," if lines and mark in lines[0]]
+    marks = [mark for mark in SURE if lines and mark in lines[0]]
     for mark in [*marks, BLANKS]:
         counts = {len(_split(line, mark)) for line in lines}
         if len(counts) == 1 and counts != {1}:

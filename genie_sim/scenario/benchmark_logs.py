@@ -18,6 +18,7 @@ from genie_sim.base.paths import read_text, usable
 
 # Which of trtexec's times is the latency of a detection: with the copies to the GPU and back.
 TIMES = ("latencyMs", "computeMs")
+ALL_TIMES = (*TIMES, "endComputeMs")
 SUMMARY = re.compile(
     r"\[I\] (?P<name>Latency|GPU Compute Time): min = [\d.]+ ms, max = [\d.]+ ms, "
     r"mean = (?P<mean>[\d.]+) ms, median = (?P<median>[\d.]+) ms"
@@ -56,6 +57,11 @@ def trtexec_times(path: Path, column: str | None, report: ImportReport) -> tuple
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise UserError(f"{path}: is no list of times, as 'trtexec --exportTimes' writes it")
     known = [name for name in TIMES if entries and name in entries[0]]
+    if column is None and not any(name in entry for entry in entries[:1] for name in ALL_TIMES):
+        raise UserError(
+            f"{path}: has no {', '.join(ALL_TIMES)}: it is no list of times, as 'trtexec "
+            "--exportTimes' writes it"
+        )
     if column is None and not known:
         column, begin, end = "computeMs", "startComputeMs", "endComputeMs"
         values = [
@@ -108,7 +114,7 @@ class Board(NamedTuple):
 def tegrastats(path: Path, report: ImportReport) -> Board:
     """What a log of tegrastats tells. Raises UserError for another file."""
     rows: list[tuple[float, float, float]] = []
-    cores = 0
+    cores = on = 0
     lines = read_text(path).splitlines()
     for line in lines:
         gpu, load = GPU.search(line), CORES.search(line)
@@ -116,16 +122,18 @@ def tegrastats(path: Path, report: ImportReport) -> Board:
         if load is None or gpu is None:
             continue
         loads = load[1].split(",")
-        cores = max(cores, len(loads))
+        cores, on = max(cores, len(loads)), max(on, sum(one.strip() != "off" for one in loads))
         busy = sum(float(found[1]) for one in loads if (found := re.match(r"\s*(\d+)%", one)))
         inputs = [rails[name] for name in INPUTS if name in rails]
         watts = (inputs[0] if inputs else sum(rails.values())) / 1000 if rails else math.nan
         rows.append((float(gpu[1]) / 100, busy / 100, watts))
     report.read("lines of tegrastats", len(rows))
     filled = sum(bool(line.strip()) for line in lines)
-    report.dropped("lines", len(rows), filled, "not of tegrastats")
+    report.dropped("lines", len(rows), filled, "without CPU and GR3D_FREQ")
     if len(rows) < MIN_LINES:
         raise UserError(f"{path}: {len(rows)} lines of tegrastats, expected at least {MIN_LINES}")
+    if on < cores:
+        report.warn(f"{cores - on} of {cores} cores are off: --cores {on} if they stay so")
     table = np.array(rows)
     for number, (what, unit) in enumerate((("GPU", ""), ("cores at work", ""), ("power", "W"))):
         report.span(what, table[:, number].tolist(), unit)

@@ -217,12 +217,20 @@ def _column_of(table: Table, name: str | None) -> int:
     return 0
 
 
+# Latencies that somebody sorted grow, too, but in steps of all sizes: their spread is their mean.
+EVEN_STEPS, GROWN = 0.5, 10.0
+
+
 def _check_latencies(path: Path, title: str, latencies: Sequence[float]) -> None:
-    """Raises UserError for numbers of rows."""
-    if (np.diff(latencies) == 1).all():
+    """Raises UserError for numbers of rows, and for times at which something was measured."""
+    steps = np.diff(latencies)
+    numbers = (steps == 1).all()
+    even = (steps > 0).all() and steps.std() < EVEN_STEPS * steps.mean()
+    if numbers or (even and latencies[-1] > GROWN * latencies[0]):
+        what = "numbers of runs" if numbers else "times at which they began"
         raise UserError(
             f"{path}: column {title!r} counts from {latencies[0]:g} to {latencies[-1]:g}: these "
-            "are numbers of runs, not latencies"
+            f"are {what}, not latencies"
         )
 
 

@@ -37,7 +37,7 @@ class Parts:
 
     folder: Path
     _ids: dict[Path, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
-    _whole: dict[Path, bool] = field(default_factory=dict, repr=False, compare=False)
+    _whole: dict[tuple[Path, int], bool] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def parts(self) -> Path:
@@ -145,11 +145,12 @@ class Parts:
 
     def _is_whole(self, path: Path) -> bool:
         """Whether a part is as it was written. The runs of another one are made again."""
-        if path not in self._whole:
-            self._whole[path] = path.stem.rpartition("-")[2] == content_digest(path)
-            if not self._whole[path]:
+        written = path, path.stat().st_mtime_ns  # one that is made again has the same name
+        if written not in self._whole:
+            self._whole[written] = path.stem.rpartition("-")[2] == content_digest(path)
+            if not self._whole[written]:
                 log.warning("%s: was changed since it was written: its runs are made again", path)
-        return self._whole[path]
+        return self._whole[written]
 
     def _ids_in(self, path: Path) -> frozenset[str]:
         """The runs of a part, whose name stands for its content: it is read once."""

@@ -31,6 +31,7 @@ RIGHT = [(0.0, 12.5, "a"), (0.5, 1.0, "b")]
         b'"note","Time [ms]","up (kbit/s)"\n"a","0","12500"\n"b",500,1000\n',
         b"UP_Mbps,n,time (us),note\n12.5,1,0,a\n1,2,500000,b\n",
         b"time_s,up_bps,note\n0,12500000,a\n0.5,1e6,b\n",
+        b'Measured on 12.5.\n"my\n"\n\ntime_s,up_mbps,note\n0,12.5,a\n0.5,1,b\n',
         gzip.compress("time_s;up_mbps;note\n0;12,5;a\n0,5;1;b\n".encode("utf-16")),
     ],
 )
@@ -66,6 +67,9 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
             b"time_s,up_mbps\n0," + b"1" * 2_000_000,
             "a.csv: has a line of more than 1,000,000 b",
         ),
+        (b'\n [{"time_s": 0, "up_mbps": 1}]\n', "a.csv: is no table: it holds JSON"),
+        (b'<?xml version="1.0"?>\n<gpx>\n', "a.csv: is no table: it holds XML"),
+        (b"$GPRMC,103607.00,A,5327.0,N\n", "a.csv: is no table: it holds sentences of NMEA 0183"),
         (b"\x1f\x8bnot", "not a readable CSV file|cannot be read"),
         (gzip.compress(b"time_s,up_mbps\n0,1\n")[:-9], "not a readable CSV file: Compressed file"),
     ],

@@ -214,6 +214,15 @@ def test_numbers_of_runs_are_no_latencies(tmp_path):
         device_fit.from_table(path, "m", ImportReport(path))
 
 
+def test_times_of_runs_are_no_latencies_and_sorted_latencies_are(tmp_path):
+    path = tmp_path / "times.csv"
+    path.write_text("\n".join(["time_ms", *(f"{1000 * k + 7 * (k % 3)}" for k in range(1, 41))]))
+    with pytest.raises(UserError, match=r"'time_ms' counts from 1007 to 40007: these are times at"):
+        device_fit.from_table(path, "m", ImportReport(path))
+    path.write_text("\n".join(["latency_ms", *(f"{50 * 1.08**k}" for k in range(40))]))
+    assert len(device_fit.from_table(path, "m", ImportReport(path)).latencies_ns) == 40
+
+
 @pytest.mark.parametrize("accept", [False, True])
 def test_a_warm_up_is_told_and_left_out(tmp_path, accept):
     path = tmp_path / "times.csv"

@@ -852,7 +852,7 @@ def test_an_out_folder_that_cannot_be_written_is_found_before_simulating(capsys)
     one_line(capsys, "results/s: no results can be written there")
 
 
-@pytest.mark.parametrize("how", ["empty", "cut", "another number"])
+@pytest.mark.parametrize("how", ["empty", "cut", "another number", "every one"])
 def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, caplog):
     finished(uninterrupted)
     before = Path("results/s/table.csv").read_bytes()
@@ -863,6 +863,9 @@ def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, 
         place = edited.schema.get_field_index("value")
         edited = edited.set_column(place, edited.schema.field(place), values)
         pq.write_table(edited.replace_schema_metadata(pq.read_schema(part).metadata), part)
+    elif how == "every one":  # each is made again under its own name
+        for path in Path("results/s/parts").iterdir():
+            path.write_bytes(b"")
     else:
         part.write_bytes(b"" if how == "empty" else part.read_bytes()[:1000])
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
