@@ -244,7 +244,7 @@ def _show(result: "Run | SeedRuns", output: "Output", rows: list[str] | None = N
 
 
 @app.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
+@click.argument("folder", type=PATH, help="A result folder of 'run' or 'reproduce'.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
@@ -281,16 +281,15 @@ def report(
     from genie_sim.record import results
     from genie_sim.report import comparison, html_page
     from genie_sim.report.run_pictures import kitti_pictures
-    from genie_sim.study import page as sweep
 
     path = out if out is not None else folder / terminal.PAGE
-    pages = {
-        "verdicts.json": evaluation.page,
-        "sweep.json": sweep.page,
-    }
-    page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
-    if is_seeds_folder(folder):
+    page = None
+    if (folder / "verdicts.json").is_file():
+        page = evaluation.page
+    elif is_seeds_folder(folder):
         page = comparison.seeds_page_of
+    elif (folder / "sweep.json").is_file():
+        raise UserError(f"{folder}: a sweep has figures and table.csv, but no page")
     if page is None:
         run = results.load(folder, allow_changed=allow_changed)
         frames = None
@@ -487,7 +486,9 @@ def profile(
     else:
         with ProgressBar(unit="pictures") as progress:
             if csv is not None:
-                measured = device_fit.from_table(csv, model or csv.stem, report, column, unit)
+                measured = device_fit.from_table(
+                    csv, model or csv.stem, report, column=column, unit=unit
+                )
             else:
                 assert detector is not None
                 measured = device_fit.measure(
@@ -564,7 +565,7 @@ def sweep(
             f"{done.points:,} points, {done.runs:,} runs\n"
             f"Table: {done.folder / 'table.csv'} (and .parquet)"
         )
-        click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
+        click.echo(f"Figures: {done.folder / 'figures'}")
     else:
         click.echo(
             f"{done.done:,} of {done.runs:,} runs are in {done.folder}; "
@@ -651,7 +652,7 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:
         if (
             "--debug" in (sys.argv if argv is None else argv)
-            or (fault := plugins.custom_fault(error)) is None
+            or (fault := plugins.own_fault(error)) is None
         ):
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
@@ -661,7 +662,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _status_of(stop: SystemExit) -> int:
     """The exit status. A class of the user's own that ends the program is named."""
-    fault = plugins.custom_fault(stop)
+    fault = plugins.own_fault(stop)
     if fault is None and isinstance(stop.code, int | None):
         return stop.code or 0
     print(f"genie-sim: {one_line(fault or str(stop.code))}", file=sys.stderr)
