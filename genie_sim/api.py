@@ -78,7 +78,7 @@ class Run(results.Run):
     @cached_property
     def metrics(self) -> "pd.DataFrame":
         """One row per metric: metric, method, placement, component, value, unit, low, high, n; see
-        ``Metric``.
+        ``MetricValue``.
         """
         return _long(self)
 

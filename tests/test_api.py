@@ -148,7 +148,6 @@ def test_a_sweep_takes_methods_and_a_label():
         out="lab",
     )
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
-    assert "<title>two links" in Path("lab/sweep/report.html").read_text(encoding="utf-8")
     assert "two links" in Path("lab/sweep/figures/link.svg").read_text(encoding="utf-8")
     drawn = table.plot.along("link")
     assert str(drawn.get_label()).endswith("sweep sweep of street_1car_homo, 2 points, seeds 1")

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.analysis.correctness import CAUSES
-from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
+from genie_sim.analysis.metric import LOWER, Metric, Views, Where
 from genie_sim.analysis.statistics import Measured
-from genie_sim.base.grid import Grid
+from genie_sim.base.grid import Grid, area_around
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.classes import class_of
 from genie_sim.record.columns import Columns
@@ -128,10 +128,9 @@ def _holds(
     ):
         if np.isnan(end_ns):
             end_ns = driven_ns[car][1]
-        area = east_m - NEAR_M, east_m + NEAR_M, north_m - NEAR_M, north_m + NEAR_M
         near = [
             place
-            for place in places.inside(*area)
+            for place in places.inside(area_around(east_m, north_m, NEAR_M))
             if place.label == class_of(label)
             and (place.east_m - east_m) ** 2 + (place.north_m - north_m) ** 2 <= NEAR_M**2
             and place.begin_ns < end_ns
@@ -143,7 +142,7 @@ def _holds(
             yield Hold(car, first.number, since_ns, end_ns)
 
 
-class PoisonedObjects(MetricDefinition):
+class PoisonedObjects(Metric):
     """False objects where attackers added an object: mean number, per car that drives since the
     first attack, at attackers, receivers or others (the component).
     """

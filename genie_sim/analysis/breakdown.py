@@ -10,7 +10,7 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.part_metrics import PART
 from genie_sim.base.text import number_text
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 MAX_BARS = 12  # of both panels together
 MAX_SHORT = 0.25  # of the longest bar: one below can hardly be read beside it
@@ -19,7 +19,7 @@ Parts = Mapping[str, float]  # mean time [ms] by part
 
 
 def parts_of(
-    metrics: Sequence[Metric], methods: Sequence[MethodInfo]
+    metrics: Sequence[MetricValue], methods: Sequence[MethodInfo]
 ) -> Mapping[str, Mapping[str, float]]:
     """The parts [ms] of the mean first answer under each method, by label, and of the mean fresh
     result where that differs.
@@ -35,7 +35,7 @@ def parts_of(
     return {label: parts for label, parts in bars.items() if parts}
 
 
-def _parts(metrics: Sequence[Metric], name: str, method: str) -> Parts:
+def _parts(metrics: Sequence[MetricValue], name: str, method: str) -> Parts:
     return {
         metric.component: metric.value
         for metric in metrics
@@ -45,7 +45,7 @@ def _parts(metrics: Sequence[Metric], name: str, method: str) -> Parts:
 
 @in_style()
 def time_parts(
-    metrics: Sequence[Metric],
+    metrics: Sequence[MetricValue],
     methods: Sequence[MethodInfo],
     footer: str = "",
     width_in: float | None = None,

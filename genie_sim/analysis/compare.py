@@ -28,7 +28,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
 from genie_sim.record.columns import Floats, Text, joined
-from genie_sim.record.results import MethodInfo, Metric, Run, checked_label
+from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 UNPAIRED = ", unpaired"  # after them
@@ -246,7 +246,7 @@ def _compared(
 def _own(arms: Sequence[ComparedMethod]) -> list[str]:
     """The metrics of the user's own that were computed in any run."""
     names = (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured)
-    return [name for name in dict.fromkeys(names) if plugins.is_custom(name)]
+    return [name for name in dict.fromkeys(names) if plugins.is_own(name)]
 
 
 def _any(by_seed: Mapping[int, Run]) -> Run:
@@ -482,7 +482,7 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, value
 
 
-def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]]:
+def as_metrics(comparison: ComparedRuns) -> tuple[list[MetricValue], list[MethodInfo]]:
     """The arms as if each were a method, for figures: means over seeds, or the run's own numbers
     with intervals.
     """
@@ -505,7 +505,7 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[Metric], list[MethodInfo]
     return metrics, methods
 
 
-def _metrics_of(arm: ComparedMethod, name: str) -> list[Metric]:
+def _metrics_of(arm: ComparedMethod, name: str) -> list[MetricValue]:
     """One of its metrics in each of an arm's runs, where it is defined."""
     place = (name, arm.method.name, "all", "")
     return [

@@ -14,7 +14,7 @@ from genie_sim.analysis.metric import (
     LOWER,
     RIGHT_F1,
     ZERO_DELAY,
-    MetricDefinition,
+    Metric,
     Ratio,
     Rows,
     Views,
@@ -107,9 +107,7 @@ def _laps(held: Columns, frames: Columns) -> Any:
 
 
 class ProxyPrecision(Ratio):
-    """Precision of the {}s, against the detector's own answer to the same frame (a proxy for the
-    truth).
-    """
+    """Precision of answers, against a proxy for the truth."""
 
     measure = "precision"
     better = HIGHER
@@ -121,11 +119,10 @@ class ProxyPrecision(Ratio):
     def __init__(self, which: str, answer: str) -> None:
         self.only = MappingProxyType({"which": which})
         self.title = f"proxy {self.measure}, {answer}"
-        self._answer = answer
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.format(self._answer)
+        self.meaning = (
+            f"{self.measure[0].upper()}{self.measure[1:]} of the {answer}s, against the detector's "
+            "own answer to the same frame (a proxy for the truth)."
+        )
 
     def counts(self, rows: Rows) -> Any:
         counts = super().counts(rows)
@@ -136,9 +133,7 @@ class ProxyPrecision(Ratio):
 
 
 class ProxyRecall(ProxyPrecision):
-    """Recall of the {}s, against the detector's own answer to the same frame (a proxy for the
-    truth).
-    """
+    """Recall of answers, against a proxy for the truth."""
 
     measure = "recall"
     reads = "answers: which, detected, matched"
@@ -148,9 +143,7 @@ class ProxyRecall(ProxyPrecision):
 
 
 class ProxyF1(ProxyPrecision):
-    """F1 of the {}s, against the detector's own answer to the same frame (a proxy for the
-    truth).
-    """
+    """F1 of answers, against a proxy for the truth."""
 
     measure = "F1"
     reads = "answers: which, served, detected, matched"
@@ -196,6 +189,7 @@ class HeldRatio(Ratio):
     """The columns whose sum is below."""
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         if "reads" not in vars(cls):
             cls.reads = f"held: {', '.join(dict.fromkeys((*cls.above, *cls.below)))}"
 
@@ -318,7 +312,7 @@ class HeldAge(HeldMean):
     below = ("held",)
 
 
-class PositionError(HeldMean):
+class PlaceError(HeldMean):
     """Mean distance of the right held objects to the true ones."""
 
     title = "position error"
@@ -328,7 +322,7 @@ class PositionError(HeldMean):
     below = ("right",)
 
 
-class LapRecall(MetricDefinition):
+class LapRecall(Metric):
     """Recall of visible objects in one lap of the cars' routes."""
 
     title = "recall in a lap"
@@ -372,6 +366,6 @@ HELD = {
     "ghost_share_duplicate": Duplicates(),
     "gospa": Gospa(),
     "held_age": HeldAge(),
-    "place_error": PositionError(),
+    "place_error": PlaceError(),
 }
 METRICS = {**ANSWERS, **HELD, "lap_recall": LapRecall(), "lap_f1": LapF1()}

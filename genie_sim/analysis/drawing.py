@@ -131,12 +131,12 @@ def finish(
         with context(style.SMALL):
             for text in figure.findobj(Text):
                 text.set_fontsize(min(text.get_fontsize(), style.SMALL_POINTS))
-            _finish(figure, title, footer, axes, note)
+            _finish(figure, title, footer, axes, note=note)
     else:
-        _finish(figure, title, footer, axes, note)
+        _finish(figure, title, footer, axes, note=note)
 
 
-def _finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes], note: str) -> None:
+def _finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes], *, note: str) -> None:
     """Note, letters, sizes of ticks, legend and layout, with text as the style in force has it."""
     width_in, height_in = figure.get_size_inches()
     if note:

@@ -11,7 +11,7 @@ from genie_sim.analysis.metric import (
     HIGHER,
     LOWER,
     RECENT_MS,
-    MetricDefinition,
+    Metric,
     Ratio,
     Rows,
     Views,
@@ -82,13 +82,13 @@ class FrameTime(Ratio):
     view = FrameRows
     table = "frames"
 
+    span: str
+    """From when to when, as its meaning ends."""
+
     def __init__(self, statistic: str) -> None:
         self._statistic = statistic
-        self.title = f"{self.title}, {STATISTICS[statistic][0]}"
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.replace("Time", STATISTICS[self._statistic][1], 1)
+        name, words = STATISTICS[statistic]
+        self.title, self.meaning = f"{self.title}, {name}", f"{words} {self.span}"
 
     def times_ms(self, frames: Columns) -> Floats:
         """Of each frame; NaN where there is none."""
@@ -112,26 +112,26 @@ def statistic_of(statistic: str, blocks: Blocks, values: Floats) -> Measured:
 
 
 class ResponseTime(FrameTime):
-    """Time from when a frame reaches the queue of its first ROS node to its {}."""
+    """Time until a frame has an answer."""
 
     def __init__(self, answer: str, statistic: str) -> None:
         self._answer = answer
         self.title = ANSWERS[answer]
+        self.span = (
+            f"from when a frame reaches the queue of its first ROS node to its {self.title}."
+        )
         self.reads = f"frames: received_ns, {answer}_answer_ns"
         super().__init__(statistic)
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.format(ANSWERS[self._answer])
 
     def times_ms(self, frames: Columns) -> Floats:
         return response_ms(frames, self._answer)
 
 
 class LookAge(FrameTime):
-    """Time from the newest frame in which a detector saw any of a first answer to its own frame."""
+    """How old a first answer is."""
 
     title = "age of look"
+    span = "from the newest frame in which a detector saw any of a first answer to its own frame."
     reads = "frames: stamp_ns, first_looked_ns"
 
     def times_ms(self, frames: Columns) -> Floats:
@@ -166,7 +166,9 @@ class Answered(FrameShare):
 
 
 class InTime(FrameShare):
-    """Share of all published frames with a {} within 33 ms."""
+    """Share of the frames with an answer in time."""
+
+    of_frames = "all published"
 
     better = HIGHER
     section = TIMES
@@ -174,18 +176,17 @@ class InTime(FrameShare):
     def __init__(self, answer: str) -> None:
         self._answer = answer
         self.title = f"{ANSWERS[answer]} within {DEADLINE_MS:g} ms"
+        self.meaning = f"Share of {self.of_frames} frames with a {self.title}."
         self.reads = f"frames: received_ns, {answer}_answer_ns"
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.format(ANSWERS[self._answer])
 
     def flags(self, frames: Columns) -> Any:
         return response_ms(frames, self._answer) < DEADLINE_MS
 
 
 class InTimeOfAnswered(InTime):
-    """Share of the answered frames with a {} within 33 ms."""
+    """Share of the answered frames with an answer in time."""
+
+    of_frames = "the answered"
 
     section = ""
 
@@ -252,7 +253,7 @@ class EmptyAnswer(FrameShare):
         return answered & (frames.floats("objects_served") == 0)
 
 
-class FramesPublished(MetricDefinition):
+class FramesPublished(Metric):
     """Frames that cameras published."""
 
     title = "published frames"
@@ -269,19 +270,15 @@ class FrameCount(FramesPublished):
 
     def __init__(self, title: str, share: FrameShare) -> None:
         self.title, self.better, self.reads = title, share.better, share.reads
+        self.meaning = share.meaning.replace("Share of all published frames", "Published frames")
         self._share = share
-
-    @property
-    def meaning(self) -> str:
-        """What the share counts, counted."""
-        return self._share.meaning.replace("Share of all published frames", "Published frames")
 
     def of(self, view: FrameRows) -> Measured:
         count = int((view.chosen & self._share.flags(view.table)).sum())
         return Measured(count, n=int(view.chosen.sum()))
 
 
-class FreshThroughput(MetricDefinition):
+class FreshThroughput(Metric):
     """Frames that got a fresh result, per second, summed over the cars: of each in the time from
     its first frame to the last answer.
     """
@@ -306,8 +303,8 @@ class FreshThroughput(MetricDefinition):
         return Measured(sum(rates) if rates else None, n=n)
 
 
-class Improvement(MetricDefinition):
-    """1 - mean {} of the method / that of the baseline."""
+class Improvement(Metric):
+    """How much shorter the mean time is than that of a baseline."""
 
     better = HIGHER
     section = IMPROVEMENTS
@@ -316,11 +313,8 @@ class Improvement(MetricDefinition):
     def __init__(self, answer: str) -> None:
         self._answer = answer
         self.title = f"improvement of the mean {ANSWERS[answer]}"
+        self.meaning = f"1 - mean {ANSWERS[answer]} of the method / that of the baseline."
         self.reads = f"frames: received_ns, {answer}_answer_ns"
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.format(ANSWERS[self._answer])
 
     def titled(self, placement: str = "all", component: str = "") -> str:
         return f"{self.title} over {component}" if component else self.title

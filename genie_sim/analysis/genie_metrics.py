@@ -11,7 +11,7 @@ from genie_sim.analysis.metric import (
     HIGHER,
     WINDOW_REQUESTS,
     WINDOWS,
-    MetricDefinition,
+    Metric,
     Views,
     Where,
     average,
@@ -143,7 +143,7 @@ def last_of_genies(events: Columns) -> list[int]:
     return [int(of_genie["entries"][-1]) for _, of_genie in events.groups("genie")]
 
 
-class Reuse(MetricDefinition):
+class Reuse(Metric):
     """Hits / requests, mean over Genies."""
 
     better = HIGHER
@@ -197,7 +197,7 @@ class ImageReuseWithNeighbours(Reuse):
     asked = attrgetter("images")
 
 
-class Coalesced(MetricDefinition):
+class Coalesced(Metric):
     """Share of the clients' requests that wait for the answer to an equal pending one."""
 
     title = "coalesced requests"
@@ -240,7 +240,7 @@ class BoostReuse(Reuse):
     asked = attrgetter("boosts")
 
 
-class ConfidenceBoost(MetricDefinition):
+class ConfidenceBoost(Metric):
     """Mean of C(new) - C(old) over the object maps' updates."""
 
     title = "confidence boost"
@@ -261,7 +261,7 @@ class ConfidenceBoost(MetricDefinition):
         return Measured(value, *around(value, half), n)
 
 
-class StoredImages(MetricDefinition):
+class StoredImages(Metric):
     """Entries of a message cache at the end, mean over Genies."""
 
     title = "stored images per Genie"

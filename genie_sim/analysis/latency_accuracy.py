@@ -12,11 +12,11 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, finish_axes, in_style, logarithmic_x, one_panel
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title, title_of
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 LATENCY = "first_answer_mean"
 ACCURACIES = ("streaming_f1", "first_proxy_f1")  # the first of them that every run has is drawn
-Numbers = Mapping[str, Sequence[Metric]]
+Numbers = Mapping[str, Sequence[MetricValue]]
 
 
 def drawable(runs: Numbers) -> str | None:
@@ -87,7 +87,7 @@ def latency_accuracy(
     return figure
 
 
-def _draw_point(axis: Axes, x: Metric, y: Metric, **drawing: Any) -> None:
+def _draw_point(axis: Axes, x: MetricValue, y: MetricValue, **drawing: Any) -> None:
     """A mark at the values of two metrics, with a bar along each axis for its interval."""
     assert x.value is not None and y.value is not None
     axis.errorbar(
@@ -95,7 +95,7 @@ def _draw_point(axis: Axes, x: Metric, y: Metric, **drawing: Any) -> None:
     )
 
 
-def _reach(metric: Metric) -> np.ndarray[tuple[int, int], np.dtype[np.float64]] | None:
+def _reach(metric: MetricValue) -> np.ndarray[tuple[int, int], np.dtype[np.float64]] | None:
     """How far the interval reaches below and above the value."""
     if metric.value is None or metric.low is None or metric.high is None:
         return None

@@ -10,7 +10,7 @@ from genie_sim.analysis.frame_metrics import FRAMES, STATISTICS, statistic_of
 from genie_sim.analysis.metric import (
     HIGHER,
     LOWER,
-    MetricDefinition,
+    Metric,
     Views,
     Where,
     average,
@@ -68,7 +68,7 @@ def views(
             yield Where(method), Looks(events, published, held, intervals)
 
 
-class OwnLooks(MetricDefinition):
+class CarLooks(Metric):
     """Share of the published frames that the car's own detector looked at, where looks are
     paced.
     """
@@ -83,7 +83,7 @@ class OwnLooks(MetricDefinition):
         return quotient(own, view.published, view.published)
 
 
-class LooksSent(MetricDefinition):
+class LooksSent(Metric):
     """Share of the published frames that went up to be looked at by the edge."""
 
     title = "looks sent up"
@@ -95,7 +95,7 @@ class LooksSent(MetricDefinition):
         return quotient(view.sent_up("sent"), view.published, view.published)
 
 
-class LookGap(MetricDefinition):
+class LookGap(Metric):
     """Mean time between the frames of a view that went up one after the other."""
 
     title = "gap between looks, mean"
@@ -109,7 +109,7 @@ class LookGap(MetricDefinition):
         return average(gaps_ms[~np.isnan(gaps_ms)])
 
 
-class LooksAnswered(MetricDefinition):
+class LooksAnswered(Metric):
     """Share of the frames sent up that were answered in time."""
 
     title = "looks answered"
@@ -159,7 +159,7 @@ class LooksInFlight(LooksAnswered):
         return quotient(sent - sum(map(view.sent_up, ENDS)), sent, sent)
 
 
-class LookRoundTrip(MetricDefinition):
+class LookRoundTrip(Metric):
     """Mean time from when a frame went up until its answer came, of those that got one before they
     were given up.
     """
@@ -189,10 +189,8 @@ def _round_trips_ms(events: Columns) -> Floats:
     return np.asarray((times_ns[answered] - times_ns[answered - 1]) / NS_PER_MS)
 
 
-class ViewAge(MetricDefinition):
-    """Time from the newest frame of a frame's view that a detector had looked at when this one came
-    to this one, where looks are paced.
-    """
+class ViewAge(Metric):
+    """How old the newest look of a view is."""
 
     unit = "ms"
     better = LOWER
@@ -201,19 +199,20 @@ class ViewAge(MetricDefinition):
 
     def __init__(self, statistic: str, section: str = FRAMES) -> None:
         self._statistic = statistic
-        self.title = f"age of view, {STATISTICS[statistic][0]}"
+        name, words = STATISTICS[statistic]
+        self.title = f"age of view, {name}"
+        self.meaning = (
+            f"{words} from the newest frame of a frame's view that a detector had looked at when "
+            "this one came to this one, where looks are paced."
+        )
         self.section = section
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.replace("Time", STATISTICS[self._statistic][1], 1)
 
     def of(self, view: Looks) -> Measured:
         age_ns = view.answered["stamp_ns"] - view.answered.floats("looked_ns")
         return statistic_of(self._statistic, view.blocks, age_ns / NS_PER_MS)
 
 
-class Shared(MetricDefinition):
+class Shared(Metric):
     """Share of the held objects that another car saw last, where looks are paced."""
 
     title = "objects that another car saw"
@@ -228,7 +227,7 @@ class Shared(MetricDefinition):
         return quotient(int(view.held["shared"].sum()), total, total)
 
 
-class SharedRight(MetricDefinition):
+class SharedRight(Metric):
     """Share of the held objects that another car saw last which are in view at that instant."""
 
     title = "right among objects that another car saw"
@@ -245,7 +244,7 @@ class SharedRight(MetricDefinition):
 
 
 METRICS = {
-    "looks_own_share": OwnLooks(),
+    "looks_own_share": CarLooks(),
     "looks_sent_share": LooksSent(),
     "look_gap_mean": LookGap(),
     "looks_answered_share": LooksAnswered(),

@@ -15,9 +15,9 @@ from genie_sim.analysis.result_table import Cell
 from genie_sim.analysis.statistics import Blocks, Measured, ratio
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.plugins import custom_fault, is_custom
+from genie_sim.base.plugins import is_own, own_fault
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera
@@ -33,15 +33,18 @@ MARKS = {
 
 
 class Where(NamedTuple):
-    """Where a number is of: a method, a placement and a component (see ``Metric``)."""
+    """Where a number is of: a method, a placement and a component (see ``MetricValue``)."""
 
     method: str
     placement: str = "all"
     component: str = ""
 
 
-class MetricDefinition:
-    """A metric. Its docstring is its meaning, in one sentence that people read."""
+class Metric:
+    """A metric. Unless it has a ``meaning``, its docstring is that."""
+
+    meaning: str
+    """What it measures, in one sentence that people read."""
 
     title: str
     """Its name, the same wherever it is shown."""
@@ -64,6 +67,10 @@ class MetricDefinition:
     view: type
     """What its formula is given."""
 
+    def __init_subclass__(cls) -> None:
+        if "meaning" not in vars(cls):
+            cls.meaning = " ".join((cls.__doc__ or "").split())
+
     def of(self, view: Any) -> Measured | None:
         """Its number in a view; ``None`` where it has none there."""
         raise NotImplementedError
@@ -79,11 +86,6 @@ class MetricDefinition:
         """What ``reads`` names, by table."""
         parts = (part.partition(":") for part in self.reads.split(";") if part)
         return {table.strip(): columns.replace(",", " ").split() for table, _, columns in parts}
-
-    @property
-    def meaning(self) -> str:
-        """What it measures, in one sentence."""
-        return " ".join((self.__doc__ or "").split())
 
     @property
     def label(self) -> str:
@@ -148,7 +150,7 @@ class Rows:
         return self.table.rows(self.chosen)
 
 
-class Ratio(MetricDefinition):
+class Ratio(Metric):
     """A ratio of two sums over rows; of flags and counts a share, with Wilson's interval."""
 
     table: str
@@ -183,25 +185,25 @@ class Ratio(MetricDefinition):
 Views = Iterable[tuple[Where, Any]]
 
 
-def measured(metrics: Mapping[str, MetricDefinition], views: Views) -> Iterator[Metric]:
+def measured(metrics: Mapping[str, Metric], views: Views) -> Iterator[MetricValue]:
     """Every number of these metrics in these views, view by view."""
-    by_view: dict[type, dict[str, MetricDefinition]] = {}
+    by_view: dict[type, dict[str, Metric]] = {}
     for name, metric in metrics.items():
         by_view.setdefault(metric.view, {})[name] = metric
     for where, view in views:
         for name, metric in by_view.get(type(view), {}).items():
-            number = _custom_number(name, metric, view) if is_custom(name) else metric.of(view)
+            number = _own_number(name, metric, view) if is_own(name) else metric.of(view)
             if number is not None:
-                yield Metric(name, *where, unit=metric.unit_in_files, **number._asdict())
+                yield MetricValue(name, *where, unit=metric.unit_in_files, **number._asdict())
 
 
-def _custom_number(name: str, metric: MetricDefinition, view: Any) -> Measured | None:
+def _own_number(name: str, metric: Metric, view: Any) -> Measured | None:
     """The number of a metric of the user's own. Raises ``UserError`` for whatever goes wrong."""
     try:
         number = metric.of(view)
     except Exception as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
-        raise UserError(custom_fault(error) or text) from error
+        raise UserError(own_fault(error) or text) from error
     if number is not None and not isinstance(number, Measured):
         text = f"of() must return Measured or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")

@@ -18,10 +18,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis.metric import measured
-from genie_sim.analysis.registry import METRICS, custom_metrics, views
+from genie_sim.analysis.registry import METRICS, own_metrics, views
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,8 +34,8 @@ def compute(
     tables: "Mapping[str, Table]",
     *,
     intervals: bool = True,
-    custom: Sequence[str] = (),
-) -> list[Metric]:
+    own: Sequence[str] = (),
+) -> list[MetricValue]:
     """All metrics of one run, in a fixed order.
 
     Numbers have ten digits: those that follow may differ between processors, which add up in
@@ -49,17 +49,17 @@ def compute(
         ``frames``, and what else was recorded; the columns are those of ``record.records``.
     intervals : bool
         Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
-    custom : sequence of str
+    own : sequence of str
         Metrics of the user's own, ``package.module:Class``. Raises ``UserError`` for one that
         cannot be computed.
     """
     filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
     frames = Columns.of(tables["frames"])
     of_run = views({**filled, "frames": frames}, methods, intervals)
-    return [rounded(metric) for metric in measured({**METRICS, **custom_metrics(custom)}, of_run)]
+    return [rounded(metric) for metric in measured({**METRICS, **own_metrics(own)}, of_run)]
 
 
-def rounded(metric: Metric) -> Metric:
+def rounded(metric: MetricValue) -> MetricValue:
     """A metric with its numbers as they are written down."""
     return replace(metric, value=_ten(metric.value), low=_ten(metric.low), high=_ten(metric.high))
 

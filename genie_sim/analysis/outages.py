@@ -11,7 +11,7 @@ import numpy as np
 
 from genie_sim.analysis.correctness import FalseObjects, HeldRatio, ObjectRecall
 from genie_sim.analysis.frame_metrics import Answered, FrameShare, LookAge, WithFreshResult
-from genie_sim.analysis.metric import HIGHER, LOWER, MetricDefinition, Views, Where, average
+from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Views, Where, average
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.record.columns import Columns
@@ -87,7 +87,7 @@ def _phases(rows: Columns, begin_ns: int, end_ns: float) -> Iterator[tuple[str, 
         yield phase, phases == number
 
 
-class FaultMetric(MetricDefinition):
+class FaultMetric(Metric):
     """A metric before, during or after the first fault that is no hand-over (the component)."""
 
     pattern: str
@@ -96,6 +96,7 @@ class FaultMetric(MetricDefinition):
     section = FAULTS
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         cls.title = cls.pattern.format("around a fault")
 
     def titled(self, placement: str = "all", component: str = "") -> str:
@@ -159,7 +160,7 @@ class FaultLookAge(FaultMetric):
         return average(ages_ms[~np.isnan(ages_ms)])
 
 
-class FaultRecovery(MetricDefinition):
+class FaultRecovery(Metric):
     """From the end of the first fault to the first half second with 95 % of the share of fresh
     results before it.
     """

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.analysis.frame_metrics import ANSWERS
-from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
+from genie_sim.analysis.metric import LOWER, Metric, Views, Where
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.record.columns import Columns
@@ -44,10 +44,8 @@ def views(
                 yield Where(method, component=part), PartOfTime(answer, sum_ns, n)
 
 
-class PartOfAnswer(MetricDefinition):
-    """Mean time that a part takes from when a frame reaches the queue of its first ROS node to its
-    {}.
-    """
+class PartOfAnswer(Metric):
+    """Where the time until an answer goes."""
 
     unit = "ms"
     better = LOWER
@@ -56,11 +54,11 @@ class PartOfAnswer(MetricDefinition):
     def __init__(self, answer: str) -> None:
         self._answer = answer
         self.title = f"part of the {ANSWERS[answer]}"
+        self.meaning = (
+            "Mean time that a part takes from when a frame reaches the queue of its first ROS node "
+            f"to its {ANSWERS[answer]}."
+        )
         self.reads = f"steps: which, part, begin_ns, end_ns; frames: {answer}_answer_ns"
-
-    @property
-    def meaning(self) -> str:
-        return super().meaning.format(ANSWERS[self._answer])
 
     def of(self, view: PartOfTime) -> Measured | None:
         """Over all frames that got the answer; the parts add up to the mean response time."""

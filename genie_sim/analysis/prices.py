@@ -15,7 +15,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, POWERS, MetricDefinition, Ratio, Views, Where, quotient
+from genie_sim.analysis.metric import LOWER, POWERS, Metric, Ratio, Views, Where, quotient
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
@@ -194,7 +194,7 @@ class BytesOfFrames(Ratio):
         return rows[self._column], np.ones(len(rows))
 
 
-class BytesUpPerFrame(MetricDefinition):
+class BytesUpPerFrame(Metric):
     """Bytes that cars sent to their edges per published frame."""
 
     title = "sent up per frame"
@@ -222,7 +222,7 @@ class BytesDownPerFrame(BytesUpPerFrame):
     reads = "hosts: bytes_down"
 
 
-class AcceleratorTime(MetricDefinition):
+class AcceleratorTime(Metric):
     """Time that accelerators worked, summed over them."""
 
     title = "accelerator time"
@@ -245,7 +245,7 @@ class CpuTime(AcceleratorTime):
     reads = "hosts: cpu_ns"
 
 
-class BatchSize(MetricDefinition):
+class BatchSize(Metric):
     """Mean number of pictures that were detected at once."""
 
     title = "pictures per batch"
@@ -261,7 +261,7 @@ class BatchSize(MetricDefinition):
         return quotient(float(view.hosts["pictures"].sum()), batches, batches)
 
 
-class Energy(MetricDefinition):
+class Energy(Metric):
     """Energy per what is counted."""
 
     unit = "J"

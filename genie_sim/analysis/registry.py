@@ -1,7 +1,7 @@
 """Every metric by its name. Whatever shows a metric to people, on the terminal, in tables, figures
 and pages, takes its words from here; files and the library use the names.
 
-A class of the user's own (``metric.MetricDefinition``) is named ``package.module:Class``.
+A class of the user's own (``metric.Metric``) is named ``package.module:Class``.
 """
 
 import math
@@ -19,14 +19,14 @@ from genie_sim.analysis import (
     prices,
     resource_metrics,
 )
-from genie_sim.analysis.metric import ZERO_DELAY, MetricDefinition, Views
+from genie_sim.analysis.metric import ZERO_DELAY, Metric, Views
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.plugins import Choice
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
 LOGARITHMIC_FROM = 20.0  # a list of numbers that spans so much, largest to smallest
@@ -43,7 +43,7 @@ MODULES = (
     attacks,
     part_metrics,
 )
-METRICS: Mapping[str, MetricDefinition] = {
+METRICS: Mapping[str, Metric] = {
     name: metric for module in MODULES for name, metric in module.METRICS.items()
 }
 
@@ -56,7 +56,7 @@ def views(
     return chain.from_iterable(module.views(tables, by_name, intervals) for module in MODULES)
 
 
-class Unregistered(MetricDefinition):
+class Unregistered(Metric):
     """A metric whose class is not here."""
 
     unit = ""
@@ -65,13 +65,13 @@ class Unregistered(MetricDefinition):
         self.title = name
 
 
-def custom_metrics(names: Iterable[str]) -> dict[str, MetricDefinition]:
+def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
     """Metrics of the user's own, each ``package.module:Class``. Raises ``UserError``."""
     found = {}
     for name in names:
         metric = plugins.make("metric", Choice(name), {}, ("of", "title", "view"))
-        if not isinstance(metric, MetricDefinition):
-            base = f"{MetricDefinition.__module__}.{MetricDefinition.__name__}"
+        if not isinstance(metric, Metric):
+            base = f"{Metric.__module__}.{Metric.__name__}"
             raise UserError(f"metric {name!r}: is no subclass of {base}")
         for table, columns in metric.columns_read().items():
             if table not in SCHEMAS:
@@ -85,23 +85,23 @@ def custom_metrics(names: Iterable[str]) -> dict[str, MetricDefinition]:
     return found
 
 
-def definition(name: str) -> MetricDefinition:
+def definition(name: str) -> Metric:
     """A metric by its name; one of the user's own whose class cannot be had goes by its name."""
     if name in METRICS:
         return METRICS[name]
     try:
-        return custom_metrics([name])[name]
+        return own_metrics([name])[name]
     except UserError:
         return Unregistered(name)
 
 
 def checked(
-    names: Sequence[str], custom: Iterable[str] = (), where: str = "--metrics"
+    names: Sequence[str], own: Iterable[str] = (), where: str = "--metrics"
 ) -> Sequence[str]:
     """The names, if all are of metrics, or of these of the user's own. Raises ``UserError`` that
     begins with ``where`` they are from.
     """
-    known = {*METRICS, *custom}
+    known = {*METRICS, *own}
     for name in names:
         if name not in known:
             raise UserError(f"{where}: {unknown('metric', name, known)}")
@@ -119,7 +119,7 @@ def component_title(component: str, methods: Sequence[MethodInfo] = ()) -> str:
     return titles.get(component, component)
 
 
-def cell(metric: Metric | None) -> Cell:
+def cell(metric: MetricValue | None) -> Cell:
     """A number of a run in the unit that is shown, with its interval."""
     if metric is None:
         return Cell()

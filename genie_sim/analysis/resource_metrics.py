@@ -11,14 +11,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MetricDefinition, Views, Where
+from genie_sim.analysis.metric import LOWER, Metric, Views, Where
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns, Floats
 from genie_sim.record.results import MethodInfo
 
 
-class Span(NamedTuple):
+class UseSpan(NamedTuple):
     """From one instant to another [ns]."""
 
     begin_ns: float
@@ -33,13 +33,13 @@ class Samples:
     ----------
     rows : Columns
         The samples.
-    span : Span
+    span : UseSpan
         From one of the instants at which resources are sampled to another.
     counted_ns : float
         The end of the warm-up.
     """
 
-    def __init__(self, rows: Columns, span: Span, counted_ns: float = 0.0) -> None:
+    def __init__(self, rows: Columns, span: UseSpan, counted_ns: float = 0.0) -> None:
         self.all = rows
         self.seconds = max(span.end_ns - span.begin_ns, 0.0) / NS_PER_S
         t_ns = rows["t_ns"]
@@ -71,7 +71,7 @@ def views(
         of_method = ordered.where(method=method)
         counted_ns, spans = driven(tables, method)
         instants_ns = np.union1d([0.0], of_method.floats("t_ns"))
-        whole = Span(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
+        whole = UseSpan(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
         for name, samples in of_method.groups("resource"):
             hosts = re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name).split("->")
             (span,) = [spans[host] for host in hosts if host in spans] or [whole]
@@ -80,7 +80,7 @@ def views(
             yield Where(method, placement, name), Samples(samples, sampled, counted_ns)
 
 
-def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str, Span]]:
+def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str, UseSpan]]:
     """The end of the warm-up, and from the start of each car to its last frame, by the car."""
     frames, begins_ns, cars = tables["frames"].where(method=method), {}, []
     if "hosts" in tables:
@@ -90,15 +90,15 @@ def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str,
     ends_ns = {car: float(of_car["stamp_ns"].max()) for car, of_car in frames.groups("car")}
     counted_ns = min(begins_ns.values(), default=0)
     return counted_ns, {
-        car: Span(begins_ns.get(car, counted_ns), ends_ns.get(car, 0.0))
+        car: UseSpan(begins_ns.get(car, counted_ns), ends_ns.get(car, 0.0))
         for car in (*ends_ns, *cars)
     }
 
 
-def _sampled(span: Span, instants_ns: Floats) -> Span:
+def _sampled(span: UseSpan, instants_ns: Floats) -> UseSpan:
     """The part of a time between the first and the last sample within it."""
     within = instants_ns[(instants_ns >= span.begin_ns) & (instants_ns <= span.end_ns)]
-    return Span(float(within[0]), float(within[-1])) if len(within) else Span(0.0, 0.0)
+    return UseSpan(float(within[0]), float(within[-1])) if len(within) else UseSpan(0.0, 0.0)
 
 
 def running_use(samples: Columns) -> tuple[Floats, Floats]:
@@ -113,7 +113,7 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
     return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
 
 
-class ResourceMetric(MetricDefinition):
+class ResourceMetric(Metric):
     """A metric of a resource."""
 
     view = Samples

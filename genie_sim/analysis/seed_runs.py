@@ -14,7 +14,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.record import provenance, results
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 ABOUT = "sweep.json"  # what a study says of itself
 RUNS = "runs"  # the folder of whole results
@@ -37,7 +37,7 @@ class SeedRuns:
         return f"<{type(self).__name__} {self.name}: {len(self.runs)} seeds, {where}>"
 
     @cached_property
-    def measured(self) -> list[Metric]:
+    def measured(self) -> list[MetricValue]:
         """Each metric's mean over the seeds, the ends of its 95 % t interval, of a share Wilson's,
         and in ``n`` the number of runs that define it.
         """
@@ -48,7 +48,7 @@ class SeedRuns:
         ]
         means = across_seeds(pd.DataFrame(rows).astype({"value": float}), [])
         return [
-            Metric(
+            MetricValue(
                 metric=row["metric"],
                 method=row["method"],
                 placement=row["placement"],

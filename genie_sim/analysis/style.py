@@ -90,7 +90,7 @@ METHOD_STYLES = {
     "paced_remote": 18,
     "paced_tracker": 19,
 }
-FIRST_CUSTOM_STYLES = (4, 5)  # then those after all of METHOD_STYLES
+FIRST_OWN_STYLES = (4, 5)  # then those after all of METHOD_STYLES
 SAME_COLOUR = 4  # styles of one colour that differ in dashes
 # no method's (Tol)
 HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")
@@ -159,8 +159,8 @@ def method_styles(names: Sequence[str]) -> list[int]:
         same_colour = (
             () if style is None else range(style, SAME_COLOUR * len(COLOURS), len(COLOURS))
         )
-        of_custom = chain(FIRST_CUSTOM_STYLES, count(max(METHOD_STYLES.values()) + 1))
-        styles.append(next(style for style in chain(same_colour, of_custom) if style not in styles))
+        of_own = chain(FIRST_OWN_STYLES, count(max(METHOD_STYLES.values()) + 1))
+        styles.append(next(style for style in chain(same_colour, of_own) if style not in styles))
     return styles
 
 

@@ -19,7 +19,7 @@ from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.text import one_line
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import METRIC_FIELDS, Metric, Run
+from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle
@@ -130,7 +130,7 @@ class _Numbers:
                 self._places.setdefault(name, {})[place[0], place[1]] = None
 
     @property
-    def custom(self) -> list[str]:
+    def own(self) -> list[str]:
         """The metrics of the user's own."""
         return [name for name in self._places if name not in METRICS]
 
@@ -165,7 +165,7 @@ class _Numbers:
     def section(self, title: str) -> ResultTable:
         """The table of a section, of the columns that have a number."""
         columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
-        names = [name for name in (*METRICS, *self.custom) if definition(name).section == title]
+        names = [name for name in (*METRICS, *self.own) if definition(name).section == title]
         rows = list(self.rows(names, columns))
         table = ResultTable([column.title for column in columns], rows, title)
         return table.without_empty_columns()
@@ -198,7 +198,7 @@ class _Numbers:
 
     def utilization(self) -> ResultTable:
         """The busiest devices and links while frames were published; others are counted."""
-        by_resource: dict[str, dict[str, Metric]] = {}
+        by_resource: dict[str, dict[str, MetricValue]] = {}
         for metric in self.metrics:
             if metric.metric == "utilization":
                 by_resource.setdefault(metric.component, {})[metric.method] = metric
@@ -216,11 +216,11 @@ class _Numbers:
         return ResultTable(list(self.titles.values()), rows, "Utilization [%]", notes)
 
 
-def _use(metric: Metric) -> float:
+def _use(metric: MetricValue) -> float:
     return metric.value or 0.0
 
 
-def _kind(metric: Metric) -> tuple[str, bool]:
+def _kind(metric: MetricValue) -> tuple[str, bool]:
     """Of a resource: whether it is an accelerator on cars, on edges, or a link."""
     is_link = "->" in metric.component
     is_accelerator = metric.component.endswith(".accelerator")
@@ -311,7 +311,7 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
     ``UserError`` for a metric that is not known.
     """
     numbers = _Numbers(run)
-    names = checked(metrics, numbers.custom) or (*MAIN, *numbers.custom)
+    names = checked(metrics, numbers.own) or (*MAIN, *numbers.own)
     columns = [*numbers.columns, *numbers.zero_delay()]
     rows: list[Row] = []
     for name in names:
@@ -327,7 +327,7 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
 
 def short_table(run: Run | SeedRuns) -> ResultTable:
     """Of the main table the rows that a terminal shows, and those of the user's own metrics."""
-    table = main_table(run, [*SHORT, *_Numbers(run).custom])
+    table = main_table(run, [*SHORT, *_Numbers(run).own])
     more = len(main_table(run).rows) - len(table.rows)
     if more <= 0:
         return table

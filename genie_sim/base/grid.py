@@ -10,6 +10,18 @@ Item = TypeVar("Item")
 Cell = float
 ROW = 2.0**26
 MAX_CELLS_WALKED = 64
+Area = tuple[float, float, float, float]  # west, south, east and north border [m]
+
+
+def area_around(east_m: float, north_m: float, reach_m: float) -> Area:
+    """The square that reaches so far from a place to each side."""
+    return east_m - reach_m, north_m - reach_m, east_m + reach_m, north_m + reach_m
+
+
+def widened(area: Area, by_m: float) -> Area:
+    """An area with so much more on each side."""
+    west_m, south_m, east_m, north_m = area
+    return west_m - by_m, south_m - by_m, east_m + by_m, north_m + by_m
 
 
 class Grid(Generic[Item]):
@@ -29,9 +41,9 @@ class Grid(Generic[Item]):
         """The cell at a place."""
         return east_m // self.side_m + north_m // self.side_m * ROW
 
-    def cells(self, west_m: float, east_m: float, south_m: float, north_m: float) -> Iterable[Cell]:
-        """All cells of an upright rectangle, column by column."""
-        side_m = self.side_m
+    def cells(self, area: Area) -> Iterable[Cell]:
+        """All cells of an area, column by column."""
+        (west_m, south_m, east_m, north_m), side_m = area, self.side_m
         columns = _from_to(west_m // side_m, east_m // side_m)
         rows = _from_to(south_m // side_m, north_m // side_m)
         return [column + row * ROW for column in columns for row in rows]
@@ -55,21 +67,20 @@ class Grid(Generic[Item]):
         """The items of the cell at a place, in the order in which they were added."""
         return self._cells.get(east_m // self.side_m + north_m // self.side_m * ROW, ())
 
-    def inside(
-        self, west_m: float, east_m: float, south_m: float, north_m: float
-    ) -> Iterator[Item]:
-        """The items of all cells that an upright rectangle touches, column by column.
+    def inside(self, area: Area) -> Iterator[Item]:
+        """The items of all cells that an area touches, column by column.
 
-        Takes time in proportion to the cells of the rectangle or, if these are many, to the
-        occupied cells of the grid.
+        Takes time in proportion to the cells of the area or, if these are many, to the occupied
+        cells of the grid.
         """
-        side_m, occupied = self.side_m, self._cells
+        (west_m, south_m, east_m, north_m), side_m = area, self.side_m
+        occupied = self._cells
         columns = west_m // side_m, east_m // side_m
         rows = south_m // side_m, north_m // side_m
         count = (columns[1] - columns[0] + 1.0) * (rows[1] - rows[0] + 1.0)
         cells: Iterable[Cell]
         if count <= max(MAX_CELLS_WALKED, len(occupied)):
-            cells = self.cells(west_m, east_m, south_m, north_m)
+            cells = self.cells(area)
         else:
             cells = _between(occupied, columns, rows)
         return itertools.chain.from_iterable(
@@ -77,9 +88,9 @@ class Grid(Generic[Item]):
         )
 
 
-def cell_counts(extent_m: tuple[float, float, float, float], cell_m: float) -> tuple[int, int]:
-    """Columns and rows of about square cells on a map with a west, south, east and north border
-    [m]: as many of about ``cell_m`` as fit it best.
+def cell_counts(extent_m: Area, cell_m: float) -> tuple[int, int]:
+    """Columns and rows of about square cells on a map: as many of about ``cell_m`` as fit it
+    best.
     """
     west_m, south_m, east_m, north_m = extent_m
     return max(1, round((east_m - west_m) / cell_m)), max(1, round((north_m - south_m) / cell_m))

@@ -1,6 +1,7 @@
 """Paths as users write them, and files that are complete or not there at all."""
 
 import functools
+import hashlib
 import os
 import secrets
 import stat
@@ -42,6 +43,15 @@ def read_bytes(path: Path) -> bytes:
         if not stat.S_ISREG(path.stat().st_mode):
             raise UserError(f"{path}: cannot be read: not a regular file")
         return path.read_bytes()
+
+
+def sha256_of(path: Path) -> str:
+    """The sha256 of a regular file, in hex. Raises ``UserError``."""
+    with as_user_error(f"{path}: cannot be read", OSError, ValueError):
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise UserError(f"{path}: cannot be read: not a regular file")
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Content]:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Iterator
 from typing import Generic, TypeVar
 
-from genie_sim.base.grid import Cell, Grid
+from genie_sim.base.grid import Area, Cell, Grid, area_around
 
 Item = TypeVar("Item")
 # Side of the cells for what is within reach. An item is in 2.3 cells of this size, and in 4 of half
@@ -69,7 +69,7 @@ class PlaceIndex(Generic[Item]):
 
     def in_sector(
         self,
-        box: tuple[float, float, float, float],
+        box: Area,
         tip: tuple[float, float],
         ahead: tuple[float, float],
         min_cosine: float,
@@ -79,8 +79,8 @@ class PlaceIndex(Generic[Item]):
 
         Parameters
         ----------
-        box : tuple of float
-            West, east, south and north of an upright rectangle around it [m].
+        box : Area
+            An upright rectangle around it.
         tip : tuple of float
             East and north of its tip [m].
         ahead : tuple of float
@@ -94,7 +94,7 @@ class PlaceIndex(Generic[Item]):
         ahead_east, ahead_north = ahead
         hypot = math.hypot
         items = []
-        for there_east_m, there_north_m, item in self._grid.inside(*box):
+        for there_east_m, there_north_m, item in self._grid.inside(box):
             away_east_m, away_north_m = there_east_m - east_m, there_north_m - north_m
             ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
             if ahead_m < 0.0 <= min_cosine:
@@ -105,7 +105,4 @@ class PlaceIndex(Generic[Item]):
         return items
 
     def _cells(self, east_m: float, north_m: float) -> Iterable[Cell]:
-        reach_m = self._reach_m
-        return self._within_reach.cells(
-            east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
-        )
+        return self._within_reach.cells(area_around(east_m, north_m, self._reach_m))

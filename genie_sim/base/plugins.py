@@ -16,14 +16,14 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from genie_sim.base import custom_sources
+from genie_sim.base import own_sources
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.removed import instead_of_module
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
-_custom_code_allowed = True
-_custom_modules: dict[str, str] = {}  # what was asked of each
+_own_code_allowed = True
+_own_modules: dict[str, str] = {}  # what was asked of each
 
 
 @contextmanager
@@ -32,12 +32,12 @@ def own_code(allowed: bool) -> Iterator[None]:
     what a result folder names may be anybody's. Around everything that a command does with such a
     folder.
     """
-    global _custom_code_allowed
-    before, _custom_code_allowed = _custom_code_allowed, allowed
+    global _own_code_allowed
+    before, _own_code_allowed = _own_code_allowed, allowed
     try:
         yield
     finally:
-        _custom_code_allowed = before
+        _own_code_allowed = before
 
 
 @dataclass(frozen=True)
@@ -48,14 +48,14 @@ class Choice:
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
-def is_custom(name: object) -> bool:
+def is_own(name: object) -> bool:
     """Whether a name is written as a class of the user's own: ``package.module:Class``."""
     return isinstance(name, str) and _CLASS.fullmatch(name) is not None
 
 
 def own_label(what: str, name: str) -> str | None:
     """What error lines call a class of the user's own, ``None`` for one of the package."""
-    return f"{what} {name!r}" if is_custom(name) else None
+    return f"{what} {name!r}" if is_own(name) else None
 
 
 OWN_CLASS_PATTERN = f"^{_CLASS.pattern}$"
@@ -65,7 +65,7 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
     """``name`` if it is in the registry or written as an own class. Raises ``ValueError`` with the
     choices.
     """
-    if isinstance(name, str) and (name in registry or is_custom(name)):
+    if isinstance(name, str) and (name in registry or is_own(name)):
         return name
     raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
 
@@ -83,15 +83,15 @@ def resolve(
     if entry is not None and not isinstance(entry, str):
         return entry
     path = name if entry is None else entry
-    if not is_custom(path):
+    if not is_own(path):
         raise UserError(unknown(what, name, registry))
     module_name, _, class_name = path.partition(":")
     if module_name.endswith(".py"):
         hint = f"{module_name.removesuffix('.py')}:{class_name}"
         raise UserError(f"{what} {name!r}: a module is named without .py: {hint}")
     if entry is None:
-        _custom_modules[module_name] = f"{what} {name!r}"
-        if not _custom_code_allowed:
+        _own_modules[module_name] = f"{what} {name!r}"
+        if not _own_code_allowed:
             raise UserError(
                 f"{what} {name!r}: is third-party code; pass --allow-own-code to run it"
             )
@@ -101,12 +101,12 @@ def resolve(
     with as_user_error(f"{what} {name!r}", Exception):
         try:
             if entry is None:
-                custom_sources.forget_edited(module_name)
+                own_sources.forget_edited(module_name)
             made = getattr(importlib.import_module(module_name), class_name)
         except ModuleNotFoundError as error:
             raise UserError(instead_of_module(error.name) or str(error)) from error
     if entry is None:
-        custom_sources.note(module_name)
+        own_sources.note(module_name)
     lacking = [
         method
         for method in methods
@@ -117,23 +117,23 @@ def resolve(
     return made
 
 
-def custom_fault(error: BaseException) -> str | None:
+def own_fault(error: BaseException) -> str | None:
     """One line about an exception that comes out of a class of the user's own, ``None`` for any
     other.
     """
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
-        place = custom_place(frame, line)
+        place = own_place(frame, line)
         if place:
             whose, where = place.split(" (", 1)
             return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where}"
     return None
 
 
-def custom_place(frame: FrameType, line: int | None = None) -> str | None:
+def own_place(frame: FrameType, line: int | None = None) -> str | None:
     """The class of the user's own to which code belongs that is running, and where it is:
     ``fault 'mine:Flap' (mine.py, line 12, in run)``; ``None`` for any other code.
     """
-    whose = _custom_modules.get(frame.f_globals.get("__name__", ""))
+    whose = _own_modules.get(frame.f_globals.get("__name__", ""))
     if whose is None:
         return None
     code = frame.f_code
@@ -160,4 +160,4 @@ def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any)
 
 def code_digest(what: str, name: str) -> str:
     """sha256 of the files of a class of the user's own: its code decides the outcome, too."""
-    return custom_sources.digest(resolve(what, name, {}))
+    return own_sources.digest(resolve(what, name, {}))

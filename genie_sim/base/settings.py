@@ -546,7 +546,7 @@ class PlugIn(Kind):
         """
         if isinstance(value, Choice):
             return value
-        if isinstance(value, str) and self.presets is not None and not plugins.is_custom(value):
+        if isinstance(value, str) and self.presets is not None and not plugins.is_own(value):
             return self.presets.get(value)
         if not isinstance(value, str | Mapping):
             raise SettingError("", f"must be a name or a mapping, not {short_repr(value)}")

@@ -99,7 +99,7 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:
         if (
             "--debug" in (sys.argv if argv is None else argv)
-            or (fault := plugins.custom_fault(error)) is None
+            or (fault := plugins.own_fault(error)) is None
         ):
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
@@ -109,7 +109,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def _status_of(stop: SystemExit) -> int:
     """The exit status. A class of the user's own that ends the program is named."""
-    fault = plugins.custom_fault(stop)
+    fault = plugins.own_fault(stop)
     if fault is None and isinstance(stop.code, int | None):
         return stop.code or 0
     print(f"genie-sim: {one_line(fault or str(stop.code))}", file=sys.stderr)

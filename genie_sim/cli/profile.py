@@ -99,7 +99,9 @@ def profile(
     else:
         with ProgressBar(unit="pictures") as progress:
             if csv is not None:
-                measured = device_fit.from_table(csv, model or csv.stem, report, column, unit)
+                measured = device_fit.from_table(
+                    csv, model or csv.stem, report, column=column, unit=unit
+                )
             else:
                 assert detector is not None
                 measured = device_fit.measure(

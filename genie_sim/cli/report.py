@@ -10,7 +10,7 @@ from genie_sim.cli.arguments import PATH, changed_option, own_code_option
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run', 'reproduce' or 'sweep'.")
+@click.argument("folder", type=PATH, help="A result folder of 'run' or 'reproduce'.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
@@ -47,16 +47,15 @@ def report(
     from genie_sim.record import results
     from genie_sim.report import comparison, html_page
     from genie_sim.report.run_pictures import kitti_pictures
-    from genie_sim.study import page as sweep
 
     path = out if out is not None else folder / terminal.PAGE
-    pages = {
-        "verdicts.json": evaluation.page,
-        "sweep.json": sweep.page,
-    }
-    page = next((page for name, page in pages.items() if (folder / name).is_file()), None)
-    if is_seeds_folder(folder):
+    page = None
+    if (folder / "verdicts.json").is_file():
+        page = evaluation.page
+    elif is_seeds_folder(folder):
         page = comparison.seeds_page_of
+    elif (folder / "sweep.json").is_file():
+        raise UserError(f"{folder}: a sweep has figures and table.csv, but no page")
     if page is None:
         run = results.load(folder, allow_changed=allow_changed)
         frames = None

@@ -119,7 +119,7 @@ def sweep(
             f"{done.points:,} points, {done.runs:,} runs\n"
             f"Table: {done.folder / 'table.csv'} (and .parquet)"
         )
-        click.echo(f"Figures: {done.folder / 'figures'}\nReport:  {done.folder / terminal.PAGE}")
+        click.echo(f"Figures: {done.folder / 'figures'}")
     else:
         click.echo(
             f"{done.done:,} of {done.runs:,} runs are in {done.folder}; "

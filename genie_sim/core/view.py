@@ -2,6 +2,7 @@
 
 import math
 
+from genie_sim.base.grid import Area, area_around
 from genie_sim.core.messages import CameraPose, Look
 from genie_sim.core.tracking import kind_of
 
@@ -9,8 +10,6 @@ NEAREST_M, FARTHEST_M = 3.5, 40.0  # where a detector that looks at an object sh
 MARGIN_RAD = math.radians(2.0)  # no object is missed at the border of a picture
 HIDDEN_BEHIND_M = 2.0  # what is farther away than a detection by this much is hidden by it
 WIDE_RAD = math.radians(60.0)  # half angle from which on a sector's box is that of the whole disc
-
-Area = tuple[float, float, float, float]  # west, east, south, north [m]
 
 
 class ViewSector:
@@ -50,7 +49,7 @@ class ViewSector:
         east_m, north_m = self.pose[:2]
         range_m = self.range_m
         if self.half_rad > WIDE_RAD:
-            return east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
+            return area_around(east_m, north_m, range_m)
         # to where its axis and its borders lead
         ahead_east_m, ahead_north_m = range_m * self.ahead[0], range_m * self.ahead[1]
         cosine = self.min_cosine
@@ -62,8 +61,8 @@ class ViewSector:
         tip_east_m, tip_north_m = ahead_east_m / cosine, ahead_north_m / cosine
         return (
             east_m + min(0.0, left_east_m, right_east_m, tip_east_m),
-            east_m + max(0.0, left_east_m, right_east_m, tip_east_m),
             north_m + min(0.0, left_north_m, right_north_m, tip_north_m),
+            east_m + max(0.0, left_east_m, right_east_m, tip_east_m),
             north_m + max(0.0, left_north_m, right_north_m, tip_north_m),
         )
 

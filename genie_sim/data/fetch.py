@@ -4,7 +4,6 @@ unpacked with care.
 The only module that touches the network.
 """
 
-import hashlib
 import logging
 import lzma
 import re
@@ -20,7 +19,7 @@ from urllib.error import HTTPError, URLError
 from urllib.request import Request, urlopen
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.paths import replace_durably, usable
+from genie_sim.base.paths import replace_durably, sha256_of, usable
 from genie_sim.base.progress import Progress
 
 log = logging.getLogger(__name__)
@@ -113,7 +112,7 @@ def download(
     size_bytes : that the file must have, if it is known
     """
     by_hand = f"to do it by hand, put {url} at {path}"
-    if path.is_file() and sha256 is not None and _sha256(path) == sha256:
+    if path.is_file() and sha256 is not None and sha256_of(path) == sha256:
         return
     part = path.with_name(path.name + ".part")
     with usable(path):
@@ -134,7 +133,7 @@ def download(
                     raise UserError(
                         f"{url}: not received ({reason}); try again to go on, or {by_hand}"
                     ) from error
-        if sha256 is not None and (actual := _sha256(part)) != sha256:
+        if sha256 is not None and (actual := sha256_of(part)) != sha256:
             part.unlink()
             raise UserError(
                 f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: "
@@ -253,8 +252,3 @@ def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -
                 progress(done, total or done, "")
         if total is not None and done < total:
             raise ConnectionError(f"the connection ended after {done:,} of {total:,} bytes")
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

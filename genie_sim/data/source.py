@@ -5,11 +5,10 @@ that it gives to cars. ``sources`` has the shipped ones.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
+from genie_sim.base.grid import Area
 from genie_sim.base.progress import Progress
 from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding, Frame
-
-Extent = tuple[float, float, float, float]  # west, south, east and north border of a map [m]
 
 
 class Drive:
@@ -37,7 +36,7 @@ class Frames:
     seeded: bool = False
     """Whether another seed gives other frames."""
 
-    extent_m: Extent | None = None
+    extent_m: Area | None = None
     """The borders of the map; ``None`` where no fleet can drive."""
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:

@@ -74,8 +74,8 @@ class ClockFault:
         """
         if isinstance(header, Restamped) and header.host == self.target:
             return header.before
-        is_custom = header.origin == self.target
-        if is_custom != (sign > 0):
+        is_own = header.origin == self.target
+        if is_own != (sign > 0):
             return header  # it crossed the border before the fault began
         error_ns = self.error_ns(header.stamp_ns)
         if error_ns == 0:

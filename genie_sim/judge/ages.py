@@ -104,13 +104,13 @@ class FirstSeen:
         keys = np.append(held_key[stays] // steps, told_key[pending] // steps)
         still = known.rows(number[stays])
         held_on = _Stamps(
-            car[of_scene[stays]],
-            still.label,
-            still.east_m,
-            still.north_m,
-            still.up_m,
-            turn[of_scene[stays]],
-            stamp_ns[stays],
+            car=car[of_scene[stays]],
+            label=still.label,
+            east_m=still.east_m,
+            north_m=still.north_m,
+            up_m=still.up_m,
+            turn=turn[of_scene[stays]],
+            stamp_ns=stamp_ns[stays],
         )
         both = zip(held_on, told.rows(pending), strict=True)
         _, first = np.unique(keys, return_index=True)
@@ -128,13 +128,13 @@ class FirstSeen:
         turn = np.searchsorted(keys, of_car * most + before) - np.searchsorted(keys, of_car * most)
         shown = objects.columns().rows(number)
         answers = _Stamps(
-            np.repeat(of_car, counts),
-            shown.label,
-            shown.east_m,
-            shown.north_m,
-            shown.up_m,
-            np.repeat(turn, counts),
-            np.repeat(stamp_ns, counts),
+            car=np.repeat(of_car, counts),
+            label=shown.label,
+            east_m=shown.east_m,
+            north_m=shown.north_m,
+            up_m=shown.up_m,
+            turn=np.repeat(turn, counts),
+            stamp_ns=np.repeat(stamp_ns, counts),
         )
         return _Stamps(*map(np.concatenate, zip(self._known, answers, strict=True)))
 

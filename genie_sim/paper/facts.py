@@ -12,7 +12,7 @@ from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.paper.definitions import FROM_STAMP
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 METHODS = (  # of the paper's evaluation
     MethodInfo("local", "local (L)", baseline=True),
@@ -83,7 +83,7 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     return facts | _of_resources(resources, lap_ns)
 
 
-def _of_metrics(rows: Iterable[Metric]) -> Facts:
+def _of_metrics(rows: Iterable[MetricValue]) -> Facts:
     """Each metric's value; of reuse the highest window, too."""
     facts: Facts = {}
     for row in rows:

@@ -18,7 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.paths import PARTIAL, locked, read_text, sync_file, sync_folder, usable
+from genie_sim.base.paths import (
+    PARTIAL,
+    locked,
+    read_text,
+    sha256_of,
+    sync_file,
+    sync_folder,
+    usable,
+)
 from genie_sim.record.tables import other_format
 from genie_sim.version import PACKAGE_FOLDER, VERSION
 
@@ -51,15 +59,7 @@ def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """sha256 of these files of a result folder, by name. Raises ``UserError`` for one that is not
     there.
     """
-    return {name: _digest(contained(folder, name)) for name in sorted(names)}
-
-
-def _digest(path: Path) -> str:
-    with as_user_error(f"{path}: cannot be read", OSError):
-        if not path.is_file():
-            raise UserError(f"{path}: no such file")
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+    return {name: sha256_of(contained(folder, name)) for name in sorted(names)}
 
 
 def contained(folder: Path, name: str) -> Path:

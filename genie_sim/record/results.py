@@ -45,7 +45,7 @@ class MethodInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Metric:
+class MetricValue:
     """One number of a run.
 
     ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component``
@@ -70,7 +70,7 @@ class Metric:
         return _row_of(self)
 
 
-METRIC_FIELDS = tuple(field.name for field in fields(Metric))
+METRIC_FIELDS = tuple(field.name for field in fields(MetricValue))
 _row_of = attrgetter(*METRIC_FIELDS)
 
 
@@ -90,7 +90,7 @@ class Run:
     facts: Mapping[str, Any]
     yaml: str
     tables: Mapping[str, Columns]
-    measured: Sequence[Metric]
+    measured: Sequence[MetricValue]
     folder: Path | None = None
     changed: Sequence[str] = ()
     label: str = ""
@@ -170,7 +170,9 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
     provenance.refuse_changed(folder, changed, allow_changed)
     tables = {name: read(folder / f"{name}.parquet", schema) for name, schema in SCHEMAS.items()}
     with provenance.of_this_version(folder):
-        measured = [Metric(**metric) for metric in provenance.read_json(folder / "metrics.json")]
+        measured = [
+            MetricValue(**metric) for metric in provenance.read_json(folder / "metrics.json")
+        ]
     yaml = read_text(folder / "scenario.resolved.yaml")
     return Run(
         run_id=about["run_id"],

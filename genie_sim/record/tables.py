@@ -82,7 +82,7 @@ class Schema:
             _column(field, hint) for field, hint in hints.items() if get_origin(hint) is Annotated
         ]
         meaning = " ".join((row.__doc__ or "").split())
-        return cls(name, meaning, tuple(columns), sorted_by, instant)
+        return cls(name, meaning, tuple(columns), sorted_by=sorted_by, instant=instant)
 
     def arrow(self) -> "pa.Schema":
         """Types, with unit and description beside each column."""

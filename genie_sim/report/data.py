@@ -23,7 +23,7 @@ from genie_sim.report.replay_pictures import Pictures
 
 if TYPE_CHECKING:
     from genie_sim.record.columns import Columns
-    from genie_sim.record.results import Metric, Run
+    from genie_sim.record.results import MetricValue, Run
 
     Floats = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -215,7 +215,7 @@ def _link(link: object) -> str | None:
     return link if isinstance(link, str | None) else "a link of its own"
 
 
-def _shown(measured: "Sequence[Metric]", notes: list[str]) -> "list[Metric]":
+def _shown(measured: "Sequence[MetricValue]", notes: list[str]) -> "list[MetricValue]":
     """All metrics but those of the less busy of very many resources."""
     use: dict[tuple[str, str], float] = {}
     for metric in measured:

@@ -1,4 +1,4 @@
-"""``report.html``: one page about a run, an evaluation or a sweep, for a browser. It needs no
+"""``report.html``: one page about a run or an evaluation, for a browser. It needs no
 network, no other file.
 
 The same results give the same bytes. Everything that the page shows is in it as JSON; nothing of it

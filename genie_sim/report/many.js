@@ -1,4 +1,4 @@
-// What the pages about many runs share: sortable tables, and charts of means with their intervals.
+// What the pages about many runs share: charts of means with their intervals.
 
 const isNumber = (value) => value !== null && value !== undefined;
 
@@ -13,27 +13,6 @@ function intervalCell(found, text) {
   if (!found || !isNumber(found[0])) return make("td", {}, "none");
   const [value, low, high] = found, range = isNumber(low) && low !== high;
   return make("td", { class: "number" }, text(value), range ? make("small", {}, `${text(low)} to ${text(high)}`) : null);
-}
-
-// rows: arrays of {key, node}; a click on a column's head sorts by key, nothing known comes last in either direction.
-function sortable(node, head, rows) {
-  let by = -1, down = false;
-  const order = (one, other) => {
-    const [a, b] = [one[by].key, other[by].key];
-    if (!isNumber(a) || !isNumber(b)) return Number(!isNumber(a)) - Number(!isNumber(b));
-    const sign = typeof a === "number" && typeof b === "number" ? a - b : String(a).localeCompare(String(b), "en", { numeric: true });
-    return down ? -sign : sign;
-  };
-  const heads = head.map((text, i) => make("th", { scope: "col" }, make("button", { type: "button", class: "sort", onclick: () => {
-    down = by === i && !down;
-    by = i;
-    heads.forEach((one, place) => one.setAttribute("aria-sort", place !== by ? "none" : down ? "descending" : "ascending"));
-    show();
-  } }, text)));
-  const body = make("tbody"), made = rows.map((row) => Object.assign([...row], { tr: make("tr", {}, ...row.map((one) => one.node)) }));
-  const show = () => body.replaceChildren(...(by < 0 ? made : [...made].sort(order)).map((row) => row.tr));
-  node.replaceChildren(make("thead", {}, make("tr", {}, ...heads)), body);
-  show();
 }
 
 // series: {name, color, marker or hollow, dash, line, points: [{x, found: [value, low, high]}]}. x is a number, or an index into

@@ -1,14 +1,13 @@
 """The recorded pictures that the cameras of a run show, for the replay on its page."""
 
 import base64
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files, units
 from genie_sim.base.errors import UserError
-from genie_sim.base.paths import read_bytes
+from genie_sim.base.paths import sha256_of
 from genie_sim.report.replay_pictures import MAX_PICTURES, Pictures
 
 if TYPE_CHECKING:
@@ -81,7 +80,7 @@ class _Drive:
         if path is None:
             raise UserError(f"--pictures: no picture of camera {frame.camera}, frame {frame.index}")
         if path not in self._checked:
-            if hashlib.sha256(read_bytes(path)).hexdigest() != frame.digest:
+            if sha256_of(path) != frame.digest:
                 raise UserError(f"{path}: is not the picture that the trace was made of")
             self._checked.add(path)
         return path.absolute()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.grid import cell_counts
+from genie_sim.base.grid import Area, cell_counts
 from genie_sim.base.units import length_m
 
 if TYPE_CHECKING:
@@ -23,11 +23,9 @@ Street = list[float]  # east and north of its corners in turn [m]
 
 
 class Ground(NamedTuple):
-    """West, south, east and north border of a map [m], its columns and rows of cells, and its
-    streets, the main ones apart.
-    """
+    """The borders of a map, its columns and rows of cells, and its streets, the main ones apart."""
 
-    extent_m: tuple[float, float, float, float]
+    extent_m: Area
     columns: int
     rows: int
     streets: list[Street]
@@ -69,7 +67,7 @@ def _of_town(
     return streets
 
 
-def _driven(poses: "Columns", extent_m: tuple[float, float, float, float]) -> Iterator[Street]:
+def _driven(poses: "Columns", extent_m: Area) -> Iterator[Street]:
     """The ways of all cars, each part of a way once."""
     west_m, south_m, east_m, north_m = extent_m
     step_m = max(STEP_M, max(east_m - west_m, north_m - south_m) / MAX_STEPS)

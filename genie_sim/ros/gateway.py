@@ -43,7 +43,7 @@ class Peer(NamedTuple):
     role: str
 
 
-class Genie(Protocol):
+class AnyGenie(Protocol):
     """What decides about messages: ``core.node.GenieNode``, an ``EdgeRelay``, or
     ``core.recommended.paced_genie.PacedGenie``.
     """
@@ -81,7 +81,7 @@ class Gateway:
 
     Parameters
     ----------
-    genie : Genie
+    genie : AnyGenie
         The Genie.
     rules : GenieRules
         Its settings.
@@ -99,7 +99,7 @@ class Gateway:
 
     def __init__(
         self,
-        genie: Genie,
+        genie: AnyGenie,
         *,
         rules: GenieRules,
         role: str,

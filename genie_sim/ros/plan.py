@@ -17,7 +17,7 @@ from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRu
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.core.without_effect import check_effect
 from genie_sim.ros.codec import Codec, WireType
-from genie_sim.ros.gateway import LOCAL, REMOTE, Gateway, Genie, Peer, PeerLinks
+from genie_sim.ros.gateway import LOCAL, REMOTE, AnyGenie, Gateway, Peer, PeerLinks
 from genie_sim.ros.keys import check_keys
 from genie_sim.ros.looks import EdgeRelay
 from genie_sim.ros.message import RosMessage
@@ -238,7 +238,7 @@ def make_gateway(
     )
 
 
-def _genie_of(plan: AttachPlan, settings: GenieRules, middleware: dict[str, Any]) -> Genie:
+def _genie_of(plan: AttachPlan, settings: GenieRules, middleware: dict[str, Any]) -> AnyGenie:
     """The Genie of a plan. Raises UserError where its node gives no objects, which looks need."""
     if settings.looks is not None:
         suffixes: tuple[str, str] = middleware["suffixes"]

@@ -8,10 +8,10 @@ from dataclasses import replace
 from itertools import accumulate
 
 from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.grid import cell_counts
+from genie_sim.base.grid import Area, cell_counts
 from genie_sim.base.plugins import Choice
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.data.source import Drive, Extent, Frames
+from genie_sim.data.source import Drive, Frames
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import MAX_EDGES, Fleet
 from genie_sim.scenario.scenario import Scenario
@@ -27,7 +27,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 class Cells:
     """A grid of equal cells over a map, as many of about ``cell_m`` as fit it best."""
 
-    def __init__(self, extent_m: Extent, cell_m: float) -> None:
+    def __init__(self, extent_m: Area, cell_m: float) -> None:
         self._west_m, self._south_m, east_m, north_m = extent_m
         size_m = east_m - self._west_m, north_m - self._south_m
         self.columns, self.rows = cell_counts(extent_m, cell_m)

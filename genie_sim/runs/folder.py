@@ -163,7 +163,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     from genie_sim.analysis import metrics
 
     columns = {name: table.columns() for name, table in tables.items()}
-    measured = metrics.compute(methods_of(prepared), columns, custom=prepared.scenario.metrics)
+    measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
     return Run(
         run_id=run_id,
         facts=prepared.facts,

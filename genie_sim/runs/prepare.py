@@ -55,9 +55,9 @@ def prepare(
     """
     checks.check_own_plugins(scenario)
     if scenario.metrics:
-        from genie_sim.analysis.registry import custom_metrics
+        from genie_sim.analysis.registry import own_metrics
 
-        custom_metrics(scenario.metrics)
+        own_metrics(scenario.metrics)
     source: FrameSource = FRAME_SOURCE.make(scenario.perception)
     owner = plugins.own_label("frame source", scenario.perception.name)
     if owner is not None:

@@ -232,7 +232,7 @@ def _check_traces(scenario: Scenario) -> None:
     """The traces that are named exist. What a source of the user's own calls a trace is its own
     business.
     """
-    if plugins.is_custom(scenario.perception.name):
+    if plugins.is_own(scenario.perception.name):
         return
     traces = {
         f"cars[{index}].route.trace": car.route.trace
@@ -257,7 +257,7 @@ def _check_model(
     expiry_ns = settings.genie.request_expiry_ns
     if expiry_ns is None or expiry_ns > median_ns:
         return
-    if plugins.is_custom(entry.method.name) or not method_class(entry).baseline:
+    if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
         takes, expiry = duration_text(median_ns), duration_text(expiry_ns)
         text = (
             f"{expiry} is over before {settings.model} answers on {profile.name} ({takes}): "

@@ -189,7 +189,7 @@ class Scenario(MethodSettings):
         """The frame source, ``None`` for one of the user's own, whose code is not run to check a
         scenario.
         """
-        if plugins.is_custom(self.perception.name):
+        if plugins.is_own(self.perception.name):
             return None
         source: FrameSource = FRAME_SOURCE.make(self.perception)
         return source
@@ -255,7 +255,7 @@ class Scenario(MethodSettings):
         seen = set()
         for path, link in named:
             key = repr(link), path.endswith("edge_network")
-            if link is not None and key not in seen and not plugins.is_custom(link.name):
+            if link is not None and key not in seen and not plugins.is_own(link.name):
                 seen.add(key)
                 yield path, link
 
@@ -267,7 +267,7 @@ class Scenario(MethodSettings):
                 named += chosen(self.method_settings[entry.name], f"methods[{index}]")
         detector = Choice(str(self.perception.parameters.get("detector")))
         named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
-        return [plug_in for plug_in in named if plugins.is_custom(plug_in.choice.name)]
+        return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""

@@ -14,7 +14,7 @@ import simpy
 from simpy.events import NORMAL, URGENT
 
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.plugins import custom_place
+from genie_sim.base.plugins import own_place
 from genie_sim.core.messages import Header
 from genie_sim.core.monitor import Span, SpanLabel
 
@@ -190,7 +190,7 @@ def _place(process: simpy.Process) -> str:
     """Where a process is, in the code of the user's own if it is there."""
     place, generator = process.name, cast(Any, process._generator)
     while hasattr(generator, "gi_frame"):
-        place = custom_place(generator.gi_frame) or place
+        place = own_place(generator.gi_frame) or place
         generator = generator.gi_yieldfrom
     return place
 
@@ -271,7 +271,7 @@ class OfFlow(Protocol):
 Item = TypeVar("Item", bound=OfFlow)
 
 
-class Newest(Generic[Item]):
+class NewestQueue(Generic[Item]):
     """A queue that keeps the newest items of each flow, as the queue of a ROS publisher or
     subscriber keeps those of its topic. Processes take the oldest.
 

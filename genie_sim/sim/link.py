@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
-from genie_sim.sim.clock import Clock, Newest, Occupancy, Steps
+from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
@@ -91,7 +91,7 @@ class Link:
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
-        self._waiting = Newest[Transfer](clock, queue_length)
+        self._waiting = NewestQueue[Transfer](clock, queue_length)
         self._on_wire: Transfer | None = None
         self._busy_since_ns = 0
         self._busy_ns = 0

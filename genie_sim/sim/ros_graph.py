@@ -10,7 +10,7 @@ import simpy
 
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
-from genie_sim.sim.clock import Newest, Occupancy, Steps
+from genie_sim.sim.clock import NewestQueue, Occupancy, Steps
 from genie_sim.sim.device import Host
 
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
@@ -212,7 +212,7 @@ class Node(Subscriber):
         self.routes: dict[str, tuple[str, list[Subscriber]]] = {}
         self.work_label = SpanLabel(self.part, name)
         self._queueing = SpanLabel("queueing", name)
-        self._waiting = Newest[Waiting](self.clock, graph.queue_length)
+        self._waiting = NewestQueue[Waiting](self.clock, graph.queue_length)
         # what each process of the node is busy with
         self._working: dict[simpy.Process, tuple[Message, ...]] = {}
         for _ in range(threads):

@@ -14,7 +14,7 @@ import simpy
 
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Span, SpanLabel
-from genie_sim.sim.clock import Newest, Steps
+from genie_sim.sim.clock import NewestQueue, Steps
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.settings import Serving
@@ -61,7 +61,7 @@ class BatchingDetectorNode(DetectorNode):
         serving: Serving,
     ) -> None:
         super().__init__(name, graph, subscribes, publishes)
-        self._waiting: Newest[Any] = Newest(self.clock, graph.queue_length)
+        self._waiting: NewestQueue[Any] = NewestQueue(self.clock, graph.queue_length)
         self._pictures: list[Picture] = self._waiting.items  # in the order of their arrival
         self._serving = serving
         self._free_ns = 0.0  # when the batch in service is done, by mean times

@@ -60,14 +60,14 @@ Level = float | str  # the value of an axis at a point, as the tables show it
 
 
 @dataclass(frozen=True)
-class Quantity:
+class Amount:
     """A number with any unit that settings have, or none: ``0.5 m``, ``3``."""
 
     number: float
     unit: str = ""
 
     @classmethod
-    def expand(cls, value: object) -> "Quantity":
+    def expand(cls, value: object) -> "Amount":
         """``"0.5 m"``, or a number alone. Raises ``SettingError``."""
         quantity = cls.in_value(value)
         if quantity is None:
@@ -76,9 +76,9 @@ class Quantity:
         return quantity
 
     @classmethod
-    def in_value(cls, value: object) -> "Quantity | None":
+    def in_value(cls, value: object) -> "Amount | None":
         """The number in a value of a list; None where it is something else."""
-        if isinstance(value, Quantity):
+        if isinstance(value, Amount):
             return value
         if isinstance(value, int | float) and not isinstance(value, bool):
             return cls(float(value)) if math.isfinite(value) else None
@@ -98,9 +98,9 @@ class NumberRange:
     scale.
     """
 
-    low: Annotated[Quantity, Key("from")]
+    low: Annotated[Amount, Key("from")]
     """The smallest."""
-    high: Annotated[Quantity, Key("to")]
+    high: Annotated[Amount, Key("to")]
     """The largest, in the same unit."""
     scale: Literal["linear", "log"] = "linear"
     """Whether equal steps are equal differences or equal ratios."""
@@ -262,11 +262,11 @@ class Axis:
         text = str(number) if span.whole else f"{number:g}"
         return value, dict.fromkeys(self.paths, f"{text} {span.unit}" if span.unit else number)
 
-    def _quantities(self) -> list[Quantity] | None:
+    def _quantities(self) -> list[Amount] | None:
         """A list's numbers, all of one unit; None for a list of other things."""
         if self.cases is None or isinstance(self.cases, dict):
             return None
-        values = [Quantity.in_value(value) for value in self.cases]
+        values = [Amount.in_value(value) for value in self.cases]
         quantities = [quantity for quantity in values if quantity is not None]
         same = len(quantities) == len(values) and len({item.unit for item in quantities}) == 1
         return quantities if same else None
@@ -376,7 +376,7 @@ class Design:
             name: f"{name} [{axis.unit}]" if axis.unit else name for name, axis in self.axes.items()
         }
 
-    def points(self) -> "Iterator[Point]":
+    def points(self) -> "Iterator[SweepPoint]":
         """All points, the last crossed axis and the samples changing fastest."""
         fixed = dict(self.settings)
         crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}
@@ -393,11 +393,13 @@ class Design:
                 }
                 scenario = settings.pop(SCENARIO, self.scenario)
                 overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
-                yield Point(tuple(chosen[name][0] for name in self.axes), str(scenario), overrides)
+                yield SweepPoint(
+                    tuple(chosen[name][0] for name in self.axes), str(scenario), overrides
+                )
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class SweepPoint:
     """One combination: the values of the axes, in their order, and the scenario and overrides that
     follow, which are as on the command line.
     """

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 MAX_TICKS = 8
 MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
-LEVEL_CHARACTERS = 16  # of a value that is a text, as in the page
+LEVEL_CHARACTERS = 16  # of a value that is a text
 SIDE_BY_SIDE = (  # of these in a column, and where each value of another axis has its panels
     "image_reuse",
     "object_reuse",

@@ -13,7 +13,7 @@ from genie_sim.report.output import Output
 from genie_sim.runs.prepare import Prepared, facts, new_methods, prepare, prepare_with_frames
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
-from genie_sim.study.design import Design, Level, Point
+from genie_sim.study.design import Design, Level, SweepPoint
 from genie_sim.study.tasks import PointRun, Shared
 
 # Settings that say nothing about which profiles and traces are needed.
@@ -108,7 +108,7 @@ def plan(
     return planned
 
 
-def _scenario(point: Point, base: Scenario | None, methods: Sequence[str]) -> Scenario:
+def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) -> Scenario:
     """The scenario at a point. Raises ``UserError``."""
     given = f"--methods {','.join(methods)}"
     if base is None:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 from genie_sim.analysis import renderers
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError, first_line, unknown
 from genie_sim.record import provenance
-from genie_sim.study import page
 from genie_sim.study.design import Design, read_design
 
 if TYPE_CHECKING:
     import pandas as pd
 
+ABOUT = "sweep.json"
+READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
 PRINTED = ("first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share")
 MAX_ROWS = 50  # of a table in LaTeX
 
@@ -43,7 +44,7 @@ def drawn_from(
     titles, and which sweep it is. Raises ``UserError``.
     """
     about, runs, _ = _read(folder, allow_changed)
-    design = read_design(about["sweep"], str(folder / page.ABOUT))
+    design = read_design(about["sweep"], str(folder / ABOUT))
     return design, runs, _titles(about), footer_of(design, str(about.get("label", "")))
 
 
@@ -108,7 +109,29 @@ def _titles(about: Mapping[str, Any]) -> dict[str, str]:
 
 def _read(folder: Path, allow_changed: bool) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
     with provenance.of_this_version(folder):
-        about, runs, points = page.read(folder)
-        changed = provenance.changed_files(folder, about.get("digests"), page.READ)
+        about, runs, points = _results(folder)
+        changed = provenance.changed_files(folder, about.get("digests"), READ)
         provenance.refuse_changed(folder, changed, allow_changed)
         return about, runs, points
+
+
+def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
+    """What ``sweep.json``, ``runs.parquet`` and ``table.parquet`` say."""
+    import pandas as pd
+
+    path = folder / ABOUT
+    try:
+        about = provenance.read_json(path)
+        if not isinstance(about, dict) or "sweep" not in about:
+            raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+        found = []
+        for path in (folder / "runs.parquet", folder / "table.parquet"):
+            with path.open("rb") as file:  # of a path pandas makes a URI
+                found.append(pd.read_parquet(file, use_threads=False))  # see parquet.read
+    except FileNotFoundError:
+        raise UserError(
+            f"{path}: missing; the sweep is not finished, run it again for the rest"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
+    return about, found[0], found[1]

@@ -300,8 +300,10 @@ class Space:
         of_values = [self.parameters[key].settings(value) for key, value in values.items()]
         for group in (fixed, self.settings, *of_values):
             for path, value in group.items():
-                is_custom, own = path.startswith("method."), path.removeprefix("method.")
-                (method if is_custom else scenario)[own] = value
+                if path.startswith("method."):
+                    method[path.removeprefix("method.")] = value
+                else:
+                    scenario[path] = value
         return as_overrides({"methods": [method], **scenario})
 
 

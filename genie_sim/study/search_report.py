@@ -138,11 +138,11 @@ def picks(design: SearchDesign, front: Front, table: "pd.DataFrame") -> list[Pic
     rows: Mapping[Any, Any] = table.set_index("design").to_dict("index")
     return [
         Pick(
-            words.partition(" within")[0].replace(" ", "_"),
-            f"{words.capitalize()}: {point.name}. {_text(design, point, rows[point.name])}",
-            point.name,
-            point.method,
-            point.values,
+            file=words.partition(" within")[0].replace(" ", "_"),
+            text=f"{words.capitalize()}: {point.name}. {_text(design, point, rows[point.name])}",
+            design=point.name,
+            method=point.method,
+            values=point.values,
         )
         for words, point in chosen.items()
     ]

@@ -16,7 +16,6 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
-from genie_sim.report import html_page
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
@@ -161,14 +160,13 @@ class Study:
 
     def _draw(self, runs: "pd.DataFrame") -> None:
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.study import figures, page, printed
+        from genie_sim.study import figures, printed
 
         (self.folder / "figures").mkdir(exist_ok=True)
         titles = printed.unique_titles(self._titles())
         footer = printed.footer_of(self.design, self.label)
         for name, figure in figures.of_sweep(self.design, runs, titles, footer):
             of_runs.save(figure, self.folder / "figures", name)
-        html_page.write_text(self.folder / html_page.NAME, page.page(self.folder))
 
     def _settings(self) -> dict[str, object]:
         plain: dict[str, object] = plain_data(self.design)

@@ -21,11 +21,11 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, replace_durably, usable
+from genie_sim.base.paths import PARTIAL, replace_durably, sha256_of, usable
 from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric, changed_files
+from genie_sim.record.results import MetricValue, changed_files
 from genie_sim.record.tables import Column, Schema, Table
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
 from genie_sim.runs import folder as run_folder
@@ -58,10 +58,10 @@ PART = Schema(
         Column("method", "text", "", "the method that was simulated"),
         Column("placement", "text", "", "of Genies: car or edge; else all"),
         Column("component", "text", "", "of an improvement: the baseline; else empty"),
-        Column("value", "float64", "", "null: not defined in this run", True),
+        Column("value", "float64", "", "null: not defined in this run", nullable=True),
         Column("unit", "text", "", "of value, low and high"),
-        Column("low", "float64", "", "see analysis.metrics", True),
-        Column("high", "float64", "", "see analysis.metrics", True),
+        Column("low", "float64", "", "see analysis.metrics", nullable=True),
+        Column("high", "float64", "", "see analysis.metrics", nullable=True),
         Column("n", "int64", "", "what the metric was computed over: frames, requests, updates"),
     ),
 )
@@ -85,7 +85,7 @@ class StudyRun(Protocol):
     def place(self) -> str:
         """Which set-up and seed it belongs to, in words."""
 
-    def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[Metric]]:
+    def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[MetricValue]]:
         """Simulates it. Returns metrics by the id that they are kept under: the run's own, and ids
         beginning with it where the same simulation is judged in several ways. What is no metric
         goes into files in ``folder``.
@@ -107,7 +107,7 @@ class PointRun:
     keep: bool = False
     output: Output = DEFAULT_OUTPUT
 
-    def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[Metric]]:
+    def measure(self, shared: Shared, folder: Path) -> Mapping[str, Sequence[MetricValue]]:
         """The metrics of its methods."""
         prepared = (
             prepare(self.scenario)
@@ -213,10 +213,10 @@ def run_task(task: Task, packed: bytes) -> Finished:
 
 def content_digest(path: Path) -> str:
     """What the name of a part ends with: it says whether the file was changed since."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    return sha256_of(path)[:16]
 
 
-def measured(prepared: Prepared) -> Sequence[Metric]:
+def measured(prepared: Prepared) -> Sequence[MetricValue]:
     """Simulates one run: the metrics of its methods and of their Genies, not of single resources: a
     fleet has many.
     """
@@ -230,9 +230,9 @@ def measured(prepared: Prepared) -> Sequence[Metric]:
     return _metrics_of(prepared, {name: tables[name].columns() for name in MEASURED})
 
 
-def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[Metric]:
+def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[MetricValue]:
     used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(run_folder.methods_of(prepared), used, custom=prepared.scenario.metrics)
+    return metrics.compute(run_folder.methods_of(prepared), used, own=prepared.scenario.metrics)
 
 
 @functools.lru_cache(maxsize=1)

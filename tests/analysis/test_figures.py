@@ -19,7 +19,7 @@ from genie_sim.cli.main import main
 from genie_sim.methods import METHODS as METHOD_CLASSES
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from genie_sim.record.tables import Table
 from tests import made_up_run
 from tests.drawn_text import faults
@@ -223,7 +223,7 @@ def test_methods_of_any_name_and_number_are_drawn_in_their_order(tables, tmp_pat
     assert curves(drawn["latency_cdf"])["Swift"][1][-1] == 1.0
     colours = {line.get_label(): line.get_color() for line in drawn["latency_cdf"].axes[0].lines}
     assert colours["Genie"] == style.COLOURS[2] and colours["Remote"] == style.COLOURS[1]
-    assert colours["Swift"] == style.COLOURS[style.FIRST_CUSTOM_STYLES[0]]
+    assert colours["Swift"] == style.COLOURS[style.FIRST_OWN_STYLES[0]]
     assert (
         "Swift, on cars" in told["confidence_boost"]
         and "Genie, on edges" in told["confidence_boost"]
@@ -390,7 +390,7 @@ def test_first_updates_do_not_flatten_the_confidence_boost(tables):
 def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
     parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0}
     measured = [
-        Metric("first_answer_part", "remote", "all", part, value, "ms")
+        MetricValue("first_answer_part", "remote", "all", part, value, "ms")
         for part, value in parts.items()
     ]
     both = [*measured, *(replace(one, metric="fresh_answer_part") for one in measured)]
@@ -418,7 +418,7 @@ def test_the_parts_of_the_time_are_stacked_up_to_the_mean():
 def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
     means = {"local": 349.0, "remote": 52.5, "genie": 88.0}
     measured = [
-        Metric(f"{answer}_part", method, "all", "inference", value, "ms")
+        MetricValue(f"{answer}_part", method, "all", "inference", value, "ms")
         for method, value in means.items()
         for answer in ("first_answer", "fresh_answer")
     ]

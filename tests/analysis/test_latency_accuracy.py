@@ -7,19 +7,19 @@ import pytest
 
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 METHODS = [MethodInfo("remote", "remote (R)", True), MethodInfo("genie", "Genie (DG)", False)]
 
 
-def numbers(accuracy: str = "streaming_f1") -> list[Metric]:
+def numbers(accuracy: str = "streaming_f1") -> list[MetricValue]:
     """Intervals that reach differently far to each of the four sides."""
     return [
-        Metric("first_answer_mean", "remote", "all", "", 50.0, "ms", 49.0, 53.0),
-        Metric(accuracy, "remote", "all", "", 0.5, "1", 0.45, 0.52),
-        Metric("first_answer_mean", "genie", "all", "", 9.0, "ms", 8.5, 9.1),
-        Metric(accuracy, "genie", "all", "", 0.3, "1", 0.1, 0.6),
-        Metric(accuracy, "remote", "all", ZERO_DELAY, 0.7, "1", 0.6, 0.8),
+        MetricValue("first_answer_mean", "remote", "all", "", 50.0, "ms", 49.0, 53.0),
+        MetricValue(accuracy, "remote", "all", "", 0.5, "1", 0.45, 0.52),
+        MetricValue("first_answer_mean", "genie", "all", "", 9.0, "ms", 8.5, 9.1),
+        MetricValue(accuracy, "genie", "all", "", 0.3, "1", 0.1, 0.6),
+        MetricValue(accuracy, "remote", "all", ZERO_DELAY, 0.7, "1", 0.6, 0.8),
     ]
 
 

@@ -7,7 +7,7 @@ from dataclasses import asdict
 
 from genie_sim.analysis import renderers, summary
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import made_up_run
 
 METHODS = [
@@ -16,7 +16,7 @@ METHODS = [
 ]
 
 
-def run_of(*metrics: Metric) -> Run:
+def run_of(*metrics: MetricValue) -> Run:
     facts = {
         "scenario": {"name": "two_cars", "seed": 3, "cars": [{}, {}], "edges": [{}]},
         "methods": [asdict(method) for method in METHODS],
@@ -54,11 +54,11 @@ def test_more_columns_than_fit_one_of_two_span_the_page():
 
 def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kind():
     run = run_of(
-        Metric("frames_published", "local", "all", "", 5, "frames"),
-        Metric("frames_published", "mine", "all", "", 5, "frames"),
-        Metric("first_answer_mean", "local", "all", "", 342.0, "ms", 328.0, 356.0),
-        Metric("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
-        Metric("image_reuse", "mine", "car", "", 0.25, "1", 0.1, 0.4),
+        MetricValue("frames_published", "local", "all", "", 5, "frames"),
+        MetricValue("frames_published", "mine", "all", "", 5, "frames"),
+        MetricValue("first_answer_mean", "local", "all", "", 342.0, "ms", 328.0, 356.0),
+        MetricValue("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
+        MetricValue("image_reuse", "mine", "car", "", 0.25, "1", 0.1, 0.4),
     )
     text = summary.table(run, "latex")
     assert "first answer, mean [ms] & 342 & 9.12" in text

@@ -10,7 +10,7 @@ import pytest
 from genie_sim.analysis import looks as look_metrics
 from genie_sim.analysis import metric as of_metric
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 
 MS = 1_000_000
 # frame by stamp [ms]: what became of it, and when [ms]; None: nothing yet
@@ -59,7 +59,7 @@ def held(shared: int, shared_right: int) -> pd.DataFrame:
     return pd.DataFrame([judged | sees, judged | {"shared": 1, "shared_right": 0}, without_delay])
 
 
-def measured(**tables: pd.DataFrame) -> dict[str, Metric]:
+def measured(**tables: pd.DataFrame) -> dict[str, MetricValue]:
     parts: dict[str, Any] = {"looks": looks(), "frames": frames(), **tables}
     columns = {name: Columns.of(table) for name, table in parts.items()}
     views = look_metrics.views(columns, dict.fromkeys(["other", "genie"]), intervals=True)

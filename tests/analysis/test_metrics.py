@@ -16,7 +16,7 @@ from genie_sim.core.messages import Header
 from genie_sim.record.columns import Columns
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES, FrameRow
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
 from tests import made_up_run
 from tests.made_up_run import METHODS
@@ -93,7 +93,7 @@ def lookup_table(*rows: tuple) -> pd.DataFrame:
 
 def of_tables(
     frames=None, lookups=None, resources=None, methods=METHODS
-) -> dict[tuple[str, str], Metric]:
+) -> dict[tuple[str, str], MetricValue]:
     """By name, and by resource or baseline, or where Genies run, or method."""
     given = {"frames": frames, "lookups": lookups, "resources": resources}
     known = {name: table for name, table in given.items() if table is not None}
@@ -163,7 +163,7 @@ def test_what_is_not_defined_is_none():
     table = Table(FRAMES)
     table.append(FrameRow("local", "car1", "camera_02", 0, 0, 0))
     result = of_tables(frames=table.to_frame())
-    assert result["first_answer_mean", "local"] == Metric(
+    assert result["first_answer_mean", "local"] == MetricValue(
         "first_answer_mean", "local", "all", "", None, "ms"
     )
     assert result["under_deadline_share_of_answered", "local"].value is None
@@ -534,7 +534,7 @@ def test_frames_without_an_answer_do_not_change_the_interval_of_the_mean():
     dropped = local["first_answer_ns"].isna()
     assert dropped.any() and len(local[~dropped]) >= 2 * 8, "a second has answered frames"
 
-    def mean(rows: pd.DataFrame) -> Metric:
+    def mean(rows: pd.DataFrame) -> MetricValue:
         metrics_of_rows = metrics.compute(METHODS[:1], {"frames": rows})
         return next(row for row in metrics_of_rows if row.metric == "first_answer_mean")
 

@@ -14,7 +14,7 @@ from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.latency_accuracy import latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS
 
@@ -74,13 +74,13 @@ def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
     outline.check("many panels", drawn)
 
 
-def accuracy(method: str, first_ms: float, f1: float) -> list[Metric]:
+def accuracy(method: str, first_ms: float, f1: float) -> list[MetricValue]:
     return [
-        Metric(
+        MetricValue(
             "first_answer_mean", method, "all", "", first_ms, "ms", 0.9 * first_ms, first_ms + 3
         ),
-        Metric("streaming_f1", method, "all", "", f1, "1", f1 - 0.05, f1 + 0.02),
-        Metric("streaming_f1", method, "all", ZERO_DELAY, 0.7, "1", 0.6, 0.8),
+        MetricValue("streaming_f1", method, "all", "", f1, "1", f1 - 0.05, f1 + 0.02),
+        MetricValue("streaming_f1", method, "all", ZERO_DELAY, 0.7, "1", 0.6, 0.8),
     ]
 
 
@@ -101,7 +101,7 @@ def test_accuracy_versus_latency():
 def test_parts_of_the_time():
     parts = {"queueing": 10.0, "uplink": 5.5, "inference": 20.0, "genie": 1.5, "pending": 4.0}
     measured = [
-        Metric(f"{answer}_answer_part", method.name, "all", part, (1 + 4 * i) * value, "ms")
+        MetricValue(f"{answer}_answer_part", method.name, "all", part, (1 + 4 * i) * value, "ms")
         for i, method in enumerate(METHODS)
         for answer, scale in (("first", 1), ("fresh", 1 + i))
         for part, value in parts.items()

@@ -18,7 +18,7 @@ from genie_sim.scenario.reading import load_scenario
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """
 from genie_sim.analysis.frame_metrics import FrameShare, response_ms
-from genie_sim.analysis.metric import MetricDefinition
+from genie_sim.analysis.metric import Metric
 
 class Slow(FrameShare):
     '''Share of the frames with a first answer after 100 ms.'''
@@ -38,7 +38,7 @@ class Returns(Slow):
     def of(self, view):
         return 0.5
 
-class Viewless(MetricDefinition):
+class Viewless(Metric):
     title = "t"
 
 class Plain:
@@ -85,7 +85,7 @@ def test_it_is_in_every_table_with_its_interval():
         ("Reads", "reads: frames: unknown column 'nothing'; known: "),
         ("Returns", "must return Measured or None, not 0.5"),
         ("Viewless", "has no view"),
-        ("Plain", "is no subclass of genie_sim.analysis.metric.MetricDefinition"),
+        ("Plain", "is no subclass of genie_sim.analysis.metric.Metric"),
         ("Nobody", "has no attribute 'Nobody'"),
     ],
 )

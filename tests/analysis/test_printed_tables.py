@@ -12,7 +12,7 @@ from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import new_tables
-from genie_sim.record.results import Metric, Run
+from genie_sim.record.results import MetricValue, Run
 from genie_sim.report import notebook
 from tests import made_up_run, outline
 from tests.made_up_run import METHODS
@@ -56,7 +56,7 @@ def made(seed: int, lift: float = 1.0, speed: float = 1.0) -> Run:
         ):
             value = (0.2 + 0.1 * place + 0.01 * number + 0.001 * seed) * (1 if unit == "1" else 50)
             ends = value * 0.9, value * 1.2
-            measured.append(Metric(name, method.name, "all", "", value, unit, *ends, n=60))
+            measured.append(MetricValue(name, method.name, "all", "", value, unit, *ends, n=60))
     columns = {name: Columns.of(table.to_frame()) for name, table in whole.items()}
     return Run(f"0123456789a{seed}", facts, "", columns, measured)
 

@@ -8,7 +8,7 @@ from genie_sim.analysis import attacks, correctness, metrics, outages, prices, r
 from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric, Run
+from genie_sim.record.results import MetricValue, Run
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 
@@ -78,12 +78,16 @@ def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
 
 
 def test_a_value_has_three_digits_its_unit_and_its_interval():
-    share = Metric("image_reuse", "genie", "car", "", 0.30612, "1", 0.1, 0.52)
+    share = MetricValue("image_reuse", "genie", "car", "", 0.30612, "1", 0.1, 0.52)
     assert cell(share).text() == "30.6 (10 to 52)"
     assert cell(share)._replace(unit="%").text(intervals=False) == "30.6 %"
-    assert cell(Metric("first_answer_mean", "a", "all", "", 1234.5678, "ms")).text() == "1,235"
-    assert cell(Metric("confidence_boost", "a", "car", "", 0.012345, "1")).text() == "0.0123"
-    assert cell(Metric("image_reuse", "a", "car", "", None, "1")).text() == cell(None).text() == "-"
+    assert cell(MetricValue("first_answer_mean", "a", "all", "", 1234.5678, "ms")).text() == "1,235"
+    assert cell(MetricValue("confidence_boost", "a", "car", "", 0.012345, "1")).text() == "0.0123"
+    assert (
+        cell(MetricValue("image_reuse", "a", "car", "", None, "1")).text()
+        == cell(None).text()
+        == "-"
+    )
 
 
 def test_an_axis_is_logarithmic_where_positive_values_span_decades():

@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.analysis import screen
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import made_up_run
 
 TEN = [MethodInfo(f"m{i}", f"Method number {i}", baseline=False) for i in range(10)]
@@ -20,7 +20,7 @@ def run_of(methods: list[MethodInfo], seed: int = 7, label: str = "", shift: flo
         "methods": [asdict(method) for method in methods],
     }
     measured = [
-        Metric("first_answer_mean", method.name, "all", "", 10.0 + i + shift, "ms")
+        MetricValue("first_answer_mean", method.name, "all", "", 10.0 + i + shift, "ms")
         for i, method in enumerate(methods)
     ]
     frames = made_up_run.frames(3, 2).columns().assign(method="m0")

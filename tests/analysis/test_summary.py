@@ -10,18 +10,20 @@ import pytest
 from genie_sim.analysis import metrics, renderers, screen, summary
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.errors import UserError
-from genie_sim.record.results import MethodInfo, Metric, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import made_up_run
 
 
 @pytest.fixture(scope="module")
-def found() -> list[Metric]:
+def found() -> list[MetricValue]:
     tables = made_up_run.frames(2, 3), made_up_run.lookups(2, 120), made_up_run.resources(2, 30)
     return metrics.compute(made_up_run.METHODS, {table.name: table.to_frame() for table in tables})
 
 
 def run_of(
-    metrics: Sequence[Metric], methods: Sequence[MethodInfo] = made_up_run.METHODS, seed: int = 1
+    metrics: Sequence[MetricValue],
+    methods: Sequence[MethodInfo] = made_up_run.METHODS,
+    seed: int = 1,
 ) -> Run:
     facts = {
         "scenario": {"name": "street_3car_hetero", "seed": seed, "cars": [{}, {}], "edges": [{}]},
@@ -48,7 +50,8 @@ def test_a_terminal_shows_twelve_rows_at_most_and_all_or_some_on_request(found):
     measured = [*found]
     for method in ("local", "genie"):
         measured += [
-            Metric(name, method, "all", "", 0.5, "1") for name in ("streaming_f1", "ghost_share")
+            MetricValue(name, method, "all", "", 0.5, "1")
+            for name in ("streaming_f1", "ghost_share")
         ]
     run = run_of(measured)
     short, whole = screen.text(run, 100), screen.text(run, 100, ())
@@ -140,7 +143,7 @@ def test_the_tables_fit_the_window(found, width):
         assert words in " ".join(text.lower().split()), words
 
 
-def markdown(found: list[Metric]) -> str:
+def markdown(found: list[MetricValue]) -> str:
     return summary.markdown(run_of(found))
 
 
@@ -156,9 +159,9 @@ def test_the_tables_are_plain_text(found):
 
 def test_unknown_is_a_dash_and_never_a_number():
     unanswered = [
-        Metric("frames_published", "local", "all", "", 7, "frames", n=7),
-        Metric("first_answer_mean", "local", "all", "", None, "ms"),
-        Metric("answered_share", "local", "all", "", 0.0, "1", n=7),
+        MetricValue("frames_published", "local", "all", "", 7, "frames", n=7),
+        MetricValue("first_answer_mean", "local", "all", "", None, "ms"),
+        MetricValue("answered_share", "local", "all", "", 0.0, "1", n=7),
     ]
     text = screen.text(run_of(unanswered))
     assert row(text, "first answer, mean [ms]") == ["-"]
@@ -168,16 +171,16 @@ def test_unknown_is_a_dash_and_never_a_number():
 
 
 def test_methods_and_roles_that_were_not_simulated_have_no_column():
-    local_only = [Metric("frames_published", "local", "all", "", 7, "frames", n=7)]
+    local_only = [MetricValue("frames_published", "local", "all", "", 7, "frames", n=7)]
     text = screen.text(run_of(local_only)) + markdown(local_only).partition("## ")[2]
     assert "Genie (DG)" not in text and "Improvement" not in text and "image reuse" not in text
 
 
 def test_numbers_have_three_digits_and_a_unit():
-    run = [Metric("frames_published", "remote", "all", "", 1, "frames")]
-    run += [Metric("image_reuse", "genie", "edge", "", 0.30612, "1", 0.1, 0.52)]
-    run += [Metric("first_answer_mean", "remote", "all", "", 1234.5678, "ms")]
-    run += [Metric("confidence_boost", "genie", "edge", "", 0.012345, "1")]
+    run = [MetricValue("frames_published", "remote", "all", "", 1, "frames")]
+    run += [MetricValue("image_reuse", "genie", "edge", "", 0.30612, "1", 0.1, 0.52)]
+    run += [MetricValue("first_answer_mean", "remote", "all", "", 1234.5678, "ms")]
+    run += [MetricValue("confidence_boost", "genie", "edge", "", 0.012345, "1")]
     text = markdown(run)
     assert row_of(text, "image reuse on edges [%]") == ["30.6 (10 to 52)"]
     assert row_of(text, "confidence boost on edges") == ["0.0123"]
@@ -202,12 +205,12 @@ def test_the_markdown_names_the_run_and_says_what_the_intervals_mean(found):
 
 
 def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
-    run = [Metric("frames_published", "genie", "all", "", 1, "frames")]
+    run = [MetricValue("frames_published", "genie", "all", "", 1, "frames")]
     run += [
-        Metric("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1")
+        MetricValue("utilization", "genie", "edge", f"edge{i:02}.accelerator", i / 100, "1")
         for i in range(60)
     ]
-    run.append(Metric("utilization", "genie", "all", "edge1->edge2", 0.75, "1"))
+    run.append(MetricValue("utilization", "genie", "all", "edge1->edge2", 0.75, "1"))
     label = "busiest accelerator on edges [%]"
     whole = screen.text(run_of(run), 80, ())
     assert row(whole, label) == ["59"] and row(whole, "busiest link [%]") == ["75"]
@@ -220,10 +223,10 @@ def test_a_fleet_shows_its_busiest_devices_and_counts_the_others():
 def test_improvements_name_the_baseline_and_genies_their_place():
     run = []
     for method in ("swift", "plain", "slow"):
-        run.append(Metric("frames_published", method, "all", "", 1, "frames"))
-        run.append(Metric("first_answer_mean", method, "all", "", 10.0, "ms"))
-    run.append(Metric("improvement_first_answer", "swift", "all", "plain", 0.5, "1"))
-    run += [Metric("image_reuse", method, "car", "", 0.5, "1") for method in ("swift", "slow")]
+        run.append(MetricValue("frames_published", method, "all", "", 1, "frames"))
+        run.append(MetricValue("first_answer_mean", method, "all", "", 10.0, "ms"))
+    run.append(MetricValue("improvement_first_answer", "swift", "all", "plain", 0.5, "1"))
+    run += [MetricValue("image_reuse", method, "car", "", 0.5, "1") for method in ("swift", "slow")]
     text = summary.markdown(run_of(run, plain("swift", "plain", "slow")))
     assert row_of(text, "first answer, mean [ms]") == ["10", "10", "10"]
     over_plain = "improvement of the mean first answer over plain [%]"
@@ -233,8 +236,8 @@ def test_improvements_name_the_baseline_and_genies_their_place():
 
 def test_titles_of_somebody_else_cannot_steer_a_terminal_or_run_latex():
     run = [
-        Metric("frames_published", "bad", "all", "", 1, "frames"),
-        Metric("first_answer_mean", "bad", "all", "", 10.0, "ms"),
+        MetricValue("frames_published", "bad", "all", "", 1, "frames"),
+        MetricValue("first_answer_mean", "bad", "all", "", 10.0, "ms"),
     ]
     bad = run_of(run, [MethodInfo("bad", "\x1b[2Ja|b\\input{/etc/passwd}^^41", baseline=False)])
     for text in (screen.text(bad), summary.markdown(bad)):
@@ -248,17 +251,18 @@ def test_titles_of_somebody_else_cannot_steer_a_terminal_or_run_latex():
 
 def test_every_placement_method_and_component_has_its_own_number():
     run = [
-        Metric("frames_published", method, "all", "", 1, "frames") for method in ("local", "genie")
+        MetricValue("frames_published", method, "all", "", 1, "frames")
+        for method in ("local", "genie")
     ]
     run += [
-        Metric("image_reuse", "genie", "car", "", 0.11, "1"),
-        Metric("image_reuse", "genie", "edge", "", 0.22, "1"),
-        Metric("object_reuse", "genie", "car", "", 0.33, "1"),
-        Metric("object_reuse", "genie", "edge", "", 0.44, "1"),
-        Metric("streaming_f1", "local", "all", "", 0.55, "1"),
-        Metric("streaming_f1", "genie", "all", "", 0.66, "1"),
-        Metric("streaming_f1", "local", "all", "zero_delay", 0.77, "1"),
-        Metric("held_age", "genie", "all", "", 0.88, "s"),
+        MetricValue("image_reuse", "genie", "car", "", 0.11, "1"),
+        MetricValue("image_reuse", "genie", "edge", "", 0.22, "1"),
+        MetricValue("object_reuse", "genie", "car", "", 0.33, "1"),
+        MetricValue("object_reuse", "genie", "edge", "", 0.44, "1"),
+        MetricValue("streaming_f1", "local", "all", "", 0.55, "1"),
+        MetricValue("streaming_f1", "genie", "all", "", 0.66, "1"),
+        MetricValue("streaming_f1", "local", "all", "zero_delay", 0.77, "1"),
+        MetricValue("held_age", "genie", "all", "", 0.88, "s"),
     ]
     text = screen.text(run_of(run), 80, ())
     assert row(text, "image reuse on cars [%]") == ["-", "11", "-"]

@@ -36,7 +36,7 @@ def test_a_rectangle_holds_what_a_search_finds(side_m: float, reach_m: float):
             north_m - reach_m,
             north_m + reach_m,
         )
-        candidates = list(grid.inside(west, east, south, north))
+        candidates = list(grid.inside((west, south, east, north)))
         inside = [one for one in items if west <= one[0] <= east and south <= one[1] <= north]
         assert set(inside) <= set(candidates)
         assert len(candidates) == len(set(candidates))
@@ -50,22 +50,22 @@ def test_items_come_in_the_order_of_their_cells(count: int):
     """Of 100 cells, which are walked if there are many items, and else are searched for."""
     items = places(count, 20.0, seed=3)
     grid = filled(2.0, items)
-    area = -9.0, 9.0, -9.0, 9.0
-    assert list(grid.inside(*area)) == [
-        place for cell in grid.cells(*area) for place in items if grid.cell(*place) == cell
+    area = -9.0, -9.0, 9.0, 9.0
+    assert list(grid.inside(area)) == [
+        place for cell in grid.cells(area) for place in items if grid.cell(*place) == cell
     ]
 
 
 def test_a_rectangle_as_large_as_the_earth_is_quick():
     grid = filled(2.0, places(50, 1000.0, seed=4))
     began = time.perf_counter()
-    assert len(list(grid.inside(-4e7, 4e7, -4e7, 4e7))) == 50
+    assert len(list(grid.inside((-4e7, -4e7, 4e7, 4e7)))) == 50
     assert time.perf_counter() - began < 1.0
 
 
 def test_removed_items_are_gone():
     grid: Grid[str] = Grid(1.0)
-    cells = list(grid.cells(-0.5, 0.5, 0.0, 0.0))
+    cells = list(grid.cells((-0.5, 0.0, 0.5, 0.0)))
     assert len(cells) == 2
     for cell in cells:
         grid.add(cell, "bench")
@@ -74,4 +74,4 @@ def test_removed_items_are_gone():
     assert list(grid.at(-0.1, 0.1)) == []
     assert list(grid) == ["bench"]
     grid.remove(cells[1], "bench")
-    assert list(grid.inside(-9.0, 9.0, -9.0, 9.0)) == []
+    assert list(grid.inside((-9.0, -9.0, 9.0, 9.0))) == []

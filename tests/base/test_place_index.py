@@ -5,6 +5,7 @@ import random
 
 import pytest
 
+from genie_sim.base.grid import area_around
 from genie_sim.base.place_index import PlaceIndex
 
 Item = tuple[int, str, float, float]
@@ -73,7 +74,7 @@ def test_a_sector_has_its_items_cell_by_cell(cell_m: float, half_deg: float):
                 if distance_m <= range_m and ahead_m >= min_cosine * distance_m:
                     visible.append(item)
             visible.sort(key=lambda item: (item[2] // cell_m, item[3] // cell_m, item[0]))
-            box = east_m - range_m, east_m + range_m, north_m - range_m, north_m + range_m
+            box = area_around(east_m, north_m, range_m)
             found = index.in_sector(box, (east_m, north_m), ahead, min_cosine, range_m)
             assert found == visible
 
@@ -83,7 +84,7 @@ def test_cells_are_those_of_whole_division():
     at_m = [number / 10 for number in range(-30, 31)]
     rows = [(number, "a", east_m, 0.0) for number, east_m in enumerate(reversed(at_m))]
     index: PlaceIndex[Item] = filled(0.1, rows)
-    found = index.in_sector((-9.0, 9.0, -1.0, 1.0), (0.0, 0.0), (1.0, 0.0), -2.0, 9.0)
+    found = index.in_sector((-9.0, -1.0, 9.0, 1.0), (0.0, 0.0), (1.0, 0.0), -2.0, 9.0)
     assert found == sorted(rows, key=lambda item: (item[2] // 0.1, item[0]))
 
 
@@ -95,7 +96,7 @@ def test_a_place_beyond_the_earth_does_no_harm(place_m: float):
     lost = (99, "a", place_m, -place_m)
     index.add(lost, *lost[1:])
     assert lost in list(index)
-    whole = index.in_sector((-4e7, 4e7, -4e7, 4e7), (0.0, 0.0), (1.0, 0.0), -2.0, 9.0)
+    whole = index.in_sector((-4e7, -4e7, 4e7, 4e7), (0.0, 0.0), (1.0, 0.0), -2.0, 9.0)
     assert sorted(whole) == rows
 
 

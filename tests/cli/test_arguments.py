@@ -83,7 +83,7 @@ def command(*options: Any) -> click.Command:
     """A command with these options, which returns what it is given."""
 
     def body(**given: Any) -> dict[str, Any]:
-        return {**given, "own_code": plugins._custom_code_allowed}
+        return {**given, "own_code": plugins._own_code_allowed}
 
     for option in options:
         body = option(body)
@@ -127,7 +127,7 @@ def test_options_of_several_commands():
     chosen = given(asked, "--allow-own-code", "--allow-changed", "--jobs=1", "--backend=dask")
     assert chosen["own_code"] and chosen["allow_changed"]
     assert (chosen["jobs"], chosen["backend"]) == (1, "dask")
-    assert plugins._custom_code_allowed, "it ends with the command"
+    assert plugins._own_code_allowed, "it ends with the command"
     for wrong in ("--jobs=0", "--backend=slurm"):
         with pytest.raises(click.BadParameter):
             given(asked, wrong)

@@ -14,7 +14,7 @@ from genie_sim.base.settings import SettingError, from_plain
 from genie_sim.core.freshness.existence import Existence, MeasuredExistence
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.track import Tracks
-from genie_sim.core.freshness.ttl import ClassTtl, Corroborate
+from genie_sim.core.freshness.ttl import ClassTtl, Corroborated
 from genie_sim.core.maps import Viewer
 from genie_sim.core.messages import (
     LOOK_BYTES,
@@ -243,7 +243,7 @@ def test_class_ttl_keeps_what_stands_and_forgets_what_moves():
 
 
 def test_what_one_car_saw_is_its_own_until_another_has_seen_it():
-    objects = object_map(freshness=Corroborate(n=2, within_ns=10 * S))
+    objects = object_map(freshness=Corroborated(n=2, within_ns=10 * S))
 
     def shown(to: str, t_s: float) -> list[str]:
         viewer = Viewer(Header(round(t_s * S), "02", to), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)

@@ -36,7 +36,7 @@ from genie_sim.judge.joins import GroupedPlaces, near
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.record import results
 from genie_sim.record.records import HELD, HELD_OBJECTS
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 from genie_sim.record.tables import Table
 from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
@@ -269,7 +269,7 @@ def test_every_stream_is_judged_where_it_looks_if_all_are():
     assert missed[["north_m", "begin_ns"]].to_numpy().tolist() == [[20.0, 0.0]], "to the end"
 
 
-def value(measured: Sequence[Metric], name: str, method: str, component: str = "") -> float:
+def value(measured: Sequence[MetricValue], name: str, method: str, component: str = "") -> float:
     (found,) = (
         m.value for m in measured if (m.metric, m.method, m.component) == (name, method, component)
     )

@@ -22,7 +22,7 @@ from genie_sim.core.messages import Header
 from genie_sim.record import tables
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FRAMES, LOOKUPS, OBJECTS, POSES, RESOURCES, SCHEMAS, FrameRow
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 from genie_sim.record.tables import Column, Schema, Table
 
 MS = 1_000_000
@@ -431,5 +431,5 @@ def test_a_large_table_of_a_run_is_read(tmp_path, monkeypatch):
 
 
 def test_a_metric_s_row_has_its_fields_in_order():
-    metric = Metric("hops", "genie", "car", "", value=1.5, unit="1", low=1.0, high=2.0, n=3)
+    metric = MetricValue("hops", "genie", "car", "", value=1.5, unit="1", low=1.0, high=2.0, n=3)
     assert metric.row == astuple(metric)

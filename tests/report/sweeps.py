@@ -1,4 +1,4 @@
-"""Sweeps that pages are made of."""
+"""Sweeps that figures and tables are made of."""
 
 from __future__ import annotations
 

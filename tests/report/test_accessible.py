@@ -62,11 +62,9 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
     return folder / "report.html"
 
 
-@pytest.mark.parametrize("what", ["run", "seeds", "fleet", "sweep", "comparison", "evaluation"])
-def test_a_page_has_no_serious_finding(
-    browser: Browser, run: gs.Run, drawn: Path, tmp_path: Path, what: str
-):
-    page = drawn / "report.html" if what == "sweep" else page_of(what, run, tmp_path)
+@pytest.mark.parametrize("what", ["run", "seeds", "fleet", "comparison", "evaluation"])
+def test_a_page_has_no_serious_finding(browser: Browser, run: gs.Run, tmp_path: Path, what: str):
+    page = page_of(what, run, tmp_path)
     # in the dark, only colours are others
     for dark, rules in ((False, None), (True, ["color-contrast"])):
         browser.size(1200, 900, dark=dark)

@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import Metric, Run
+from genie_sim.record.results import MetricValue, Run
 from genie_sim.report import notebook
 from tests import made_up_run
 from tests.made_up_run import METHODS
@@ -19,7 +19,7 @@ def made(seed: int, shift: float = 0.0) -> Run:
         "methods": [asdict(method) for method in METHODS],
     }
     measured = [
-        Metric("first_answer_mean", method.name, "all", "", 10.0 + shift, "ms")
+        MetricValue("first_answer_mean", method.name, "all", "", 10.0 + shift, "ms")
         for method in METHODS
     ]
     frames = Columns.of(made_up_run.frames(1, 1).to_frame())

@@ -16,7 +16,7 @@ import simpy
 from genie_sim.base.errors import UserError
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
-from genie_sim.sim.clock import Clock, Newest, Occupancy
+from genie_sim.sim.clock import Clock, NewestQueue, Occupancy
 from tests.conformance import small
 
 
@@ -167,7 +167,7 @@ class Item(NamedTuple):
 
 def test_a_queue_keeps_the_newest_of_each_flow_and_gives_the_oldest():
     env, taken = Clock(), []
-    queue = Newest[Item](env, 2)
+    queue = NewestQueue[Item](env, 2)
     pushed_out = [
         queue.put(Item(flow, number)) for number, flow in enumerate(["a", "b", "a", "a", "b", "a"])
     ]
@@ -189,7 +189,7 @@ def test_a_queue_keeps_the_newest_of_each_flow_and_gives_the_oldest():
 
 def test_takers_of_a_queue_take_turns():
     env, taken = Clock(), []
-    queue = Newest[Item](env, 5)
+    queue = NewestQueue[Item](env, 5)
 
     def takes(name: str):
         while True:
@@ -220,7 +220,7 @@ def test_a_run_leaves_nothing_to_pythons_collector():
 def test_a_queue_is_counted_between_samples_too():
     """Two come at 10, one is taken at 40, two more at 50, of which one pushes the other out."""
     clock = Clock()
-    queue = Newest[Item](clock, 2)
+    queue = NewestQueue[Item](clock, 2)
 
     def course():
         yield clock.timeout(10)

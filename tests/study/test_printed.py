@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.scenario.yaml_input import dump
-from genie_sim.study import page, printed
+from genie_sim.study import printed
 from genie_sim.study.design import load_design
 
 
@@ -36,7 +36,7 @@ def test_methods_with_one_title_go_by_their_names():
 
 @pytest.fixture
 def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A finished sweep of two axes with 26 points of two methods, as its page reads it."""
+    """A finished sweep of two axes with 26 points of two methods."""
     rows = [
         {
             "point": point,
@@ -87,4 +87,3 @@ def test_a_spreadsheet_has_every_number(folder: Path):
     assert lines[0].startswith("point,rate,rule,method,metric,placement,component,value")
     assert len(lines) == 1 + 26 * 2 * 4
     assert json.loads(f"[{lines[-1].split('car,,')[1]}]") == [25.5, 25.4, 25.6]
-    assert page.READ

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 from genie_sim.study.search import Search
 from genie_sim.study.search_design import Point, load
 from genie_sim.study.search_report import Pick
@@ -48,11 +48,11 @@ class MadeUpRun:
     place: str = "made up"
     frames: float = 1.0
 
-    def measure(self, shared: Any, folder: Path) -> Mapping[str, Sequence[Metric]]:
+    def measure(self, shared: Any, folder: Path) -> Mapping[str, Sequence[MetricValue]]:
         numbers = self.function(self.values, self.case)
         return {
             self.run_id: [
-                Metric(name, "m", "all", "", value, "ms") for name, value in numbers.items()
+                MetricValue(name, "m", "all", "", value, "ms") for name, value in numbers.items()
             ]
         }
 

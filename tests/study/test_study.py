@@ -32,7 +32,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.core.similarity import Exact
 from genie_sim.record import provenance
-from genie_sim.record.results import Metric
+from genie_sim.record.results import MetricValue
 from genie_sim.record.tables import Table
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
@@ -559,7 +559,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     table = pd.read_csv("results/s/table.csv")
     assert set(table["spread"]) == {"isolated", "loaded"} and set(table["order"]) == {0.1, 0.5}
-    assert Path("results/s/report.html").is_file()
+    assert Path("results/s/figures").is_dir()
 
 
 @pytest.mark.slow
@@ -736,7 +736,7 @@ class MadeUp:
     def measure(self, shared, folder):
         if self.fails:
             raise RuntimeError("the lens is dirty")
-        return {self.run_id: [Metric("streaming_f1", "local", "all", "", 0.5, "1")]}
+        return {self.run_id: [MetricValue("streaming_f1", "local", "all", "", 0.5, "1")]}
 
 
 def test_progress_counts_what_is_done_and_what_failed(tmp_path):

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_models import LinkEnds
-from genie_sim.sim.link_models.cell import Band, Cell
+from genie_sim.sim.link_models.cell import Band, RadioCell
 from genie_sim.sim.link_models.fields import NormalField
 from genie_sim.sim.link_models.path_loss import StreetCanyon, los_db, los_probability, nlos_db
 from genie_sim.sim.link_models.wire import Wire
@@ -24,7 +24,7 @@ from tests.sim.processes import send
 from tests.theory.replications import equivalent
 
 SEED, S = 6, 1_000_000_000
-FREE = Cell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up
+FREE = RadioCell(path_loss="none")  # 25 MHz x 2 layers x 2 bit/s/Hz up
 
 
 @dataclass
@@ -47,12 +47,14 @@ class Street:
         self.resources.append(resource)
 
 
-def senders(cell: Cell, air: Street, count: int, up: bool = True):
+def senders(cell: RadioCell, air: Street, count: int, up: bool = True):
     radio = cell.radio(air)
     return [radio.sender(LinkEnds(f"car{i}->edge1", f"car{i}", "edge1", up)) for i in range(count)]
 
 
-def ends_ns(cell: Cell, messages: list[tuple[int, int]], air: Street | None = None) -> list[int]:
+def ends_ns(
+    cell: RadioCell, messages: list[tuple[int, int]], air: Street | None = None
+) -> list[int]:
     """When messages end: (begin [ns], bytes), each from a car of its own."""
     air = air or Street()
     ended = [0] * len(messages)
@@ -150,7 +152,7 @@ def times_in_cell_ns(begins_ns: list[int], sizes: list[int]) -> list[int]:
 @pytest.mark.parametrize("size_bytes", [1, 81, 90_000, 1_397_297])
 def test_a_car_alone_takes_as_long_as_on_a_wire(size_bytes: int):
     """To the nanosecond, at an odd rate and across several updates of the places."""
-    cell = Cell(up=Band(7_333_333, layers=1))
+    cell = RadioCell(up=Band(7_333_333, layers=1))
     loss_db = StreetCanyon(Street(), "edge1", (0, 0), carrier_hz=cell.carrier_hz, shadowing=True)
     rate_bps = cell.rate_bps(True, loss_db.db(50.0, 0.0))
     wire = Wire(rate_bps, None, 0, overhead_bytes=0).channel(True, np.random.default_rng(1))
@@ -192,9 +194,10 @@ def test_up_and_down_are_apart_and_so_are_edges():
 def test_a_car_that_drives_away_becomes_slower():
     air = Street()
     air.place = lambda car: (20.0 if air.clock.now < 50_000_000 else 180.0, 0.0)
-    (end_ns,) = ends_ns(Cell(shadowing=False), [(0, 5_000_000)], air)
+    (end_ns,) = ends_ns(RadioCell(shadowing=False), [(0, 5_000_000)], air)
     near_bps, far_bps = (
-        Cell(shadowing=False).rate_bps(True, _loss(at_m).db(at_m, 0.0)) for at_m in (20.0, 180.0)
+        RadioCell(shadowing=False).rate_bps(True, _loss(at_m).db(at_m, 0.0))
+        for at_m in (20.0, 180.0)
     )
     assert 0 < far_bps < near_bps
     bits_left = 5_000_000 * 8 - near_bps * 0.1  # places are looked at every 100 ms
@@ -207,8 +210,8 @@ def _loss(at_m: float) -> StreetCanyon:
 
 def test_without_coverage_a_message_waits_a_second_and_is_lost():
     air = Street(place=lambda car: (5000.0, 0.0))
-    assert Cell().rate_bps(True, 160.0) == 0
-    (far,) = senders(Cell(), air, 1)
+    assert RadioCell().rate_bps(True, 160.0) == 0
+    (far,) = senders(RadioCell(), air, 1)
     ended = []
     send(
         air.clock,
@@ -225,7 +228,7 @@ def test_coverage_that_comes_back_in_time_keeps_the_bits():
     """And who has no coverage takes nothing from the others."""
     air = Street()
     air.place = lambda car: (5000.0 if car == "car0" and air.clock.now < S // 2 else 10.0, 0.0)
-    cell = Cell(shadowing=False)
+    cell = RadioCell(shadowing=False)
     alone_ns = -(-SIZE * 8 * S // cell.rate_bps(True, _loss(10).db(10.0, 0.0)))
     assert ends_ns(cell, [(0, SIZE), (0, SIZE)], air) == [S // 2 + alone_ns, alone_ns]
 
@@ -262,7 +265,7 @@ def test_path_loss_of_the_street_canyon(distance_m, los, nlos, probability):
 
 def test_the_link_budget_by_hand():
     """23 dBm - 110 dB - (-174 + 74 + 5) dBm - 3 dB over 25 MHz up; 44 dBm and 9 dB over 75 MHz."""
-    cell = Cell()
+    cell = RadioCell()
     assert cell.sinr_db(True, 110.0) == pytest.approx(23 - 110 + 174 - 73.979 - 5 - 3, abs=1e-3)
     assert cell.sinr_db(False, 110.0) == pytest.approx(44 - 110 + 174 - 78.751 - 9 - 3, abs=1e-3)
     sinr = 10 ** (cell.sinr_db(True, 110.0) / 10)
@@ -342,10 +345,10 @@ def test_a_message_is_no_sooner_there_with_more_cars_or_less_bandwidth(
 ):
     def end_ns(count: int, hz: int) -> int:
         air = Street(place=lambda car: (distance_m, 0.0))
-        return ends_ns(Cell(up=Band(hz)), [(0, 50_000)] * count, air)[0]
+        return ends_ns(RadioCell(up=Band(hz)), [(0, 50_000)] * count, air)[0]
 
     loss_db = _loss(0.0).db(distance_m, 0.0)
-    assume(Cell().rate_bps(True, loss_db))
+    assume(RadioCell().rate_bps(True, loss_db))
     usual_ns = end_ns(cars, bandwidth_hz)
     assert usual_ns < end_ns(cars + 1, bandwidth_hz)
     assert usual_ns >= end_ns(cars, 2 * bandwidth_hz) - 1

@@ -28,7 +28,7 @@ from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study import page as sweep_page
+from genie_sim.study import printed
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study, load_design
 from genie_sim.study.tasks import LocalWorkers
@@ -267,7 +267,7 @@ def result_folders(folder: Path) -> Case:
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
             if rng.random() < 0.5:
-                sweep_page.page(swept, allow_changed=rng.random() < 0.9)
+                printed.table_of(swept, "markdown", allow_changed=rng.random() < 0.9)
             else:
                 Study.load(folder / "s.yaml", folder).finish()
             return

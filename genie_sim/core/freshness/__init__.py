@@ -7,7 +7,7 @@ as ``package.module:Class``). Its arguments are its settings in YAML.
 from genie_sim.core.freshness.existence import Existence, MeasuredExistence
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.freshness.track import Tracks
-from genie_sim.core.freshness.ttl import ClassTtl, Corroborate, Ttl
+from genie_sim.core.freshness.ttl import ClassTtl, Corroborated, Ttl
 
 FRESHNESS: dict[str, type[Never]] = {
     "never": Never,
@@ -15,7 +15,7 @@ FRESHNESS: dict[str, type[Never]] = {
     "class_ttl": ClassTtl,
     "track": Tracks,
     "existence": Existence,
-    "corroborate": Corroborate,
+    "corroborate": Corroborated,
     "recommended": MeasuredExistence,
 }
 MUST_HAVE = (

@@ -147,4 +147,4 @@ class MeasuredExistence(Existence):
         measured: bool = True,
         tau_ns: int = 0,
     ) -> None:
-        super().__init__("ipda", p_min, coast_ns, measured, tau_ns)
+        super().__init__("ipda", p_min, coast_ns=coast_ns, measured=measured, tau_ns=tau_ns)

@@ -63,7 +63,7 @@ class ClassTtl(Never):
         return seen_ns + (self._person_ns if stored.label == "person" else self._moving_ns)
 
 
-class Corroborate(Never):
+class Corroborated(Never):
     """An object is served to others once ``n`` cars have seen it within ``within_ns``; a car that
     has seen it gets it at once. Where only one car has been heard for that time there is nobody to
     ask, and what it sees counts; how often is in ``exempted``.

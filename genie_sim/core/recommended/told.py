@@ -147,8 +147,8 @@ class ToldTracks:
             kind = kind_of(told.label)
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
-                or _is_near(own, kind, east_m, north_m, self._rules.gate_m)
-                or _is_near(believed, kind, east_m, north_m, SAME_M)
+                or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
+                or _is_near(believed, kind, east_m, north_m, within_m=SAME_M)
                 or self._contradicted(told.label, east_m, north_m, seen_ns)
             ):
                 continue
@@ -170,7 +170,12 @@ class ToldTracks:
 
 
 def _is_near(
-    objects: Iterable[Detection], kind: MotionClass, east_m: float, north_m: float, within_m: float
+    objects: Iterable[Detection],
+    kind: MotionClass,
+    east_m: float,
+    north_m: float,
+    *,
+    within_m: float,
 ) -> bool:
     """Whether one of the objects is of this kind and within a distance of a place."""
     return any(

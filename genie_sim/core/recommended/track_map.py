@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.grid import Grid
+from genie_sim.base.grid import Area, Grid, area_around, widened
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.defences import Defence
 from genie_sim.core.freshness.never import Never
@@ -19,7 +19,7 @@ from genie_sim.core.messages import Answer, Detection, Header, Look
 from genie_sim.core.rules import ObjectMapRules, Percentile
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
-from genie_sim.core.view import FARTHEST_M, Area, View, ViewSector
+from genie_sim.core.view import FARTHEST_M, View, ViewSector
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
 # how far a slow, and any other track is at most from where it was updated
@@ -260,10 +260,9 @@ class TrackMap(Map):
         """The nearest track of the label's group that a sighting at a place could be."""
         kind = kind_of(label)
         reach_m = kind.gate_m
-        area = east_m - reach_m, east_m + reach_m, north_m - reach_m, north_m + reach_m
         nearest: tuple[float, int] | None = None
         nearest_track = None
-        for track in self._inside(area):
+        for track in self._inside(area_around(east_m, north_m, reach_m)):
             if track.kind is kind:
                 there_east_m, there_north_m = track.place(at_ns)
                 distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
@@ -463,25 +462,15 @@ class TrackMap(Map):
             east_m, north_m, _ = detection.location
             away_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
             range_m = max(range_m, away_m)
-        west_m, east_m, south_m, north_m = ViewSector(
-            look.pose, look.horizontal_fov_rad, range_m
-        ).box()
-        area = (
-            west_m - MAX_GATE_M,
-            east_m + MAX_GATE_M,
-            south_m - MAX_GATE_M,
-            north_m + MAX_GATE_M,
-        )
+        sector = ViewSector(look.pose, look.horizontal_fov_rad, range_m)
+        area = widened(sector.box(), MAX_GATE_M)
         stamp_ns = look.header.stamp_ns
         return [TrackInPlace(*track.place(stamp_ns), track) for track in self._inside(area)]
 
     def _inside(self, area: Area) -> Iterator[Track]:
         """The tracks that may be in an upright rectangle."""
-        west_m, east_m, south_m, north_m = area
         for grid, drift_m in ((self._slow, SLOW_DRIFT_M), (self._fast, FAST_DRIFT_M)):
-            yield from grid.inside(
-                west_m - drift_m, east_m + drift_m, south_m - drift_m, north_m + drift_m
-            )
+            yield from grid.inside(widened(area, drift_m))
 
     def _cell(self, track: Track) -> float:
         grid = self._fast if track.moving else self._slow
@@ -543,13 +532,8 @@ def _pairs(
     for index, seen in enumerate(detections):
         assert seen.location is not None
         kind, (east_m, north_m, _) = kind_of(seen.label), seen.location
-        area = (
-            east_m - MAX_GATE_M,
-            east_m + MAX_GATE_M,
-            north_m - MAX_GATE_M,
-            north_m + MAX_GATE_M,
-        )
-        for there_east_m, there_north_m, track in grid.inside(*area):
+        area = area_around(east_m, north_m, MAX_GATE_M)
+        for there_east_m, there_north_m, track in grid.inside(area):
             if track.kind is kind:
                 distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
                 if _fits(track, distance_m, at_ns):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LINK_MODELS: dict[str, str] = {
     "wire": "genie_sim.sim.link_models.wire:Wire",
     "trace": "genie_sim.sim.link_models.trace:RecordedLink",
-    "cell": "genie_sim.sim.link_models.cell:Cell",
+    "cell": "genie_sim.sim.link_models.cell:RadioCell",
 }
 
 

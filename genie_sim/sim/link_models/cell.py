@@ -61,7 +61,7 @@ class Power:
 
 
 @dataclass(frozen=True)
-class Cell:
+class RadioCell:
     """A radio cell at every edge. Its cars share each direction: of n that send now, each has the
     n-th part of the time (proportional fairness with full buffers).
 
@@ -138,7 +138,7 @@ class Cell:
 class CellRadio:
     """The cells of one run: at each edge one direction up and one down."""
 
-    def __init__(self, cell: Cell, air: Air) -> None:
+    def __init__(self, cell: RadioCell, air: Air) -> None:
         self._cell = cell
         self._air = air
         self._losses: dict[str, StreetCanyon] = {}
@@ -238,7 +238,7 @@ class CellDirection:
     kind = "cell"
     capacity = 1
 
-    def __init__(self, air: Air, name: str, cell: Cell) -> None:
+    def __init__(self, air: Air, name: str, cell: RadioCell) -> None:
         self.clock = air.clock
         self.name = name
         self.completed = 0

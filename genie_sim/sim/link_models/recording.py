@@ -1,7 +1,6 @@
 """Recorded links: rates and round trips over time, in a Parquet file."""
 
 import functools
-import hashlib
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ from typing import Any
 from genie_sim.base import files, parquet
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.paths import sha256_of
 from genie_sim.base.units import NS_PER_S
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
@@ -123,7 +123,7 @@ def _read(path: Path, mtime_ns: int, size_bytes: int) -> LinkRecording:
             raise UserError(f"{path}: column {name}: must be of type {_types()[name]}")
         columns[name] = table.column(name).to_pylist()
     check(str(path), columns)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    digest = sha256_of(path)
     begin_ns = columns["t_ns"][0]
     columns["t_ns"] = [t_ns - begin_ns for t_ns in columns["t_ns"]]
     return LinkRecording(path, columns, digest, about)

@@ -63,8 +63,8 @@ class TrafficView:
         c, s = poses.cos[:, None], poses.sin[:, None]
         ahead_m, left_m = dx * c + dy * s, np.abs(dy * c - dx * s)
         in_wedge = left_m * HALF_C <= ahead_m * HALF_S + BEYOND_M * HALF_C
-        is_custom = np.maximum(np.abs(dx), np.abs(dy)) < OWN_M
-        near: Flags = places.there & in_wedge & (ahead_m > -BEYOND_M) & ~is_custom
+        is_own = np.maximum(np.abs(dx), np.abs(dy)) < OWN_M
+        near: Flags = places.there & in_wedge & (ahead_m > -BEYOND_M) & ~is_own
         return near
 
     def _hidden(

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from genie_sim.base.paths import sha256_of
+
 _PACKAGE = Path(__file__).resolve().parents[1]
 _imported: dict[str, dict[Path, str]] = {}  # of each module: the digests of its files when imported
 _tokens: dict[int, tuple[object, str]] = {}  # of classes without a file; holds them, or ids recur
@@ -53,11 +55,7 @@ def note(module: str) -> None:
 
 
 def _digests(module: str) -> dict[Path, str]:
-    return {
-        path: hashlib.sha256(path.read_bytes()).hexdigest()
-        for _, path in _own_modules(module)
-        if path.is_file()
-    }
+    return {path: sha256_of(path) for _, path in _own_modules(module) if path.is_file()}
 
 
 def _own_modules(module: str) -> Iterator[tuple[str, Path]]:

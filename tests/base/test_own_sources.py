@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.base import custom_sources, plugins
+from genie_sim.base import own_sources, plugins
 
 
 @pytest.fixture(autouse=True)
@@ -58,7 +58,7 @@ def test_a_file_that_is_not_imported_counts_nowhere(folder: Path):
 
 def test_installed_packages_are_not_looked_into(folder: Path):
     sys.modules.pop("scipy.io.wavfile", None)
-    own = {name for name, _ in custom_sources._own_modules("mine_link")}
+    own = {name for name, _ in own_sources._own_modules("mine_link")}
     assert own == {"mine_link", "mine_helper", "mine_pack", "mine_pack.inner", "mine_pack.deep"}
     assert "scipy.io.wavfile" not in sys.modules
 
@@ -69,5 +69,5 @@ def test_a_class_without_a_file_is_like_no_other():
     exec("class Link: pass", space)
     first = space["Link"]
     exec("class Link: pass", space)
-    assert custom_sources.digest(first) == custom_sources.digest(first)
-    assert custom_sources.digest(first) != custom_sources.digest(space["Link"])
+    assert own_sources.digest(first) == own_sources.digest(first)
+    assert own_sources.digest(first) != own_sources.digest(space["Link"])

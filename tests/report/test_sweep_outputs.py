@@ -1,0 +1,91 @@
+"""What a sweep draws and prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from genie_sim.cli.main import main
+from genie_sim.study import figures
+from genie_sim.study.design import load_design
+
+pytestmark = pytest.mark.slow
+
+TITLES = {"local": "local (L)", "remote": "remote (R)", "genie": "Genie (DG)"}
+
+
+def test_a_sweep_has_no_page_and_an_unfinished_one_no_table(crossed, capsys):
+    assert main(["report", str(crossed)]) == 1
+    assert "a sweep has figures and table.csv, but no page" in capsys.readouterr().err
+    Path("half").mkdir()
+    Path("half/sweep.json").write_bytes((crossed / "sweep.json").read_bytes())
+    assert main(["table", "half"]) == 1
+    Path("half/sweep.json").write_text("{}")
+    assert main(["table", "half"]) == 1
+    unfinished, foreign = capsys.readouterr().err.splitlines()
+    assert "runs.parquet: missing; the sweep is not finished" in unfinished
+    assert "sweep.json: cannot be read" in foreign
+
+
+def test_only_drawn_values_are_averaged_over_and_not_along_a_drawn_axis(drawn, crossed, town):
+    assert "averaged over" not in (drawn / "figures" / "gate.svg").read_text()
+    assert not any(
+        "averaged over" in path.read_text() for path in (crossed / "figures").glob("*.svg")
+    )
+    assert "averaged over forget" in (town / "figures" / "size.svg").read_text()
+
+
+def test_the_figures_of_a_sweep_in_a_town_show_its_ghosts(town):
+    words = (town / "figures" / "forget-1.svg").read_text()
+    assert "false objects" in words and "size = 3" in words
+
+
+def test_values_on_an_axis_can_be_read(town):
+    """Round numbers on a logarithmic axis, long texts cut as in the page, and no marker at the edge
+    of its panel.
+    """
+    axes = load_design(town.parent / "town.yaml").axes
+    runs = pd.read_parquet(town / "runs.parquet")
+    drawn = figures.along(axes["forget"], "forget [ms]", runs, titles=TITLES, footer="")
+    assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == [
+        "200",
+        "500",
+        "1000",
+        "2000",
+    ]
+    assert drawn.get_label().split("\n")[0].endswith("one seed, so without intervals")
+    assert {panel.get_xlabel() for panel in drawn.axes} == {"forget [ms], logarithmic"}
+    assert any("fresh result" in panel.get_ylabel() for panel in drawn.axes), (
+        "latencies are of those alone"
+    )
+    mixes = figures.along(axes["mix"], "mix", runs, titles=TITLES, footer="")
+    assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == [
+        "orin_nano",
+        '{"jetson_tx2": …',
+    ]
+    for panel in (*drawn.axes, *mixes.axes):
+        highest = np.nanmax(np.concatenate([line.get_ydata() for line in panel.get_lines()]))
+        low, high = panel.get_ylim()
+        assert low + 0.98 * (high - low) > highest
+
+
+def test_a_sweep_has_a_table_and_figures_for_a_paper(crossed, tmp_path, capsys):
+    capsys.readouterr()
+    assert main(["table", str(crossed), "--format", "latex"]) == 0
+    latex = capsys.readouterr().out
+    points = pd.read_parquet(crossed / "table.parquet")
+    mean = points[(points["metric"] == "first_answer_mean")].iloc[0]
+    assert f"{mean['value']:.3g}" in latex and r"\caption{crossed: " in latex
+    assert main(["table", str(crossed), "--format", "csv"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == len(points) + 1
+    assert main(["table", str(crossed), "--methods", "genie"]) == 0
+    of_genie = capsys.readouterr().out
+    assert TITLES["genie"] in of_genie and TITLES["local"] not in of_genie
+    assert main(["table", str(crossed), "--methods", "geni"]) == 1
+    assert "did you mean 'genie'?" in capsys.readouterr().err
+    assert main(["figures", str(crossed), "--format", "pdf", "--out", str(tmp_path)]) == 0
+    drawn = {path.stem for path in (crossed / "figures").glob("*.svg")}
+    assert {path.stem for path in tmp_path.glob("*.pdf")} == drawn
