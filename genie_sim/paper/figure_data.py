@@ -117,7 +117,7 @@ def _times(seeds: Runs, definitions: Definitions, of_cars: bool) -> Found:
         times_ms = [np.sort(frame_metrics.response_ms(rows, answer)) for answer in ANSWERS]
         answered = [np.count_nonzero(~np.isnan(values)) for values in times_ms]  # NaN is last
         n = len(rows)
-        places = style.thinned(n, TIME_POINTS * n // max(*answered, 1))
+        places = style.thinned(n, TIME_POINTS * n // max([*answered, 1]))
         places = np.union1d(places, [count - 1 for count in answered if count])
         for answer, values in zip(ANSWERS, times_ms, strict=True):
             yield (answer, of), ((places + 1) / n, values[places].round(4))
