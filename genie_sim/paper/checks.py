@@ -128,12 +128,12 @@ def _c16(evidence: Evidence, claim: Claim) -> Finding:
 
 
 def _c18(evidence: Evidence, claim: Claim) -> Finding:
-    return all_positive({"": _more_on_edges(evidence, SHARED, "image_reuse")})
+    return all_positive({"": _more_on("edge", evidence, SHARED, "image_reuse")})
 
 
 def _c19(evidence: Evidence, claim: Claim) -> Finding:
     stored, reused = (
-        {f"{s} {what}": effect for s, effect in _more_on_edges(evidence, ALONE, name).items()}
+        {f"{s} {what}": effect for s, effect in _more_on("edge", evidence, ALONE, name).items()}
         for name, what in (("stored_images", "stored"), ("image_reuse", "reuse"))
     )
     return all_positive({"stored": stored, "reused": reused})
@@ -280,12 +280,12 @@ CHECKS: dict[str, Check] = {
     "C14": lambda e, c: all_positive({"": _steps(e, HO, *BOTH_OBJECTS, falling=True)}),
     "C15": lambda e, c: all_positive({"": _steps(e, HE, *BOTH_OBJECTS)}),
     "C16": _c16,
-    "C17": lambda e, c: all_positive({"": _more_on_cars(e, ALONE, "object_reuse")}),
+    "C17": lambda e, c: all_positive({"": _more_on("car", e, ALONE, "object_reuse")}),
     "C18": _c18,
     "C19": _c19,
     "C20": _c20,
     "C21": _c21,
-    "C22": lambda e, c: all_positive({"": _more_on_edges(e, ALL, "confidence_boost")}),
+    "C22": lambda e, c: all_positive({"": _more_on("edge", e, ALL, "confidence_boost")}),
     "C23": lambda e, c: all_positive(_per_car(e, placed("confidence_boost", "edge"))),
     "C24": lambda e, c: matches(
         c,
@@ -376,16 +376,14 @@ def _per_car(evidence: Evidence, fact: Fact) -> dict[str, dict[str, Effect]]:
     }
 
 
-def _more_on_edges(evidence: Evidence, scenarios: Sequence[str], name: str) -> dict[str, Effect]:
-    """That it is larger on edges than on cars, by scenario."""
-    car, edge = (placed(name, place) for place in PLACEMENTS)
-    return {s: more(evidence.of(s, edge), evidence.of(s, car)) for s in scenarios}
-
-
-def _more_on_cars(evidence: Evidence, scenarios: Sequence[str], name: str) -> dict[str, Effect]:
-    """That it is larger on cars than on edges, by scenario."""
-    car, edge = (placed(name, place) for place in PLACEMENTS)
-    return {s: more(evidence.of(s, car), evidence.of(s, edge)) for s in scenarios}
+def _more_on(
+    place: str, evidence: Evidence, scenarios: Sequence[str], name: str
+) -> dict[str, Effect]:
+    """That it is larger on edges than on cars, or the other way round, by scenario."""
+    there, elsewhere = sorted(
+        (placed(name, where) for where in PLACEMENTS), key=lambda fact: fact.placement != place
+    )
+    return {s: more(evidence.of(s, there), evidence.of(s, elsewhere)) for s in scenarios}
 
 
 def _arithmetic(value: float | None, unit: str, holds: bool, note: str) -> Finding:

@@ -29,7 +29,7 @@ SCHEMA = Schema(
             "first, fresh, mean, image_reuse, object_reuse, boost, events_reuse",
         ),
         Column("of", "text", "", "the method, the car or the placement"),
-        Column("x", "float64", "", "share or number of frames, events, or mean, lowest, highest"),
+        Column("x", "float64", "", "share of frames, events, seeds, or mean, lowest, highest"),
         Column("y", "float64", "", "time in ms, never for no answer; ratio; boost", nullable=True),
     ),
 )
@@ -117,11 +117,11 @@ def _times(seeds: Runs, definitions: Definitions, of_cars: bool) -> Found:
         times_ms = [np.sort(frame_metrics.response_ms(rows, answer)) for answer in ANSWERS]
         answered = [np.count_nonzero(~np.isnan(values)) for values in times_ms]  # NaN is last
         n = len(rows)
-        places = style.thinned(n, TIME_POINTS * n // max(*answered, 1))
+        places = style.thinned(n, TIME_POINTS * n // max([*answered, 1]))
         places = np.union1d(places, [count - 1 for count in answered if count])
         for answer, values in zip(ANSWERS, times_ms, strict=True):
             yield (answer, of), ((places + 1) / n, values[places].round(4))
-        yield ("mean", of), ([n], [np.nanmean(times_ms[0])])
+        yield ("mean", of), ([len(seeds)], [np.nanmean(times_ms[0])])
 
 
 def lookups(seeds: Runs, definitions: Definitions, of_images: bool, **where: str) -> list[Columns]:

@@ -24,7 +24,6 @@ from genie_sim.report.data import metric_info
 Measured = Mapping[tuple[str, Fact], Mapping[str, Any]]
 
 TITLE = "The paper's evaluation, simulated"
-MAX_FIGURE_BYTES = 4_000_000  # of all figures together; as text in the page they take a third more
 
 FIGURES = {  # in the paper's order, then ours
     "latency_cdf": "Response times of answered frames",
@@ -134,7 +133,7 @@ def page_data(folder: Path, allow_changed: bool = False) -> dict[str, Any]:
             [row["reading"], row["scenario"], str(_fact(row)), *_interval(row), row["n"]]
             for row in measured
         ],
-        "figures": list(_figures(folder / "figures", notes)),
+        "figures": list(_figures(folder / "figures")),
         "worth": worth,
         "metric_info": metric_info(row["name"] for row in worth),
         "zero_delay": {"component": ZERO_DELAY, "title": component_title(ZERO_DELAY)},
@@ -201,24 +200,16 @@ def _answer(metric: str, of: str) -> Fact:
     return Fact(metric, component=of) if metric.startswith("improvement") else Fact(metric, of)
 
 
-def _figures(folder: Path, notes: list[str]) -> Iterator[dict[str, str]]:
+def _figures(folder: Path) -> Iterator[dict[str, str]]:
     """The figures there are, as text for the source of a picture, where scripts in them would not
     run.
     """
-    room = MAX_FIGURE_BYTES
     for name, title in FIGURES.items():
         path = folder / f"{name}.svg"
-        if not path.is_file():
-            continue
-        picture = path.read_bytes()
-        if len(picture) > room:
-            notes.append(
-                f"The figure {name} is too large for this page; see figures/{name}.svg beside it."
-            )
-            continue
-        room -= len(picture)
-        source = f"data:image/svg+xml;base64,{base64.b64encode(picture).decode()}"
-        yield {"name": name, "title": title, "source": source}
+        if path.is_file():
+            picture = base64.b64encode(path.read_bytes()).decode()
+            source = f"data:image/svg+xml;base64,{picture}"
+            yield {"name": name, "title": title, "source": source}
 
 
 def _of(metrics: Measured, scenario: str, fact: Fact) -> list[float | None] | None:

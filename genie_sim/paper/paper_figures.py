@@ -4,7 +4,7 @@ and with the metrics as the first reading means them. What the paper prints stan
 
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -107,10 +107,6 @@ class Shown:
     seeds: int
     width_in: float
 
-    def of_width(self, width_in: float) -> "Shown":
-        """The same in another width."""
-        return replace(self, width_in=width_in)
-
     @property
     def is_narrow(self) -> bool:
         """Whether it stands in a column."""
@@ -167,9 +163,9 @@ def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> Shown:
     """The runs of an evaluation's first reading, as it means the metrics. Raises ``UserError``."""
     first = provenance.read_json(evaluation / "readings.json")[0]
     meant = {metric: first["metrics"][metric]["definition"] for metric in CHOICES}
-    seeds = len(provenance.read_json(evaluation / "run.json")["seeds"])
-    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"], f"{seeds} seeds"]
     points = figure_data.read(evaluation)
+    seeds = int(points[Key(CASE, "mean", "car1")].x[0])
+    parts = [f"genie-sim reproduce, {first['name']}", *first["settings"], f"{seeds} seeds"]
     return Shown(points, first["name"], Definitions(**meant), ", ".join(parts), seeds, width_in)
 
 

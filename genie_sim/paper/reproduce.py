@@ -229,30 +229,28 @@ def judge_readings(
     workers: int,
 ) -> list[ReadingVerdicts]:
     """The verdicts under each reading, from its settings and the numbers of its runs."""
-    keys = [  # as each reading means its metrics, and as a run does
-        (place, definitions)
-        for place, reading in enumerate(readings)
-        for definitions in dict.fromkeys((reading.definitions, USUAL))
+    evidence = [
+        Evidence(of_reading, reading.definitions)
+        for reading, of_reading in zip(readings, facts, strict=True)
     ]
-    evidence = {key: Evidence(facts[key[0]], key[1]) for key in keys}
-    jobs = [(evidence[key], readings[key[0]]) for key in keys]
-    verdicts = dict(zip(keys, in_parallel(_verdicts, jobs, workers), strict=True))
+    verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(
-            reading,
-            settings[place],
-            evidence=evidence[place, reading.definitions],
-            verdicts=verdicts[place, reading.definitions],
-            plain=verdicts[place, USUAL] if reading.definitions != USUAL else None,
-        )
-        for place, reading in enumerate(readings)
+        ReadingVerdicts(*of_reading, *judged)
+        for *of_reading, judged in zip(readings, settings, evidence, verdicts, strict=True)
     ]
 
 
-def _verdicts(job: tuple[Evidence, Reading]) -> list[Verdict]:
-    """The verdicts on one reading's evidence, in a process of its own."""
+def _verdicts(job: tuple[Evidence, Reading]) -> tuple[list[Verdict], list[Verdict] | None]:
+    """The verdicts on a reading's evidence, as it means the metrics and as a run does, in a process
+    of its own.
+    """
     evidence, reading = job
-    return judge(evidence, bool(reading.fitted), reading.retrodicted)
+    means = dict.fromkeys((reading.definitions, USUAL))
+    judged = [
+        judge(evidence.with_definitions(each), bool(reading.fitted), reading.retrodicted)
+        for each in means
+    ]
+    return judged[0], judged[1] if len(judged) > 1 else None
 
 
 def _write(

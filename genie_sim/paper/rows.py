@@ -6,12 +6,9 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from genie_sim.paper.facts import Fact, Facts
 from genie_sim.record import tables
-from genie_sim.record.columns import Columns, Text
-from genie_sim.record.tables import Column, Schema
+from genie_sim.record.tables import Column, Schema, Table
 
 FILE = "seeds.parquet"
 RELATIVE = 1e-6  # sums of floats may end differently on another machine
@@ -39,23 +36,12 @@ def write(
     folder: Path, seeds: Sequence[int], runs: Iterable[tuple[Place, Sequence[Facts]]]
 ) -> None:
     """Writes the numbers of runs: at each place of every seed. Raises OSError."""
-    rows = [
-        ((*place, *fact), seed, value)
-        for place, of_seeds in runs
-        for seed, facts in zip(seeds, of_seeds, strict=True)
-        for fact, value in sorted(facts.items())
-    ]
-    texts = {name: _text([key[place] for key, _, _ in rows]) for place, name in enumerate(KEYS)}
-    seed_column = np.array([seed for _, seed, _ in rows], dtype=np.int32)
-    values = np.array([value for _, _, value in rows])
-    columns = Columns({**texts, "seed": seed_column, "value": values})
-    tables.write(folder / FILE, SCHEMA, columns)
-
-
-def _text(values: Sequence[str]) -> Text:
-    names = sorted(set(values))
-    codes = {name: code for code, name in enumerate(names)}
-    return Text.of(np.array([codes[value] for value in values], dtype=np.int32), names)
+    table = Table(SCHEMA)
+    for place, of_seeds in runs:
+        for seed, facts in zip(seeds, of_seeds, strict=True):
+            for fact, value in sorted(facts.items()):
+                table.append((*place, *fact, seed, value))
+    table.write(folder / FILE)
 
 
 def read(folder: Path) -> dict[Place, dict[int, Facts]]:

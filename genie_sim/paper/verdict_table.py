@@ -79,7 +79,8 @@ def printed(rows: Sequence[Row], format: str) -> str:
     if format == "markdown":
         return in_markdown(rows)
     title = "Claims of the paper; verdicts.md says them in words"
-    return renderers.latex(replace(table(rows, "id"), title=title, notes=notes(rows)), "claims")
+    notes = [line.removeprefix("- ") for line in counts(rows)]
+    return renderers.latex(replace(table(rows, "id"), title=title, notes=notes), "claims")
 
 
 def in_markdown(rows: Sequence[Row]) -> str:
@@ -214,7 +215,8 @@ def counts(rows: Sequence[Row]) -> list[str]:
     contradicted, then, never added to them, of each other kind.
     """
     lines = []
-    for of_reading in _by_reading(rows):
+    for reading in dict.fromkeys(row["reading"] for row in rows):
+        of_reading = [row for row in rows if row["reading"] == reading]
         counted = [row for row in of_reading if row["same_as"] is None]
         free = [row for row in counted if row["kind"] in FREE_KINDS]
         word = "retrodicted" if any(row["kind"] == "retrodicted" for row in free) else "predicted"
@@ -248,18 +250,6 @@ def counts(rows: Sequence[Row]) -> list[str]:
 def _held(rows: Sequence[Row]) -> str:
     """How many of some claims hold; what was fitted holds where the fit succeeded."""
     return f"{sum(row['verdict'] in (REPRODUCED, CALIBRATED) for row in rows)} of {len(rows)}"
-
-
-def notes(rows: Sequence[Row]) -> list[str]:
-    """What stands below the claims."""
-    return [line.removeprefix("- ") for line in counts(rows)]
-
-
-def _by_reading(rows: Sequence[Row]) -> list[list[Row]]:
-    grouped: dict[str, list[Row]] = {}
-    for row in rows:
-        grouped.setdefault(row["reading"], []).append(row)
-    return list(grouped.values())
 
 
 def _verdict(row: Row) -> str:

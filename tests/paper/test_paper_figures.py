@@ -58,7 +58,7 @@ def shown(request) -> paper_figures.Shown:
 def drawn(shown, request) -> dict[str, Figure]:
     """Every figure, laid out."""
     worth = provenance.read_json(PAPER / "quality.json")
-    makers = paper_figures.makers_of(shown.of_width(request.param), worth)
+    makers = paper_figures.makers_of(replace(shown, width_in=request.param), worth)
     made = {name: make() for name, make in makers.items()}
     for figure in made.values():
         figures.svg(figure)

@@ -169,14 +169,6 @@ def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert evaluation.page(folder) == page
 
 
-def test_figures_that_are_too_large_are_named_instead(folder):
-    with (folder / "figures" / "latency_cdf.svg").open("a") as file:
-        file.write(f"<!--{'x' * evaluation.MAX_FIGURE_BYTES}-->")
-    shown = embedded(evaluation.page(signed(folder)))
-    assert "latency_cdf" not in {one["name"] for one in shown["figures"]}
-    assert any("figures/latency_cdf.svg" in note for note in shown["notes"])
-
-
 # The command
 
 
