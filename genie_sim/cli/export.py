@@ -40,7 +40,7 @@ OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
 def export(
     folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
 ) -> None:
-    """Write a run as a bag, for Foxglove or RViz, or as a trace, for Perfetto."""
+    """Write a run for Foxglove, RViz or Perfetto."""
     if format not in NAMES:
         raise UserError(f"--format: {unknown('format', format, NAMES)}")
     from genie_sim.record import results
