@@ -96,7 +96,8 @@ class _Trace:
 
 def _slices(run: "Run", trace: _Trace) -> Iterator[Event]:
     """The service of frames, each once, whichever answers it was for."""
-    steps = run.steps[run.steps["part"].isin(LANES)]
+    steps: Any = run.steps[run.steps["part"].isin(LANES)]
+    frames: Any = run.frames
     numbers = {
         (row.car, row.stream, row.stamp_ns): row.frame for row in run.frames.itertuples(index=False)
     }
@@ -134,9 +135,8 @@ def _slices(run: "Run", trace: _Trace) -> Iterator[Event]:
 
 def _counters(run: "Run", trace: _Trace) -> Iterator[Event]:
     """How many messages wait, whenever that has changed; of what nobody ever waits for, nothing."""
-    for (method, resource), rows in run.resources.groupby(
-        ["method", "resource"], sort=False, observed=True
-    ):
+    of_each: Any = run.resources.groupby(["method", "resource"], sort=False, observed=True)
+    for (method, resource), rows in of_each:
         if rows["queue"].max() == 0:
             continue
         changed = rows[rows["queue"].diff().fillna(1) != 0]
@@ -145,7 +145,7 @@ def _counters(run: "Run", trace: _Trace) -> Iterator[Event]:
                 "ns": int(t_ns),
                 "ph": "C",
                 "name": f"waiting for {resource}",
-                "pid": trace.process(str(method), host_of(str(resource))),
+                "pid": trace.process(method, host_of(resource)),
                 "ts": int(t_ns) // NS_PER_US,
                 "args": {"messages": int(waiting)},
             }

@@ -213,7 +213,8 @@ def _held_objects(run: "Run") -> Iterator[BagMessage]:
 
 def _resources(run: "Run") -> Iterator[BagMessage]:
     """How many messages wait at each node, and how busy each accelerator is."""
-    of_each = run.resources.groupby(["method", "resource", "kind"], sort=False, observed=True)
+    by = ["method", "resource", "kind"]
+    of_each: Any = run.resources.groupby(by, sort=False, observed=True)
     for (method, resource, kind), rows in of_each:
         if kind == "queue":
             topic = f"/{_topic(resource)}/{_topic(method)}/queue"
