@@ -99,7 +99,7 @@ def _slices(run: "Run", trace: _Trace) -> Iterator[Event]:
     steps: Any = run.steps[run.steps["part"].isin(LANES)]
     frames: Any = run.frames
     numbers = {
-        (row.car, row.stream, row.stamp_ns): row.frame for row in run.frames.itertuples(index=False)
+        (row.car, row.stream, row.stamp_ns): row.frame for row in frames.itertuples(index=False)
     }
     services: dict[tuple[Any, ...], list[str]] = {}
     for row in steps.sort_values(["begin_ns", "end_ns"], kind="stable").itertuples(index=False):
