@@ -109,7 +109,7 @@ class Image:
     horizontal_fov_rad : float
         What it sees from its left to its right border, in radians.
     content : object
-        What a detector would look at: in a simulation what it finds there, in real ROS the message.
+        What a detector would look at: in a simulation a ``Frame``, in real ROS the message.
         A Genie never reads it.
     looks : tuple of Look
         Signed ones of earlier frames of this car; usually none.
@@ -184,7 +184,7 @@ class Detection:
     confidence : float
         The object map's, from 0 to 1; equal to the score until a map has seen the object.
     method : str
-        How it was placed: ``scan``, ``ground`` or ``table``, ``none`` if it was not, or ``unknown``.
+        How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
     motion : Motion or None
         What a map that tracks knows of it; ``None`` unless it comes from one.
     seen_in : Header or None
