@@ -55,6 +55,7 @@ MODULES: dict[str, str] = {
 _PICTURES = "Run the trace and see its frames in the page of 'genie-sim report --pictures DIR'."
 _COMPLETION = "Put 'eval \"$(_GENIE_SIM_COMPLETE=bash_source genie-sim)\"' in your ~/.bashrc."
 OPTIONS: dict[str, str] = {
+    "import tables --size": "Write --frame-size SIZE.",
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",

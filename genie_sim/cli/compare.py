@@ -19,7 +19,11 @@ from genie_sim.cli.arguments import (
 
 @click.command()
 @click.argument(
-    "folders", nargs=-1, required=True, help="Result folders, the one to compare with first."
+    "folders",
+    nargs=-1,
+    required=True,
+    type=PATH,
+    help="Result folders, the one to compare with first.",
 )
 @shown_methods_option
 @metrics_option
@@ -30,7 +34,7 @@ from genie_sim.cli.arguments import (
 @own_code_option
 def compare(
     *,
-    folders: tuple[str, ...],
+    folders: tuple[Path, ...],
     methods: str | None,
     metrics: str | None,
     labels: tuple[str, ...],

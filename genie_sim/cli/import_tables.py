@@ -21,7 +21,7 @@ from genie_sim.cli.terminal import tell
 @click.option("--truth", type=PATH, help="What was there: time_s, object, label, east_m, north_m.")
 @click.option("--out", type=PATH, required=True, help="The folder for CAR.parquet of every car.")
 @click.option("--fov", default="360 deg", help="What every sensor sees around its heading.")
-@click.option("--size", default="960 kB", help="What one frame takes to send.")
+@click.option("--frame-size", default="960 kB", help="What one frame takes to send.")
 @click.option("--range", "range_", default="40 m", help="Truth up to this distance is judged.")
 @click.option("--origin", metavar="LAT,LON,ALT", help="Where the plane lies; default: 0,0,0.")
 @map_option
@@ -33,7 +33,7 @@ def import_tables(
     truth: Path | None,
     out: Path,
     fov: str,
-    size: str,
+    frame_size: str,
     range_: str,
     origin: str | None,
     classes: tuple[str, ...],
@@ -51,7 +51,7 @@ def import_tables(
     fov_rad = arguments.quantity("--fov", fov, units.angle_rad)
     if fov_rad > math.tau:
         raise UserError(f"--fov: must be at most 360 deg, but is {fov}")
-    size_bytes = arguments.quantity("--size", size, units.size_bytes)
+    size_bytes = arguments.quantity("--frame-size", frame_size, units.size_bytes)
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.import_report import ImportReport, class_map
     from genie_sim.core.classes import NO_CLASS, ROAD_LABELS

@@ -5,14 +5,16 @@ from pathlib import Path
 import click
 
 from genie_sim.cli import terminal
-from genie_sim.cli.arguments import COUNT, PATH
+from genie_sim.cli.arguments import COUNT, PATH, jobs_option
 from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
 @click.option("--quick", is_flag=True, help="A coarse answer in under a minute.")
-@click.option("--seeds", type=COUNT, help="How many seeds; default: those of the assumptions.")
-@click.option("--jobs", type=COUNT, help="Parallel processes; default: one per core.")
+@click.option(
+    "--seeds", type=COUNT, metavar="N", help="So many seeds, from 1 on; default: the assumptions'."
+)
+@jobs_option
 @click.option(
     "--reading",
     help="One reading of the paper, or a file of your own; default: all that there are.",

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from genie_sim.base.errors import UserError
-from genie_sim.cli.arguments import PATH
+from genie_sim.cli.arguments import PATH, set_option
 from genie_sim.cli.terminal import Commands
 
 
@@ -25,13 +25,7 @@ def ros() -> None:
     help="Input topic that goes through the Genie; default: the one with images.",
 )
 @click.option("--leave", multiple=True, help="A topic to leave alone. Repeatable.")
-@click.option(
-    "--set",
-    "set_",
-    multiple=True,
-    metavar="FIELD=VALUE",
-    help="A field of 'genie:', as in scenarios.",
-)
+@set_option
 @click.option("--pose-topic", help="Where the camera is, as geometry_msgs/PoseStamped.")
 @click.option(
     "--fov", default="0 deg", help="The camera's horizontal field of view, such as '81 deg'."
@@ -63,11 +57,18 @@ def attach(
     record: Path | None,
     pid: int | None,
 ) -> None:
-    """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'."""
+    """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'.
+
+    \b
+    genie-sim ros attach /detector --pid 1234 --set genie.algorithm=recommended
+    """
     from genie_sim.base import units
     from genie_sim.ros.attach import attach as attach_genie
     from genie_sim.scenario.overrides import apply_overrides
 
+    for assignment in set_:
+        if not assignment.startswith("genie."):
+            raise UserError(f"--set {assignment}: write --set genie.{assignment}")
     settings: dict[str, Any] = {}
     apply_overrides(settings, set_)
     try:
@@ -78,7 +79,7 @@ def attach(
         node,
         role=role,
         name=name,
-        settings=settings,
+        settings=settings.get("genie", {}),
         requests=request,
         leave=leave,
         pose_topic=pose_topic,

@@ -27,7 +27,7 @@ from genie_sim.cli.terminal import ProgressBar, resumable
 @click.option(
     "--methods",
     metavar="A,B,...",
-    help="Which methods are tuned, each on the same budget: names or files of spaces.",
+    help="Only these are tuned, each on the same budget: names or files of spaces.",
 )
 @set_option
 @click.option("--maximize", multiple=True, metavar="METRIC", help="An objective. Repeatable.")
@@ -39,7 +39,7 @@ from genie_sim.cli.terminal import ProgressBar, resumable
     help="Such as 'ghost_share <= 0.3'. Repeatable.",
 )
 @click.option("--points", type=COUNT, help="How many points are tried of each method.")
-@click.option("--seed", type=click.IntRange(min=0), help="Of the search itself.")
+@click.option("--seed", type=click.IntRange(min=0), help="Root of the search's own random draws.")
 @click.option("--out", type=PATH, default="results", help="The folder that gets the search's.")
 @jobs_option
 @backend_option
@@ -60,6 +60,8 @@ def search(
     scheduler: str | None,
 ) -> None:
     """Search for the best settings. What has been done is not done again.
+
+    A setting that --set changes is not searched.
 
     \b
     genie-sim search 3car_hetero

@@ -1,7 +1,5 @@
 """The command ``sweep``. Everything heavy is imported after the arguments are parsed."""
 
-import hashlib
-import json
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -137,6 +135,9 @@ def _described(
     """The sweep that the command line describes, as in a file. Its folder is that of all sweeps
     that differ in nothing but the values of the axes and the seeds. Raises ``UserError``.
     """
+    import hashlib
+    import json
+
     from genie_sim.base import files
     from genie_sim.scenario.yaml_input import parse
     from genie_sim.study.design import named_axes

@@ -18,7 +18,6 @@ import click
 
 from genie_sim.base.errors import unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.removed import instead_of_option
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
@@ -96,12 +95,12 @@ class Commands(click.Group):
         return super().resolve_command(ctx, args)
 
     def make_context(self, *args: Any, **extra: Any) -> Any:
-        with _removed_options():
+        with _known_options():
             return super().make_context(*args, **extra)
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable(), _removed_options():
+            with _terminable(), _known_options():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)
@@ -112,16 +111,15 @@ class Commands(click.Group):
 
 
 @contextmanager
-def _removed_options() -> Iterator[None]:
-    """An option that was removed is answered with what to write instead."""
+def _known_options() -> Iterator[None]:
+    """An option that is not there is answered with what to write instead."""
     try:
         yield
     except click.NoSuchOption as error:
-        command = "" if error.ctx is None else error.ctx.command_path
-        if instead := instead_of_option(command, error.option_name):
-            text = f"No such option {error.option_name!r}, which was removed. {instead}"
-            raise click.UsageError(text, error.ctx) from None
-        raise
+        from genie_sim.cli.refused import advice
+
+        text = f"No such option {error.option_name!r}{advice(error)}"
+        raise click.UsageError(text, error.ctx) from None
 
 
 @contextmanager

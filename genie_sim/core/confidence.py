@@ -7,6 +7,7 @@ Each rule maps the stored confidence C, the sighting's confidence M.C and the ra
 from collections.abc import Callable
 
 ConfidenceRule = Callable[[float, float, float], float]
+"""Of ``stored`` (C), ``seen`` (M.C) and ``rate`` (lambda) the new C; all from 0 to 1."""
 
 
 def noisy_or(stored: float, seen: float, rate: float) -> float:

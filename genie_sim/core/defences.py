@@ -43,8 +43,8 @@ class OwnEvidence(NamedTuple):
 class Defence:
     """Believes everything. Other defences override what they do otherwise.
 
-    Tracks are those of an edge's map (``tracking.Track``); of each, ``seen_by_ns`` has the newest
-    sighting of each car.
+    A ``track`` is one of an edge's map (``tracking.Track``); its ``seen_by_ns`` has the newest
+    sighting [ns] of each car. ``now_ns`` is the simulated time [ns].
     """
 
     def counts(self, look: Look) -> bool:
@@ -55,20 +55,32 @@ class Defence:
         """In an edge's map, a look with this header has found a track that was there before."""
 
     def unseen(self, track: Any, range_m: float, header: Header) -> None:
-        """A look with this header should have found a track, so far away, and did not."""
+        """In an edge's map, a look with this header should have found a track, ``range_m`` metres
+        from the camera, and did not.
+        """
 
     def tells(self, track: Any, car: str, now_ns: int) -> bool:
-        """Whether an edge tells a car of a track."""
+        """Whether an edge tells a ``car``, by its name, of a track."""
         return True
 
     def believes(self, told: Detection, own: OwnEvidence, now_ns: int) -> bool:
-        """Whether a car takes over an object that an edge tells; ``told.motion.origins`` are the
-        cars that have seen it.
+        """Whether a car takes over an object that an edge tells.
+
+        Parameters
+        ----------
+        told : Detection
+            The object; ``told.motion.origins`` are the cars that have seen it.
+        own : OwnEvidence
+            What the car has seen itself.
+        now_ns : int
+            Simulated time [ns].
         """
         return True
 
     def admits(self, detection: Detection, own: OwnEvidence, now_ns: int) -> bool:
-        """Whether a car takes over what its edge's detector found in its own frame."""
+        """Whether a car takes over a ``detection`` that its edge's detector found in its own frame;
+        ``own`` is what the car has seen itself.
+        """
         return True
 
 

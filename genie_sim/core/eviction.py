@@ -20,11 +20,11 @@ class Eviction:
         self._keys: OrderedDict[Hashable, int | None] = OrderedDict()
 
     def stored(self, key: Hashable, now_ns: int) -> None:
-        """An answer was stored under ``key``, for the first time or again."""
+        """An answer was stored under ``key`` at ``now_ns`` [ns], for the first time or again."""
         self._keys.setdefault(key, None)
 
     def used(self, key: Hashable, now_ns: int) -> None:
-        """The answer under ``key`` was replayed."""
+        """The answer under ``key`` was replayed at ``now_ns`` [ns]."""
 
     def removed(self, key: Hashable) -> None:
         """``key`` is gone."""
@@ -35,7 +35,7 @@ class Eviction:
         return next(iter(self._keys))
 
     def expires_ns(self, key: Hashable) -> int | None:
-        """From when on the answer under ``key`` is too old, ``None`` for never."""
+        """From when on [ns] the answer under ``key`` is too old, ``None`` for never."""
         return None
 
 

@@ -6,8 +6,16 @@ from typing import NamedTuple
 class Header(NamedTuple):
     """Who took a picture, with which camera, when.
 
-    ``origin`` (the car) is part of a request's identity because cars that replay the same drive can
-    share stamps.
+    Parameters
+    ----------
+    stamp_ns : int
+        When the camera took it, in nanoseconds since the beginning of the simulation (in real ROS,
+        since the epoch); of a car whose clock is wrong, by that clock.
+    frame_id : str
+        The camera stream, such as ``camera_02``.
+    origin : str
+        The car. It is part of a request's identity because cars that replay the same drive can
+        share stamps.
     """
 
     stamp_ns: int

@@ -32,8 +32,14 @@ SHARED = "shared"  # the source of what an edge tells of others' looks
 
 
 class CameraPose(NamedTuple):
-    """Where a camera stands and looks: east, north, up [m] and heading [rad], counter-clockwise
-    from east.
+    """Where a camera stands and looks.
+
+    Parameters
+    ----------
+    east_m, north_m, up_m : float
+        Its centre in the scenario's one east-north-up frame, in metres.
+    heading_rad : float
+        Its optical axis in radians, counter-clockwise from east.
     """
 
     east_m: float
@@ -86,8 +92,27 @@ class Answer(Message, Protocol):
 
 @dataclass(slots=True, unsafe_hash=True)
 class Image:
-    """One camera frame. ``content`` is what a detector would look at; a Genie never reads it.
-    ``looks`` are signed ones of earlier frames, which ride along.
+    """One camera frame.
+
+    Parameters
+    ----------
+    header : Header
+        Who took it, with which camera, when.
+    size_bytes : int
+        What it takes to send, with the ``looks`` that ride along, in bytes.
+    digest : str
+        The SHA-256 of the picture, 64 hexadecimal digits: equal pictures have equal ones.
+    dhash : int
+        Its difference hash, 64 bits: similar pictures differ in few of them.
+    pose : CameraPose
+        Where the camera was.
+    horizontal_fov_rad : float
+        What it sees from its left to its right border, in radians.
+    content : object
+        What a detector would look at: in a simulation a ``Frame``, in real ROS the message.
+        A Genie never reads it.
+    looks : tuple of Look
+        Signed ones of earlier frames of this car; usually none.
     """
 
     header: Header
@@ -106,11 +131,22 @@ class Image:
 
 
 class Motion(NamedTuple):
-    """What a map that tracks knows besides an object's place: its velocity east and north, how
-    uncertain the place is, how likely the object exists, and the frame in which it was seen last.
+    """What a map that tracks knows besides an object's place.
 
-    ``origins`` are the cars that have seen it lately, where they travel along; ``signed`` is
-    whether their signed sightings do.
+    Parameters
+    ----------
+    velocity_mps : tuple of float
+        East and north, in metres a second.
+    sigma_m : float
+        How uncertain the place is: a standard deviation in metres.
+    existence : float
+        How likely the object exists, from 0 to 1.
+    seen : Header
+        The frame in which it was seen last.
+    origins : tuple of str
+        The cars that have seen it lately, where they travel along.
+    signed : bool
+        Whether their signed sightings travel along.
     """
 
     velocity_mps: tuple[float, float]
@@ -133,11 +169,27 @@ class Motion(NamedTuple):
 class Detection:
     """One object found in an image.
 
-    ``score`` is the detector's, ``confidence`` the object map's (equal to the score until a map has
-    seen it). ``location`` is ``None`` where the object could not be placed in the world, ``box``
-    where it comes from an object map and not from this image. ``motion`` is ``None`` unless it
-    comes from a map that tracks. ``seen_in`` is the newest frame in which a detector saw an object
-    of a map; ``None`` for what a detector found: the frame is that of the answer.
+    Parameters
+    ----------
+    label : str
+        Its class, such as ``car`` or ``person``.
+    score : float
+        The detector's, from 0 to 1.
+    box : tuple of float or None
+        Left, top, right and bottom in the image, in pixels; ``None`` where the object comes from an
+        object map and not from this image.
+    location : tuple of float or None
+        East, north and up of its centre, in metres, in the scenario's one frame; ``None`` where the
+        object could not be placed in the world.
+    confidence : float
+        The object map's, from 0 to 1; equal to the score until a map has seen the object.
+    method : str
+        How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
+    motion : Motion or None
+        What a map that tracks knows of it; ``None`` unless it comes from one.
+    seen_in : Header or None
+        The newest frame in which a detector saw an object of a map; ``None`` for what a detector
+        found: the frame is that of the answer.
     """
 
     label: str
@@ -171,9 +223,19 @@ class Detection:
 class Look(NamedTuple):
     """A detector's raw answer to one frame: what it found, and from where it looked.
 
-    ``header`` identifies the look: whoever gets it by two ways counts it once. What is in the field
-    of view and was not found is evidence, too. ``signed``: its car vouches for it, so nobody else
-    can change it.
+    Parameters
+    ----------
+    header : Header
+        The frame. It identifies the look: whoever gets it by two ways counts it once.
+    pose : CameraPose
+        Where the camera was.
+    horizontal_fov_rad : float
+        What it saw from its left to its right border, in radians. What is in there and was not
+        found is evidence, too.
+    detections : tuple of Detection
+        What was found, in no particular order.
+    signed : bool
+        Whether its car vouches for it, so that nobody else can change it.
     """
 
     header: Header
@@ -222,10 +284,25 @@ class Frame(Protocol):
 class Detections:
     """A detector's answer to one image, in the manner of ``autoware_msgs/DetectedObjectArray``.
 
-    ``look`` is the detector's raw answer behind it, where it travels along. ``valid_ns``: every
-    object that the sender believes to be in view, at the place predicted for that time; ``None``:
-    objects as they were detected. ``seen_in`` is the frame at which the detector looked; ``None``:
-    the one of ``header``, to which it first was an answer.
+    Parameters
+    ----------
+    header : Header
+        The frame that it answers.
+    objects : tuple of Detection
+        What is there, as far as the sender knows.
+    source : str
+        What produced it: ``detector``, ``cache`` or ``map``; ``shared`` is what an edge tells of
+        others' looks.
+    served_by : str
+        The node that gave it, such as ``car1/genie``; empty until one has.
+    look : Look or None
+        The detector's raw answer behind it, where it travels along.
+    valid_ns : int or None
+        Objects are all those that the sender believes to be in view, each at the place predicted
+        for this time [ns]; ``None``: as they were detected.
+    seen_in : Header or None
+        The frame at which the detector looked; ``None``: that of ``header``, to which it first was
+        an answer.
     """
 
     header: Header

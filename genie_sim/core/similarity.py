@@ -19,7 +19,7 @@ class Similarity(Protocol):
     """Gives requests their keys, and remembers the keys that a cache holds."""
 
     def key(self, image: Image) -> Hashable:
-        """The key of a request."""
+        """The key of the request that ``image`` is."""
 
     def index(self) -> "KeyIndex":
         """A fresh, empty set of keys that knows which of them equals a given one."""
@@ -28,9 +28,13 @@ class Similarity(Protocol):
 class KeyIndex(Protocol):
     """A set of keys with a tolerant look-up."""
 
-    def add(self, key: Hashable, /) -> None: ...
+    def add(self, key: Hashable, /) -> None:
+        """An answer is stored under ``key`` from now on."""
+        ...
 
-    def discard(self, key: Hashable, /) -> None: ...
+    def discard(self, key: Hashable, /) -> None:
+        """No answer is stored under ``key`` any more; there may have been none."""
+        ...
 
     def find(self, key: Hashable) -> Hashable | None:
         """The stored key that equals ``key`` under this similarity, else ``None``."""

@@ -42,19 +42,41 @@ __all__ = [
 class ImageDetector(Protocol):
     """What ``perceive`` needs of a detector. One that runs a network is best derived from
     ``OnnxDetector``.
+
+    Parameters
+    ----------
+    weights : Path
+        The file of its weights.
+    size : tuple of int, optional
+        Width and height of the network's input, in pixels; by default the network's own.
+    min_score : float
+        The lowest score, from 0 to 1, of what ``detect`` returns.
     """
 
     name: ClassVar[str]
+    """What traces and scenarios call it."""
+
     file_name: ClassVar[str]
+    """How the file of its weights is called."""
+
     size: tuple[int, int]
+    """Width and height of its input, in pixels."""
+
     sha256: str
+    """Of its weights, 64 hexadecimal digits."""
 
     def __init__(
         self, weights: Path, size: tuple[int, int] | None = None, min_score: float = MIN_SCORE
     ) -> None: ...
 
     def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
-        """Road users and furniture in a picture (height, width, 3), best score first."""
+        """Road users and furniture in a picture, best score first.
+
+        Parameters
+        ----------
+        image_bgr : ndarray of uint8, shape (height, width, 3)
+            The picture: blue, green and red from 0 to 255.
+        """
         ...
 
 

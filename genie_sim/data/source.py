@@ -21,8 +21,15 @@ class Drive:
     __slots__ = ()
 
     name: str
+    """What it is called, such as the name of its trace."""
+
     frames: Mapping[str, Sequence[Frame]]
+    """The frames of each recording, by its name; their stamps are nanoseconds since the drive's
+    first frame.
+    """
+
     duration_ns: int
+    """How long it takes [ns]; only of a drive on a map."""
 
     position: Callable[[int], tuple[float, float]] | None = None
     """A method that gives east and north of the car [m] so many nanoseconds after it starts;
@@ -40,7 +47,17 @@ class Frames:
     """The borders of the map; ``None`` where no fleet can drive."""
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> Drive:
-        """What a car sees that starts at a time; ``trace`` is its route's. Raises ``UserError``."""
+        """What a car sees. Raises ``UserError``.
+
+        Parameters
+        ----------
+        car : str
+            The car's name in the scenario.
+        trace : str or None
+            The trace that its route names; ``None`` where it names none.
+        start_ns : int
+            When it starts, in nanoseconds since the beginning of the simulation.
+        """
         raise NotImplementedError
 
     def digests(self) -> Mapping[str, str]:
@@ -64,8 +81,8 @@ class Frames:
         return None
 
     def encoded(self, car: str, encoding: Encoding) -> Drive | None:
-        """A car's drive with its pictures encoded and decoded; ``None`` where there are no
-        pictures. Raises ``UserError``.
+        """The drive of a car, by its name, with its pictures encoded and decoded, such as
+        ``jpeg90``; ``None`` where there are no pictures. Raises ``UserError``.
         """
         return None
 
@@ -85,11 +102,21 @@ class FrameSource:
     duration_ns: int
 
     def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
-        """The frames, placed around ``origin`` (``None``: the source's own). Raises UserError."""
+        """The frames. Raises ``UserError``.
+
+        Parameters
+        ----------
+        seed : int
+            The root of all random streams.
+        origin : Geodetic or None
+            Where the scenario's east-north-up frame has its zero; ``None``: the source's own.
+        progress : callable, optional
+            Called with how much is done, how much there is, and what is going on.
+        """
         raise NotImplementedError
 
     def cells(self, cell_m: float) -> float:
-        """About how many cells of that size the map has; 0 where that is not known before it is
-        opened.
+        """About how many squares with sides of ``cell_m`` metres the map has; 0 where that is not
+        known before it is opened.
         """
         return 0.0

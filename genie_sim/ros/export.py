@@ -1,19 +1,27 @@
 """A finished run as a bag for Foxglove or RViz: ROS 2 messages in one MCAP file, or a ROS 1 bag.
 
-============================  =================================================================
-topic                         what
-============================  =================================================================
-``/tf``                       every camera of every car (``car1/camera_02``) in the frame
-                              ``map``; from the table ``poses``
-``/<genie>/object_map``       each change of a Genie's object map as a box with its confidence as
-                              colour; from ``objects``
-``/lookups``                  each look-up for an image as a ball over the camera that took it;
-                              from ``lookups``
-``/events``                   the same in words, and what was dropped; from ``lookups`` and
-                              ``frames``
-``/<car>/<method>/response``  time to the first answer [ms]; from ``frames``
-``/cars``                     a box for each car, which moves with a frame of its camera
-============================  =================================================================
+==================================  ==============================================================
+topic                               what
+==================================  ==============================================================
+``/tf``                             every camera of every car (``car1/camera_02``) in the frame
+                                    ``map``; from the table ``poses``
+``/<genie>/object_map``             each change of a Genie's object map as a box with its
+                                    confidence as colour; from ``objects``
+``/lookups``                        each look-up for an image as a ball over the camera that took
+                                    it; from ``lookups``
+``/events``                         the same in words, and what was dropped; from ``lookups`` and
+                                    ``frames``
+``/<car>/<method>/response``        time to the first answer [ms]; from ``frames``
+``/<car>/<method>/false``           red boxes: what the car holds and is not there; from
+                                    ``held_objects``
+``/<car>/<method>/missed``          yellow balls: what is in its view and it does not hold; from
+                                    ``held_objects``
+``/<node>/<method>/queue``          messages that wait at a node, when that changes; from
+                                    ``resources``
+``/<host>/<method>/accelerator``    share of the time since the last value that it worked; from
+                                    ``resources``
+``/cars``                           a box for each car, which moves with a frame of its camera
+==================================  ==============================================================
 
 The simulation begins at second ``START_S`` of ROS time, because ROS takes the time 0 for "unknown".
 """
@@ -55,6 +63,8 @@ COLOUR_STOPS = (0.0, 0.5, 1.0)  # confidences of violet, green-blue and yellow
 OTHER_SIZE = Size(1.0, 1.0, 1.0)  # of objects whose class has no usual size
 CAR_BELOW_CAMERA_M = -0.8  # a KITTI car's camera is mounted 1.65 m above the ground
 LOOKUP_SHOWN_NS = NS_PER_S
+RIGHT, MISSED = "right", "missed"  # in the column ``judged``
+FALSE_COLOUR, MISSED_COLOUR = (0.85, 0.2, 0.1, 0.6), (1.0, 0.85, 0.2, 0.6)
 
 
 class BagMessage(NamedTuple):
@@ -82,6 +92,8 @@ def export(run: "Run", out: Path, format: str) -> int:
             *_objects(run),
             *_lookups(run, ros),
             *_frames(run, ros),
+            *_held_objects(run),
+            *_resources(run),
         ]
     entries.sort(key=lambda entry: entry.t_ns)
     with atomic_write(out) as beside:
@@ -172,6 +184,49 @@ def _frames(run: "Run", ros: int) -> Iterator[BagMessage]:
             topic = f"/{_topic(row.car)}/{row.method}/response"
             response_ms = (int(first) - int(received)) / 1e6
             yield BagMessage(int(first), topic, FLOAT, {"data": response_ms})
+
+
+def _held_objects(run: "Run") -> Iterator[BagMessage]:
+    """A marker for each time that a false object is held, or one in view is not."""
+    rows = run.held_objects[run.held_objects["judged"] != RIGHT]
+    for number, row in enumerate(_rows(rows)):
+        size = SIZES.get(row.label, OTHER_SIZE)
+        is_missed = row.judged == MISSED
+        begin_ns, end_ns = int(row.begin_ns), row.end_ns
+        is_closed = end_ns == end_ns and end_ns is not None  # not nan, not null
+        lifetime_ns = int(end_ns) - begin_ns if is_closed else 0  # 0: as long as it is shown
+        marker = _marker(
+            begin_ns,
+            ns=row.judged,
+            id=number,
+            type=BALL if is_missed else CUBE,
+            place=(row.east_m, row.north_m, size.height_m / 2),
+            size=size,
+            colour=MISSED_COLOUR if is_missed else FALSE_COLOUR,
+            text=f"{row.label} {row.judged.replace('_', ' ')}",
+            lifetime=time(lifetime_ns),
+        )
+        what = MISSED if is_missed else "false"
+        topic = f"/{_topic(row.car)}/{_topic(row.method)}/{what}"
+        yield BagMessage(begin_ns, topic, MARKERS, marker)
+
+
+def _resources(run: "Run") -> Iterator[BagMessage]:
+    """How many messages wait at each node, and how busy each accelerator is."""
+    by = ["method", "resource", "kind"]
+    of_each: Any = run.resources.groupby(by, sort=False, observed=True)
+    for (method, resource, kind), rows in of_each:
+        if kind == "queue":
+            topic = f"/{_topic(resource)}/{_topic(method)}/queue"
+            changed = rows[rows["queue"].diff().fillna(1) != 0]
+            for row in _rows(changed):
+                yield BagMessage(row.t_ns, topic, FLOAT, {"data": float(row.queue)})
+        elif kind == "accelerator":
+            host = resource.removesuffix(".accelerator")
+            topic = f"/{_topic(host)}/{_topic(method)}/accelerator"
+            shares = rows["busy_ns"].diff() / rows["capacity"] / rows["t_ns"].diff()
+            for t_ns, share in zip(rows["t_ns"].iloc[1:], shares.iloc[1:], strict=True):
+                yield BagMessage(int(t_ns), topic, FLOAT, {"data": float(share)})
 
 
 def _event(ros: int, t_ns: int, *, level: dict[int, int], name: str, text: str) -> BagMessage:

@@ -172,10 +172,10 @@ class Fault(Protocol):
     def duration_ns(self) -> int | None: ...
 
     def begin(self, network: AffectedNetwork) -> None:
-        """Starts the fault."""
+        """Starts the fault at its target, by what ``network`` lets it do."""
 
     def end(self, network: AffectedNetwork) -> None:
-        """Ends the fault."""
+        """Ends the fault; ``network`` is as it was given to ``begin``."""
 
 
 @runtime_checkable
@@ -183,8 +183,9 @@ class FaultProcess(Protocol):
     """A fault that is a process while it lasts, in place of ``begin`` and ``end``."""
 
     def run(self, network: AffectedNetwork) -> "Steps":
-        """What happens from the beginning on: a generator that yields what it waits for. It is
-        interrupted (``simpy.Interrupt``) at the fault's end, and closed at the end of the run.
+        """What happens from the beginning on: a generator that yields what it waits for, such as
+        ``network.clock.timeout(1_000_000)`` [ns]. It is interrupted (``simpy.Interrupt``) at the
+        fault's end, and closed at the end of the run.
         """
 
 
@@ -193,7 +194,7 @@ class DrawnFault(Protocol):
     """A fault whose targets may be drawn in the run."""
 
     def drawn_targets(self, network: AffectedNetwork) -> Sequence[str]:
-        """Its targets."""
+        """Its targets, by name, drawn with the random numbers of ``network``."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -31,20 +31,42 @@ class Interceptor(Protocol):
 
     name: str
 
-    def subscriptions(self) -> tuple[str, ...]: ...
+    def subscriptions(self) -> tuple[str, ...]:
+        """The topics whose messages it gets, each by its name."""
+        ...
 
-    def publications(self) -> tuple[str, ...]: ...
+    def publications(self) -> tuple[str, ...]:
+        """The topics on which it publishes."""
+        ...
 
     def on_message(
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
-    ) -> list[Effect]: ...
+    ) -> list[Effect]:
+        """What it does about a message: publishes some, and tells what it has looked up.
+
+        Parameters
+        ----------
+        topic : str
+            One of its ``subscriptions``.
+        message : Message
+            An ``Image`` or ``Detections``; it must not be changed.
+        now_ns : int
+            Simulated time [ns].
+        sender : str, optional
+            The host from which it came, where that is another one.
+        """
+        ...
 
     def next_deadline_ns(self) -> int | None:
-        """When ``on_deadline`` wants to be called if no message arrives before."""
+        """When ``on_deadline`` wants to be called if no message arrives before [ns], ``None`` for
+        never.
+        """
         return None
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
-        """Called at or after the instant that ``next_deadline_ns`` returned."""
+        """Called at or after the instant that ``next_deadline_ns`` returned; ``now_ns`` is the
+        simulated time [ns].
+        """
         return []
 
     def cache_entries(self) -> int:
@@ -169,9 +191,11 @@ class Method:
     baseline = False
 
     def on_car(self, host: HostContext) -> HostConfig | None:
-        """What runs on a car; ``None`` if nothing would answer it: it is then left out."""
+        """What runs on a car, of which ``host`` tells; ``None`` if nothing would answer it: it is
+        then left out.
+        """
         raise NotImplementedError
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        """What runs on an edge server."""
+        """What runs on an edge server, of which ``host`` tells."""
         return HostConfig(detector=host.gets_images)

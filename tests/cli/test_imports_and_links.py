@@ -40,7 +40,7 @@ def test_tables_with_what_holds_unless_it_is_said(asked: list[Any], capsys):
 
 
 def test_every_option_of_tables_is_heard(asked: list[Any]):
-    line = "--truth o.csv --fov 90deg --size 5kB --range 7m --origin 49,8,112"
+    line = "--truth o.csv --fov 90deg --frame-size 5kB --range 7m --origin 49,8,112"
     assert main([*TABLES, *line.split()]) == 0
     (files, options) = asked[0]
     assert files[2] == Path("o.csv") and options["origin"] == (49.0, 8.0, 112.0)
@@ -52,7 +52,7 @@ def test_every_option_of_tables_is_heard(asked: list[Any]):
     [
         ("--fov", "361 deg", "--fov: must be at most 360 deg, but is 361 deg"),
         ("--fov", "0", "--fov: must be more than zero, but is 0"),
-        ("--size", "0 B", "--size: must be more than zero, but is 0 B"),
+        ("--frame-size", "0 B", "--frame-size: must be more than zero, but is 0 B"),
         ("--range", "-1 m", "--range: must be more than zero, but is -1 m"),
         ("--range", "far", "--range: "),
         ("--origin", "49,8", "--origin: '49,8': expected latitude"),

@@ -176,6 +176,12 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
         assert main(command) == 0, capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["compare", "figures", "table", "report", "export", "rerun"])
+def test_a_folder_that_no_screen_can_show_gets_one_line(command, capsys):
+    assert main([command, "a\0b"]) == 1
+    one_line(capsys.readouterr().err, "holds the character '\\x00'")
+
+
 def test_whatever_a_name_holds_the_error_is_one_line(capsys):
     assert main(["run", "street_1car_homo", "--set", "a\n\x1b[31mb"]) == 1
     one_line(capsys.readouterr().err, "--set a\\n\\x1b[31mb: must be path=value")

@@ -22,7 +22,8 @@ def attached(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
 
 def test_options_reach_the_genie(attached: dict[str, Any]):
-    line = "ros attach /node --role car --fov 90deg --set eviction=lru --set object_map.gate=2m"
+    line = "ros attach /node --role car --fov 90deg"
+    line += " --set genie.eviction=lru --set genie.object_map.gate=2m"
     line += " --request /left --request /right --connect edge1@h:1 --pose-topic /pose"
     assert main(line.split()) == 0
     assert attached["node"] == "/node" and attached["role"] == "car"
@@ -30,6 +31,13 @@ def test_options_reach_the_genie(attached: dict[str, Any]):
     assert attached["horizontal_fov_rad"] == pytest.approx(math.pi / 2)
     assert attached["requests"] == ("/left", "/right") and attached["leave"] == ()
     assert attached["connect"] == ("edge1@h:1",) and attached["pose_topic"] == "/pose"
+
+
+def test_a_setting_is_written_as_in_scenarios(attached: dict[str, Any], capsys):
+    assert main(["ros", "attach", "/node", "--set", "eviction=lru"]) == 1
+    said = capsys.readouterr().err
+    assert said == "genie-sim: --set eviction=lru: write --set genie.eviction=lru\n"
+    assert not attached
 
 
 def test_without_options_nothing_is_set(attached: dict[str, Any]):

@@ -248,7 +248,7 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
     again = run_cli(*tables, "--out", "t")
     assert again.returncode == 1
     assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of other recordings")
-    for option, value in (("--fov", "400 deg"), ("--size", "0 B"), ("--range", "40")):
+    for option, value in (("--fov", "400 deg"), ("--frame-size", "0 B"), ("--range", "40")):
         refused = run_cli(*tables, "--out", "u", option, value)
         assert refused.returncode == 1 and refused.stderr.startswith(f"genie-sim: {option}: ")
     assert not (tmp_path / "u").exists()

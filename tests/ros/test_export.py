@@ -81,7 +81,42 @@ def test_every_message_is_there_and_in_order_of_time(read_back, run):
     images = (run.lookups["kind"] == "image").sum()
     answers = (run.frames["first_answer_ns"].notna() & run.frames["received_ns"].notna()).sum()
     drops = run.frames["drop"].notna().sum()
-    assert written == len(run.poses) + 1 + len(run.objects) + 2 * images + drops + answers
+    held = (run.held_objects["judged"] != "right").sum()
+    numbers = sum(name.endswith(("/queue", "/accelerator")) for name, _, _ in found)
+    assert written == (
+        len(run.poses) + 1 + len(run.objects) + 2 * images + drops + answers + held + numbers
+    )
+
+
+def test_false_and_missed_objects_are_markers_of_each_method(read_back, run):
+    wrong = run.held_objects[run.held_objects["method"] == "genie"]
+    for what, judged in (
+        ("false", ["moved_away", "never_there", "duplicate"]),
+        ("missed", ["missed"]),
+    ):
+        rows = wrong[wrong["judged"].isin(judged)].sort_values("begin_ns", kind="stable")
+        markers = [
+            (at - START_NS, one.markers[0]) for at, one in _of(read_back, f"/car1/genie/{what}")
+        ]
+        assert rows["label"].size and [at for at, _ in markers] == rows["begin_ns"].tolist()
+        assert [one.pose.position.x for _, one in markers] == rows["east_m"].tolist()
+        lasted = (rows["end_ns"] - rows["begin_ns"]).fillna(0).astype("int64")
+        assert [_ns(one.lifetime) for _, one in markers] == lasted.tolist()
+
+
+def test_queues_and_accelerators_are_numbers_over_time(read_back, run):
+    rows = run.resources[run.resources["method"] == "local"]
+    queue = rows[rows["resource"] == "car1/vision_darknet_detect"]
+    told = dict(_of(read_back, "/car1/vision_darknet_detect/local/queue"))
+    at_each, now = [], 0.0
+    for t_ns in queue["t_ns"]:
+        now = told[t_ns + START_NS].data if t_ns + START_NS in told else now
+        at_each.append(now)
+    assert at_each == queue["queue"].tolist() and max(at_each) > 0
+    busy = rows[rows["resource"] == "car1.accelerator"]
+    shares = [one.data for _, one in _of(read_back, "/car1/local/accelerator")]
+    step_ns = busy["t_ns"].diff().iloc[1:]
+    assert sum(shares * step_ns) == pytest.approx(busy["busy_ns"].iloc[-1])
 
 
 def test_cars_are_transforms_at_their_own_instants(read_back, run):

@@ -29,8 +29,9 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.study import printed
+from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
-from genie_sim.study.study import Study, load_design
+from genie_sim.study.study import Study
 from genie_sim.study.tasks import LocalWorkers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
@@ -159,9 +160,9 @@ WORDS = (
 COMMANDS: dict[str, tuple[str, ...]] = {
     "run tiny.yaml": ("--set", "--seed", "--seeds", "--label", "--methods", "--out"),
     "report": ("--start", "--out"),
-    "export": ("--format", "--out"),
+    "export": ("--format", "--methods", "--out"),
     "rerun": (),
-    "compare": ("--methods", "--labels", "--format"),
+    "compare": ("--methods", "--metrics", "--label", "--format"),
     "reproduce": ("--seeds", "--jobs", "--out"),
     "perceive": (
         "--drive",
@@ -178,11 +179,20 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--providers",
     ),
     "import truth": (),
-    "import tables": ("--fov", "--size", "--range", "--origin", "--out"),
+    "import tables": ("--fov", "--frame-size", "--range", "--origin", "--out"),
     "profile": ("--csv", "--model", "--runs", "--out", "--detector"),
     "import fetch model": ("--out",),
     "import fetch drive": ("--out",),
-    "sweep": ("--jobs", "--shard", "--backend", "--scheduler", "--out"),
+    "sweep": (
+        "--axis",
+        "--set",
+        "--seeds",
+        "--jobs",
+        "--shard",
+        "--backend",
+        "--scheduler",
+        "--out",
+    ),
     "ros attach /x": ("--role", "--fov", "--set", "--listen", "--connect", "--pid", "--name"),
     "ros detach": ("--network",),
     "list": (),
@@ -257,7 +267,7 @@ def result_folders(folder: Path) -> Case:
             "seeds": 1,
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
-        work = Study.load(folder / "s.yaml", folder)
+        work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
         work.run(LocalWorkers(1))
         swept = work.finish().folder
     whole = {
@@ -269,7 +279,7 @@ def result_folders(folder: Path) -> Case:
             if rng.random() < 0.5:
                 printed.table_of(swept, "markdown", allow_changed=rng.random() < 0.9)
             else:
-                Study.load(folder / "s.yaml", folder).finish()
+                Study.of(load_design(folder / "s.yaml"), "s.yaml", folder).finish()
             return
         what = rng.randrange(4)
         if what == 0:

@@ -31,22 +31,28 @@ class Channel(Protocol):
     """One direction of one link."""
 
     def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
-        """How long a message that begins its way now keeps the sender busy."""
+        """How long [ns] a message of ``size_bytes``, which begins its way ``now_ns``, keeps the
+        sender busy; not negative.
+        """
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        """How long it takes from now, when its last bit has left, until it arrives; ``None`` if it
-        is lost.
+        """How long [ns] a message of ``size_bytes`` takes from ``now_ns``, when its last bit has
+        left, until it arrives; not negative. ``None`` if it is lost.
         """
 
 
 class LinkModel(Protocol):
-    """What a scenario says about a link. ``up`` leads from a car to its edge, or from an edge into
-    the edge network.
-    """
+    """What a scenario says about a link."""
 
     def channel(self, up: bool, rng: "MessageRandom") -> Channel:
-        """One direction, with random numbers of its own: those of the message that is sent, as from
-        a NumPy generator.
+        """One direction of a link, which is made anew for every run and method.
+
+        Parameters
+        ----------
+        up : bool
+            Whether it leads from a car to its edge, or from an edge into the edge network.
+        rng : MessageRandom
+            Random numbers of its own: those of the message that is sent, as from a NumPy generator.
         """
 
 
