@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -29,21 +28,6 @@ FOLLOWED = [
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
-
-
-@pytest.fixture
-def as_a_reader(tmp_path: Path) -> dict[str, str]:
-    """The environment of somebody who installed genie-sim and sits in a folder of their own."""
-    path = tmp_path / "bin"
-    path.mkdir()
-    for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
-        (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
-        (path / name).chmod(0o755)
-    return {
-        **os.environ,
-        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(REPOSITORY),
-    }
 
 
 @pytest.mark.process
