@@ -50,7 +50,7 @@ SEE = {  # where more is written
     "genie.looks": "[Paced looks](../explanation/looks.md)",
     "genie.similarity.name": "[Add a similarity](../extend/similarity.md)",
     "genie.eviction": "[Add an eviction policy](../extend/eviction.md)",
-    "genie.object_map.rule": "[How confidence grows](../explanation/paper-readings.md#how-confidence-grows)",
+    "genie.object_map.rule": "[rules](../explanation/paper-readings.md#how-confidence-grows)",
     "genie.object_map.freshness": "[Freshness](../explanation/freshness.md)",
     "genie.object_map.freshness.name": "[Add a freshness policy](../extend/freshness.md)",
 }
