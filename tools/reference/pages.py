@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,10 @@ metric](../extend/metric.md).
 SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
 OLD = "What to write instead of a name that no longer exists. Commands say the same.\n"
 
-COMMANDS = ("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export", "list")
+COMMANDS = (
+    *("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export"),
+    *("list", "show"),
+)
 STEPS = ("frames", "lookups", "looks", "steps", "answers", "held", "held_objects")
 BOARD = "NVIDIA Jetson"
 MAP = "Genie's object map (Algorithm 2)"
@@ -155,7 +159,8 @@ def texts() -> dict[str, str]:
 
 
 def _pages() -> Iterator[tuple[str, str]]:
-    yield "cli", _page("Command line", CLI, commands(lambda name: name in COMMANDS))
+    first = chain(_help(), commands(lambda name: name in COMMANDS))
+    yield "cli", _page("Command line", CLI, first)
     others = commands(lambda name: name not in COMMANDS)
     yield "cli-more", _page("Command line: import, measure, sweep, ROS", "", others)
     run = ("The run", "Cars", "Convoy", "Fleet", "Cameras")
@@ -216,7 +221,7 @@ def _help(*words: str) -> Lines:
         app, [*words, "--help"], prog_name="genie-sim", terminal_width=100
     )
     assert ran.exit_code == 0, ran.output
-    yield f"## genie-sim {' '.join(words)}\n\n```text\n{ran.output.strip()}\n```\n"
+    yield f"## {' '.join(('genie-sim', *words))}\n\n```text\n{ran.output.strip()}\n```\n"
 
 
 def tables(which: Callable[[str], bool]) -> Lines:
