@@ -21,10 +21,12 @@ DOCS = REPOSITORY / "docs"
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 # they need real ROS, the whole evaluation, KITTI, openssl
 WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md", "how-to/keys.md"}
+GENERATED = "<!-- Made by python -m tools.reference. -->"  # test_reference.py
 FOLLOWED = [
     name
     for name, path in PAGES.items()
     if name not in WITH_TESTS_OF_THEIR_OWN
+    and not path.read_text(encoding="utf-8").startswith(GENERATED)
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
