@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -22,28 +21,15 @@ DOCS = REPOSITORY / "docs"
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
 # they need real ROS, the whole evaluation, KITTI, openssl
 WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md", "how-to/keys.md"}
+GENERATED = "<!-- Made by python -m tools.reference. -->"  # test_reference.py
 FOLLOWED = [
     name
     for name, path in PAGES.items()
     if name not in WITH_TESTS_OF_THEIR_OWN
+    and not path.read_text(encoding="utf-8").startswith(GENERATED)
     and any(not one.not_run for one in blocks(path.read_text(encoding="utf-8")))
 ]
 LONGEST_PAGE_S = 600
-
-
-@pytest.fixture
-def as_a_reader(tmp_path: Path) -> dict[str, str]:
-    """The environment of somebody who installed genie-sim and sits in a folder of their own."""
-    path = tmp_path / "bin"
-    path.mkdir()
-    for name, arguments in (("python", ""), ("genie-sim", " -m genie_sim")):
-        (path / name).write_text(f'#!/bin/sh\nexec {shlex.quote(sys.executable)}{arguments} "$@"\n')
-        (path / name).chmod(0o755)
-    return {
-        **os.environ,
-        "PATH": f"{path}{os.pathsep}{os.environ['PATH']}",
-        "PYTHONPATH": str(REPOSITORY),
-    }
 
 
 @pytest.mark.process
@@ -69,7 +55,6 @@ def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[
 @pytest.mark.slow
 def test_the_site_builds_without_a_warning(tmp_path: Path):
     pytest.importorskip("material", reason="mkdocs-material comes with '.[docs]'")
-    pytest.importorskip("mkdocstrings", reason="mkdocstrings comes with '.[docs]'")
     built = subprocess.run(
         [
             sys.executable,
@@ -89,20 +74,6 @@ def test_the_site_builds_without_a_warning(tmp_path: Path):
     )
     assert built.returncode == 0, built.stderr
     assert (tmp_path / "site" / "index.html").is_file()
-    reference = (tmp_path / "site" / "reference" / "core" / "index.html").read_text(
-        encoding="utf-8"
-    )
-    assert "Expires requests that were not answered in time" in reference, (
-        "docstrings reach the reference"
-    )
-    columns = (tmp_path / "site" / "reference" / "tables" / "index.html").read_text(
-        encoding="utf-8"
-    )
-    assert "fresh_answer_ns" in columns, "tables are filled in from the program"
-    detectors = (tmp_path / "site" / "extend" / "detector" / "index.html").read_text(
-        encoding="utf-8"
-    )
-    assert "yolox_nano" in detectors
 
 
 def test_every_name_of_the_registries_is_explained():
@@ -115,20 +86,6 @@ def test_every_name_of_the_registries_is_explained():
     for kind in ("similarities", "evictions", "rules", "links"):
         for name, _ in catalogue.KINDS[kind]():
             assert f"`{name}`" in text, f"{kind}: {name} is in no page"
-
-
-def test_every_setting_is_explained(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.syspath_prepend(str(DOCS))
-    import settings
-
-    assert settings.unexplained() == []
-    assert set(settings.SEE) <= set(settings.paths())
-    page = "\n".join(settings.settings())
-    assert page.startswith("## The run\n\n### `name` {#name}\n\ntext\n\nThe name of the results;")
-    for path in settings.paths():
-        assert page.count(f"### `{path}` {{#") == 1, path
-    assert "{#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`\n" in page
-    assert "{#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in page
 
 
 def test_every_reading_of_the_paper_is_explained():
@@ -181,6 +138,37 @@ def test_files_that_pages_speak_of_exist():
         folders = "tests|genie_sim|notebooks|scenarios|studies"
         for file in re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", text):
             assert (REPOSITORY / file).exists(), f"docs/{name}: {file} is not there"
+
+
+LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
+
+
+def test_every_link_of_a_page_leads_somewhere():
+    anchors = {path: _anchors(path) for path in (*PAGES.values(), REPOSITORY / "README.md")}
+    for name, path in PAGES.items():
+        text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+        for link in LINK.findall(text):
+            if re.match(r"\w+:", link):
+                continue
+            file, _, anchor = link.partition("#")
+            target = (path.parent / file).resolve() if file else path
+            assert target.is_file(), f"docs/{name}: {link}"
+            assert not anchor or anchor in anchors[target], f"docs/{name}: {link}"
+
+
+def _anchors(page: Path) -> set[str]:
+    """Those that MkDocs gives to headings, and those that headings name themselves."""
+    found = set()
+    for heading in re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE):
+        text, _, named = heading.partition(" {#")
+        words = re.sub(r"[^\w\s-]", "", text).strip().lower()
+        found.add(named.rstrip("}") or re.sub(r"[-\s]+", "-", words))
+    return found
+
+
+def test_every_page_is_in_the_navigation():
+    navigation = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    assert sorted(re.findall(r": ([\w/-]+\.md)$", navigation, re.MULTILINE)) == sorted(PAGES)
 
 
 def test_the_drawing_of_the_packages_is_the_rule_that_tests_check():

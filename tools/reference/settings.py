@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from genie_sim.base.settings import keys_of
@@ -50,7 +50,7 @@ SEE = {  # where more is written
     "genie.looks": "[Paced looks](../explanation/looks.md)",
     "genie.similarity.name": "[Add a similarity](../extend/similarity.md)",
     "genie.eviction": "[Add an eviction policy](../extend/eviction.md)",
-    "genie.object_map.rule": "[Add a confidence rule](../extend/confidence-rule.md)",
+    "genie.object_map.rule": "[rules](../explanation/paper-readings.md#how-confidence-grows)",
     "genie.object_map.freshness": "[Freshness](../explanation/freshness.md)",
     "genie.object_map.freshness.name": "[Add a freshness policy](../extend/freshness.md)",
 }
@@ -86,8 +86,8 @@ REPEATED = (
 Node = Mapping[str, Any]
 
 
-def settings() -> Iterator[str]:
-    """A section for every group of settings, and in it one for every setting, with an anchor of its
+def settings(groups: Iterable[str] = tuple(GROUPS)) -> Iterator[str]:
+    """A section for each group of settings, and in it one for every setting, with an anchor of its
     name.
     """
     sections: dict[str, list[tuple[int, str]]] = {group: [] for group in GROUPS}
@@ -96,9 +96,9 @@ def settings() -> Iterator[str]:
         section = f"### `{path}` {{#{_anchor(path)}}}\n\n{_about(node)}\n\n{text}\n"
         group, place = _group(path)
         sections[group].append((place, section))
-    for group, members in sections.items():
+    for group in groups:
         yield f"## {group}\n"
-        for _, section in sorted(members, key=lambda member: member[0]):
+        for _, section in sorted(sections[group], key=lambda member: member[0]):
             yield section
 
 

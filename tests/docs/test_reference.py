@@ -1,0 +1,59 @@
+"""The generated pages are what the program writes: ``python -m tools.reference`` remakes them."""
+
+from __future__ import annotations
+
+import pytest
+
+from genie_sim.analysis.registry import METRICS
+from tools.reference import settings
+from tools.reference.pages import DOCS, texts
+
+MOST_WORDS = 2_500
+
+
+@pytest.fixture(scope="module")
+def written() -> dict[str, str]:
+    return texts()
+
+
+def test_the_committed_reference_is_what_the_program_writes(written: dict[str, str]):
+    for name, text in written.items():
+        committed = (DOCS / name).read_text(encoding="utf-8")
+        assert committed == text, f"docs/{name}: run python -m tools.reference"
+
+
+def test_no_page_of_the_reference_is_left_over_or_too_long(written: dict[str, str]):
+    by_hand = {"reference/api.md"}
+    there = {path.relative_to(DOCS).as_posix() for path in (DOCS / "reference").glob("*.md")}
+    assert there - by_hand == set(written) - {"glossary.md"}
+    for name in there:
+        words = len((DOCS / name).read_text(encoding="utf-8").split())
+        assert words <= MOST_WORDS, f"docs/{name}: {words} words"
+
+
+def test_the_reference_is_the_same_on_every_machine(written: dict[str, str]):
+    for name, text in written.items():
+        assert str(DOCS.parent) not in text and " at 0x" not in text, name
+
+
+def test_every_metric_stands_in_the_glossary_and_in_the_reference():
+    glossary = (DOCS / "glossary.md").read_text(encoding="utf-8")
+    pages = "".join(
+        (DOCS / "reference" / name).read_text(encoding="utf-8")
+        for name in ("metrics.md", "metrics-more.md")
+    )
+    for name, metric in METRICS.items():
+        row = f"| {metric.title} (`{name}`) | {metric.unit} | "
+        assert row in glossary, name
+        assert f"| `{name}` | {metric.title} |" in pages, name
+
+
+def test_every_setting_is_explained_once(written: dict[str, str]):
+    assert settings.unexplained() == []
+    assert set(settings.SEE) <= set(settings.paths())
+    pages = "\n".join(text for name, text in written.items() if "/scenario" in name)
+    for path in settings.paths():
+        assert pages.count(f"### `{path}` {{#") == 1, path
+    assert "### `name` {#name}\n\ntext\n\nThe name of the results;" in pages
+    assert "{#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`\n" in pages
+    assert "{#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in pages
