@@ -22,7 +22,7 @@ from genie_sim.analysis.registry import (
     is_drawn_logarithmically,
 )
 from genie_sim.base.errors import UserError
-from genie_sim.record.results import MethodInfo, Metric
+from genie_sim.record.results import MethodInfo, MetricValue
 
 BELOW_IN = 0.55  # of the panel: ticks and label
 NAME_CHARACTERS = 24  # in a line
@@ -32,7 +32,7 @@ MANY_TICKS = 100  # a logarithmic axis over more than that has a tick for each p
 @in_style()
 def metric_values(
     name: str,
-    metrics: Sequence[Metric],
+    metrics: Sequence[MetricValue],
     methods: Sequence[MethodInfo],
     footer: str = "",
     width_in: float | None = None,
@@ -46,7 +46,7 @@ def metric_values(
     ----------
     name : str
         The metric.
-    metrics : sequence of Metric
+    metrics : sequence of MetricValue
         The numbers of a run.
     methods : sequence of MethodInfo
         Those that are drawn, the first at the top.
@@ -112,7 +112,9 @@ def metric_values(
     return figure
 
 
-def _rows(name: str, metrics: Sequence[Metric], methods: Sequence[MethodInfo]) -> list[Metric]:
+def _rows(
+    name: str, metrics: Sequence[MetricValue], methods: Sequence[MethodInfo]
+) -> list[MetricValue]:
     """The values of the metric, method by method: those of the whole method where it has them, else
     by placement or component.
     """

@@ -235,8 +235,10 @@ def judge_readings(
     ]
     verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(*of_reading, *judged)
-        for *of_reading, judged in zip(readings, settings, evidence, verdicts, strict=True)
+        ReadingVerdicts(reading, of_reading, numbers, *judged)
+        for reading, of_reading, numbers, judged in zip(
+            readings, settings, evidence, verdicts, strict=True
+        )
     ]
 
 
