@@ -177,7 +177,8 @@ def _title(target: Target) -> str:
 
 def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
     """Writes Optuna's figures of the tuning set: which parameters decide the first objective, how
-    it goes along those that do most, and the front of it and each other objective.
+    it goes along those that do most, and the front of it and each other objective. A method with
+    one value for each parameter has only the fronts.
     """
     import numpy as np
     from matplotlib import pyplot
@@ -196,13 +197,17 @@ def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
     for method, study in studies.items():
         with in_style():
             signed = _value(0, design.objectives.signs[0])
-            most = list(get_param_importances(study, target=signed))[:SLICES]
-            drawn = {
-                "slices": plots.plot_slice(study, most, target=first, target_name=label),
-                "importances": plots.plot_param_importances(
+            drawn: dict[str, Any] = {}
+            searched = [
+                name
+                for name in get_param_importances(study, target=signed)
+                if len({trial.params.get(name) for trial in study.trials}) > 1
+            ]
+            if most := searched[:SLICES]:
+                drawn["slices"] = plots.plot_slice(study, most, target=first, target_name=label)
+                drawn["importances"] = plots.plot_param_importances(
                     study, target=signed, target_name=label
-                ),
-            }
+                )
             for target, (value, other) in zip(design.objectives.targets[1:], others, strict=True):
                 drawn[f"front_{target.replace('/', '_')}"] = plots.plot_pareto_front(
                     study, targets=_both(first, value), target_names=[label, other]

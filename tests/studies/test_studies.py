@@ -50,7 +50,7 @@ def test_every_point_of_a_search_is_a_scenario(path: Path):
 
 @pytest.mark.parametrize("name", [*where_it_pays.WITHOUT_GENIE, where_it_pays.GENIE])
 def test_a_method_gets_the_settings_of_its_tracks(name: str):
-    methods = [where_it_pays.tuned(name, 0.6, 100)]
+    methods = [where_it_pays.tuned(name, 0.6, 100, "tuned")]
     scenario = load_scenario("street_3car_hetero", {"methods": methods})
     (setting,) = scenario.method_settings.values()
     if name == where_it_pays.GENIE:
@@ -70,17 +70,28 @@ def gains_of(**differences: list[float]) -> dict[str, pd.Series]:
 
 
 def test_a_gain_is_over_the_best_method_and_paired_by_seed():
-    """Differences .05 and .07 from the remote tracker, whose mean is best."""
-    f1 = pd.DataFrame(
-        {
-            "local_tracker": [0.70, 0.90],
-            "remote_tracker": [0.80, 0.84],
-            "paced_tracker": [0.81, 0.60],
-            where_it_pays.GENIE: [0.85, 0.91],
-        },
-        index=pd.MultiIndex.from_product([["here"], [1, 2]], names=["condition", "seed"]),
+    """Differences .05 and .07 from the remote tracker, whose mean is best; half of its bytes."""
+    f1 = {
+        "local_tracker": [0.70, 0.90],
+        "remote_tracker": [0.80, 0.84],
+        "paced_tracker": [0.81, 0.60],
+        where_it_pays.GENIE: [0.85, 0.91],
+    }
+    index = pd.MultiIndex.from_product(
+        [["here"], [1, 2], f1], names=["condition", "seed", "method"]
     )
-    assert where_it_pays.gains(f1)["here"].tolist() == pytest.approx([0.05, 0.07])
+    runs = pd.DataFrame(dict.fromkeys(where_it_pays.SHOWN, 2.0), index)
+    for name, values in f1.items():
+        runs.loc[pd.IndexSlice[:, :, name], "streaming_f1"] = values
+    runs.loc[pd.IndexSlice[:, :, where_it_pays.GENIE], "bytes_up_per_frame"] = 1.0
+    (row,), of_condition = where_it_pays.gains(runs, "")
+    assert of_condition["here"].tolist() == pytest.approx([0.05, 0.07])
+    assert (row["best"], row["bytes_of_remote"], row["energy_of_remote"]) == (
+        "remote_tracker",
+        0.5,
+        1,
+    )
+    assert (row["gain"], row["best_f1"]) == pytest.approx((0.06, 0.82))
 
 
 def test_a_mean_over_drives_and_towns_has_both_spreads():
@@ -88,16 +99,11 @@ def test_a_mean_over_drives_and_towns_has_both_spreads():
     3/5 and 2/5. Variances .6^2 * .03^2 of one degree of freedom and .4^2 * .01528^2 of two: hardly
     more than one together, so t(1) = 12.706.
     """
-    gains = gains_of(
-        **{
-            "0002, slow": [0.0, 0.16],
-            "0002, fast": [0.12, 0.12],
-            "0004, slow": [0.16, 0.16],
-            "town, 5G": [0.0, 0.02, 0.06],
-            "town, LTE": [0.04, 0.04, 0.08],
-        }
+    drives = gains_of(
+        **{"0002, slow": [0.0, 0.16], "0002, fast": [0.12, 0.12], "0004, slow": [0.16, 0.16]}
     )
-    mean, half = where_it_pays.over_all(gains)
+    towns = gains_of(**{"town, 5G": [0.0, 0.02, 0.06], "town, LTE": [0.04, 0.04, 0.08]})
+    mean, half = where_it_pays.over_all(drives, towns)
     spread = ((0.6 * 0.03) ** 2 + (0.4 * 0.0152753) ** 2) ** 0.5
     assert (mean, half) == pytest.approx((0.6 * 0.13 + 0.4 * 0.04, 12.7062 * spread), rel=1e-4)
 

@@ -101,6 +101,14 @@ def test_figures_are_of_the_tuning_set_and_in_the_words_of_metrics():
     assert "first answer, p95 [ms]" in text
 
 
+@pytest.mark.slow
+def test_a_method_with_nothing_to_search_has_the_front_alone():
+    fixed = {"method": "remote", "space": {"queue": {"set": "queue_length", "list": [1]}}}
+    assert main(["search", write(SHORT | {"methods": {"fixed": fixed}}), "--jobs", "1"]) == 0
+    drawn = {path.stem for path in Path("results/s/figures").iterdir()}
+    assert drawn == {"fixed_front_first_answer_p95"}
+
+
 def test_a_point_sets_what_its_parameters_say():
     work = search("street_3car_hetero", ["sim_lru", "genie"])
     values = {"radius": 0.25, "feature": "yolox_gap", "consumer": "tracker", "encoding": "jpeg90"}

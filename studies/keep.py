@@ -1,0 +1,64 @@
+"""Keeps the metrics that a page of the documentation shows of a sweep: ``results/NAME/points.csv``.
+
+    genie-sim sweep NAME --out results/studies
+    python -m studies.keep NAME
+
+The file has the means of every point with their intervals, and below them, with ``along`` and
+``against`` filled, the differences paired by seed.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+SWEEPS = Path("results/studies")
+KEPT = Path("results")
+METRICS = {
+    "batching": (
+        "streaming_f1",
+        "object_recall",
+        "fresh_answered_share",
+        "first_answer_p95",
+        "energy_per_frame",
+    ),
+    "failing_edge": (
+        "fault_fresh_share",
+        "fault_recall",
+        "fault_ghosts",
+        "fault_recovery",
+    ),
+    "freshness": (
+        "streaming_f1",
+        "object_recall",
+        "object_recall_static",
+        "object_recall_moving",
+        "ghost_share",
+        "first_answer_mean",
+        "bytes_up_per_frame",
+        "accelerator_time",
+    ),
+    "shared_uplink": (
+        "streaming_f1",
+        "object_recall",
+        "fresh_answered_share",
+        "bytes_up_rate",
+        "energy_per_frame",
+    ),
+}
+
+
+def keep(name: str) -> None:
+    """Writes ``results/NAME/points.csv`` from the tables of the sweep ``NAME``."""
+    tables = [pd.read_csv(SWEEPS / name / f"{table}.csv") for table in ("table", "differences")]
+    points = pd.concat(tables)
+    points = points[points["metric"].isin(METRICS[name])].dropna(axis="columns", how="all")
+    (KEPT / name).mkdir(parents=True, exist_ok=True)
+    kept = points.drop(columns="point").round(4)
+    kept.to_csv(KEPT / name / "points.csv", index=False)
+
+
+if __name__ == "__main__":
+    keep(sys.argv[1])

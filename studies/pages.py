@@ -1,0 +1,280 @@
+"""Writes the tables of the documentation's pages from the committed tables of the studies.
+
+    python -m studies.pages
+
+A table stands between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``. Nothing is simulated.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+RESULTS = Path("results")
+METHODS = {
+    "local": "local",
+    "local_tracker": "local, tracker",
+    "remote": "remote",
+    "remote_tracker": "remote, tracker",
+    "paced_tracker": "paced remote, tracker",
+    "genie": "Genie",
+    "recommended": "recommended Genie",
+    "sim_lru": "SimLRU",
+}
+
+
+class Shown(NamedTuple):
+    """A metric in the rows of a table."""
+
+    title: str
+    metric: str
+    factor: float = 1
+
+
+def markdown(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
+    """A table whose first ``texts`` columns are texts and the others numbers."""
+    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
+    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
+
+
+def points_of(study: str) -> pd.DataFrame:
+    """The means of a sweep's points."""
+    points = pd.read_csv(RESULTS / study / "points.csv", keep_default_na=False)
+    return points[(points["along"] == "") & (points["placement"] == "all")]
+
+
+def value(points: pd.DataFrame, component: str = "", **where: Any) -> float:
+    """The one value where every column is as given."""
+    if "component" in points:
+        where["component"] = component
+    for column, text in where.items():
+        points = points[points[column] == text]
+    (found,) = points["value"]
+    return float(found)
+
+
+def by_metric(
+    study: str,
+    metrics: Sequence[Shown],
+    methods: Sequence[str],
+    columns: Mapping[str, Mapping[str, Any]],
+) -> str:
+    """A row for each metric and method, a column for each point of a sweep."""
+    points = points_of(study)
+    rows = []
+    for shown in metrics:
+        for method in methods:
+            numbers = [
+                shown.factor * value(points, metric=shown.metric, method=method, **where)
+                for where in columns.values()
+            ]
+            rows.append(
+                [f"{shown.title}, {METHODS[method]}", *(f"{number:.3g}" for number in numbers)]
+            )
+    return markdown(["", *columns], rows)
+
+
+FRESH = Shown("frames with a fresh result [%]", "fresh_answered_share", 100)
+F1 = Shown("streaming F1 [%]", "streaming_f1", 100)
+RECALL = Shown("recall [%]", "object_recall", 100)
+ENERGY = Shown("energy per frame [J]", "energy_per_frame")
+WITH_TRACKERS = ("local", "local_tracker", "remote", "remote_tracker", "genie", "recommended")
+
+
+def batching() -> str:
+    """docs/batching.md."""
+    servings = ("one by one", "a queue for each camera", "in fours", "in eights")
+    metrics = (FRESH, F1, RECALL, Shown("first answer, p95 [ms]", "first_answer_p95"), ENERGY)
+    methods = ("remote", "remote_tracker", "genie", "recommended")
+    return by_metric("batching", metrics, methods, {name: {"serving": name} for name in servings})
+
+
+def shared_uplink() -> str:
+    """docs/shared-uplink.md."""
+    links = {"`nr5g`": "nr5g, not shared", "`cell`": "cell of 25 MHz"}
+    columns: dict[str, dict[str, Any]] = {
+        f"{cars} cars, {title}": {"cars": cars, "link": link}
+        for cars in (30, 80)
+        for title, link in links.items()
+    }
+    return by_metric("shared_uplink", (FRESH, RECALL, F1, ENERGY), WITH_TRACKERS, columns)
+
+
+def failing_edge() -> str:
+    """docs/failing-edge.md."""
+    metrics = (
+        Shown(FRESH.title, "fault_fresh_share", 100),
+        Shown(RECALL.title, "fault_recall", 100),
+        Shown("false objects [%]", "fault_ghosts", 100),
+    )
+    faults = ("crash, cold", "crash, warm", "stall", "five times slower")
+    columns = {"before": {"fault": faults[0], "component": "before"}} | {
+        fault: {"fault": fault, "component": "during"} for fault in faults
+    }
+    return by_metric("failing_edge", metrics, (*WITH_TRACKERS, "sim_lru"), columns)
+
+
+def freshness() -> str:
+    """docs/explanation/freshness.md."""
+    names = {
+        "never": "`never` (as printed)",
+        "ttl": "`ttl`",
+        "class_ttl": "`class_ttl`",
+        "corroborate": "`corroborate`",
+        "track": "`track`",
+        "autoware": "`existence`, `autoware`",
+        "ipda": "`existence`, `ipda`",
+        "recommended": "`recommended`",
+        "paced": "the recommended Genie",
+    }
+    metrics = {
+        "false objects": "ghost_share",
+        "recall, static": "object_recall_static",
+        "moving": "object_recall_moving",
+        "F1": "streaming_f1",
+    }
+    points = points_of("freshness")
+    places = ("drive", "town")
+    rows = [
+        [title]
+        + [
+            f"{value(points, where=place, metric=metric, method=method):.2f}"
+            for place in places
+            for metric in metrics.values()
+        ]
+        for method, title in names.items()
+    ]
+    return markdown(["policy", *(f"{place}: {m}" for place in places for m in metrics)], rows)
+
+
+def gain(row: Mapping[Any, Any]) -> str:
+    """A gain with its interval."""
+    return f"{row['gain']:+.3f} ({row['low']:+.3f} to {row['high']:+.3f})"
+
+
+def where_it_pays(step: str) -> str:
+    """docs/where-it-pays.md, a row for each condition."""
+    table = pd.read_csv(RESULTS / "where_it_pays" / f"{step}_gains.csv")
+    rows = []
+    for row in table.to_dict("records"):
+        if isinstance(row["best"], str):
+            best = METHODS[row["best"].removesuffix("_for_towns")]
+            numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
+            prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
+            rows.append([row["condition"], best, *numbers, ", ".join(f"{p:.0%}" for p in prices)])
+        else:
+            rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
+    header = [
+        "condition",
+        "best method without a Genie",
+        "its F1",
+        "Genie's F1",
+        "difference (95 %)",
+        "bytes, edge time, energy of remote",
+    ]
+    return markdown(header, rows, texts=2)
+
+
+def baselines() -> str:
+    """docs/baselines.md."""
+    points = pd.read_csv(RESULTS / "baselines" / "cold.csv", keep_default_na=False)
+    points = points[(points["case"] == "as in the scenario") & (points["placement"] == "all")]
+    names = {
+        "local": "`local`",
+        "remote": "`remote`",
+        "genie": "`genie` (as published)",
+        "central": "`central`",
+        "sim_lru-0.05": "`sim_lru-0.05`",
+        "sim_lru-0.1": "`sim_lru-0.1`",
+        "rnd_lru-0.1": "`rnd_lru-0.1`",
+        "potluck-100": "`potluck-100`",
+        "foggycache-0.1-0.9": "`foggycache-0.1-0.9`",
+        "cachier-2ms": "`cachier-2ms`",
+        "deadline-300ms": "`deadline-300ms`",
+        "oracle": "`oracle` (a bound)",
+    }
+    columns: dict[str, tuple[str, str, Callable[[float], str]]] = {
+        "streaming F1, newest answer": ("streaming_f1", "newest", "{:.2f}".format),
+        "streaming F1, tracker": ("streaming_f1", "tracker", "{:.2f}".format),
+        "first answer, ms": ("first_answer_mean", "newest", "{:.0f}".format),
+        "hits": ("image_reuse", "newest", "{:.0%}".format),
+        "wrong hits": ("wrong_hit_share", "newest", "{:.0%}".format),
+        "kB up": ("bytes_up_per_frame", "newest", lambda number: f"{number / 1000:.0f}"),
+    }
+    rows = []
+    for method, title in names.items():
+        cells = []
+        for metric, consumer, form in columns.values():
+            found = points[
+                (points["method"] == method)
+                & (points["metric"] == metric)
+                & (points["consumer"] == consumer)
+            ]["value"]
+            cells.append(form(float(found.iloc[0])) if len(found) else "-")
+        rows.append([title, *cells])
+    return markdown(["method", *columns], rows)
+
+
+def which_cache() -> str:
+    """docs/which-cache.md: in each search the tuned Genie beside the best other tuned method."""
+    names = {
+        "ethernet": "three cars, Ethernet, encoding searched",
+        "caches": "three cars, Ethernet, raw, other caches too",
+        "lte": "three cars, LTE",
+        "raw_5g": "three cars, 5G, raw pictures",
+        "ten": "ten cars on one Quadro",
+        "streets": "four other streets, 5G",
+        "town": "towns, 5G",
+    }
+    table: Any = pd.read_csv(RESULTS / "which_cache" / "compared.csv")
+    table = table.set_index(["search", "method"])
+    rows = []
+    for search, title in names.items():
+        of_search = table.loc[search]
+        genie, others = of_search.loc["genie"], of_search.drop(["genie", "as_it_ships"])
+        best = others.loc[others["f1"].idxmax()]
+        difference = {"gain": best["gain"], "low": best["gain low"], "high": best["gain high"]}
+        prices = [
+            f"{genie[metric] / best[metric]:.0%}" if best[metric] else "-"
+            for metric in ("bytes_up_per_frame", "accelerator_time/edge")
+        ]
+        name = str(best.name).replace("_", " ")
+        rows.append(
+            [title, name, f"{best['f1']:.3f}", f"{genie['f1']:.3f}", gain(difference), *prices]
+        )
+    header = ["condition", "best other method", "its F1", "Genie's F1", "difference (95 %)"]
+    return markdown([*header, "bytes", "edge time"], rows, texts=2)
+
+
+TABLES: dict[str, dict[str, Callable[[], str]]] = {
+    "docs/batching.md": {"batching": batching},
+    "docs/shared-uplink.md": {"shared_uplink": shared_uplink},
+    "docs/failing-edge.md": {"failing_edge": failing_edge},
+    "docs/explanation/freshness.md": {"freshness": freshness},
+    "docs/where-it-pays.md": {
+        "reported": lambda: where_it_pays("reported"),
+        "development": lambda: where_it_pays("development"),
+    },
+    "docs/baselines.md": {"baselines": baselines},
+    "docs/which-cache.md": {"which_cache": which_cache},
+}
+
+
+def with_tables(text: str, tables: Mapping[str, Callable[[], str]]) -> str:
+    """The text of a page with these tables in their places."""
+    for name, table in tables.items():
+        begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+        found = re.compile(f"{begin}.*?{end}", re.DOTALL)
+        assert len(found.findall(text)) == 1, name
+        text = found.sub(f"{begin}\n{table()}\n{end}", text)
+    return text
+
+
+if __name__ == "__main__":
+    for page, tables in TABLES.items():
+        path = Path(page)
+        path.write_text(with_tables(path.read_text(encoding="utf-8"), tables), encoding="utf-8")

@@ -1,0 +1,96 @@
+"""What the studies keep and choose, on tables made up here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from studies import keep, where_it_pays
+from studies.which_cache.__main__ import compared
+
+
+def csv(path: Path, header: str, *rows: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("\n".join([header, *rows]) + "\n", encoding="utf-8")
+
+
+def test_the_usual_setting_stays_unless_another_is_clearly_better(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    """A drive's conditions are averaged first. The remote tracker is .01 better at 0.5 and 0 ms,
+    the others .001 better there, which is within .002.
+    """
+    monkeypatch.setattr(where_it_pays, "KEPT", tmp_path)
+
+    def simulated(step: str, conditions: Any, methods: Any, seeds: Any) -> pd.DataFrame:
+        rows = []
+        for condition in ("0003, slow", "0003, fast", "town, 5G"):
+            for entry in methods:
+                gain = 0.01 if entry["name"].startswith("remote") else 0.001
+                f1 = 0.5 + gain * entry["name"].endswith("-0.5-0")
+                # a setting that wins in two conditions of one drive alone wins nothing
+                f1 += 0.015 * (entry["name"].endswith("-0.6-0") and condition.startswith("0003"))
+                f1 -= 0.03 * (entry["name"].endswith("-0.6-0") and condition.startswith("town"))
+                rows.append((condition, 1, entry["name"], f1))
+        table = pd.DataFrame(rows, columns=["condition", "seed", "method", "streaming_f1"])
+        return table.set_index(["condition", "seed", "method"])
+
+    monkeypatch.setattr(where_it_pays, "simulated", simulated)
+    found = {entry["name"]: entry for entry in where_it_pays.chosen("step", {}, (1,), "_x")}
+    remote, local = (found[f"{name}_tracker_x"]["consumer"] for name in ("remote", "local"))
+    assert (remote["p_min"], remote["tau"]) == (0.5, "0 ms")
+    assert (local["p_min"], local["tau"]) == (0.8, "0 ms")
+    assert len(pd.read_csv(tmp_path / "step.csv")) == 40
+
+
+def test_a_method_is_compared_by_the_design_that_the_tuning_set_says(tmp_path: Path):
+    """remote-1 is better on the tuning set, remote-0 on what is reported."""
+    prices = "bytes_up_per_frame,accelerator_time/edge"
+    csv(
+        tmp_path / "points.csv",
+        f"method,number,state,streaming_f1,{prices}",
+        "remote,0,COMPLETE,0.70,1,1",
+        "remote,1,COMPLETE,0.75,1,1",
+        "remote,2,FAIL,0.99,1,1",
+        "genie,0,COMPLETE,0.72,1,1",
+    )
+    csv(
+        tmp_path / "designs.csv",
+        f"design,streaming_f1,streaming_f1 low,streaming_f1 high,{prices}",
+        "remote-0,0.80,0.7,0.9,9,9",
+        "remote-1,0.74,0.7,0.8,8,8",
+        "genie-0,0.76,0.7,0.8,2,4",
+    )
+    csv(
+        tmp_path / "differences.csv",
+        "design,from,metric,value,low,high",
+        "genie-0,remote-0,streaming_f1,-0.04,-0.05,-0.03",
+        "genie-0,remote-1,streaming_f1,0.02,0.01,0.03",
+    )
+    rows = compared(tmp_path).set_index("method")
+    assert rows.loc["remote", "design"] == "remote-1"
+    assert rows.loc["remote", ["f1", "gain", "gain low"]].tolist() == [0.74, 0.02, 0.01]
+    assert rows.loc["genie", "bytes_up_per_frame"] == 2
+
+
+def test_a_sweep_keeps_the_metrics_of_its_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)
+    header = "point,serving,metric,method,placement,component,unit,value,low,high,runs"
+    csv(
+        Path("results/studies/batching/table.csv"),
+        header,
+        "0,in fours,streaming_f1,remote,all,,1,0.5,0.4,0.6,5",
+        "0,in fours,held_age,remote,all,,s,1,1,1,5",
+    )
+    csv(
+        Path("results/studies/batching/differences.csv"),
+        header.removeprefix("point,") + ",along,against",
+        "in fours,streaming_f1,genie,all,,1,0.1,0,0.2,5,method,remote",
+    )
+    keep.keep("batching")
+    kept = pd.read_csv("results/batching/points.csv")
+    assert kept["metric"].tolist() == ["streaming_f1", "streaming_f1"]
+    assert kept["against"].tolist()[1] == "remote" and "point" not in kept
