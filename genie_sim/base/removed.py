@@ -26,7 +26,6 @@ NAMES: dict[str, str] = {
         "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
         "--set record=[resources]."
     ),
-    "metric bytes_up_rate": "Multiply bytes_up_per_frame by the frames per second.",
     "metric bytes_down_rate": "Multiply bytes_down_per_frame by the frames per second.",
     "metric energy_active_per_frame": (
         "Subtract the idle power times the time of a run, both in the tables hosts and power."
