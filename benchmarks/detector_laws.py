@@ -31,8 +31,8 @@ from typing import Any
 
 import pandas as pd
 
+from benchmarks.count_looks import counted
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.core.freshness.measure import counted
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.detector_laws import detector_laws

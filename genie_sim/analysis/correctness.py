@@ -106,47 +106,26 @@ def _laps(held: Columns, frames: Columns) -> Any:
     return laps
 
 
-class ProxyPrecision(Ratio):
-    """Precision of answers, against a proxy for the truth."""
+class ProxyF1(Ratio):
+    """F1 of answers, against a proxy for the truth."""
 
-    measure = "precision"
     better = HIGHER
     section = CORRECTNESS
     view = AnswerRows
     table = "answers"
-    reads = "answers: which, served, matched"
+    reads = "answers: which, served, detected, matched"
 
     def __init__(self, which: str, answer: str) -> None:
         self.only = MappingProxyType({"which": which})
-        self.title = f"proxy {self.measure}, {answer}"
+        self.title = f"proxy F1, {answer}"
         self.meaning = (
-            f"{self.measure[0].upper()}{self.measure[1:]} of the {answer}s, against the detector's "
-            "own answer to the same frame (a proxy for the truth)."
+            f"F1 of the {answer}s, against the detector's own answer to the same frame (a proxy "
+            "for the truth)."
         )
 
     def counts(self, rows: Rows) -> Any:
         counts = super().counts(rows)
         return counts & (rows.where.placement == "all")
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["matched"], rows["served"]
-
-
-class ProxyRecall(ProxyPrecision):
-    """Recall of answers, against a proxy for the truth."""
-
-    measure = "recall"
-    reads = "answers: which, detected, matched"
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        return rows["matched"], rows["detected"]
-
-
-class ProxyF1(ProxyPrecision):
-    """F1 of answers, against a proxy for the truth."""
-
-    measure = "F1"
-    reads = "answers: which, served, detected, matched"
 
     def terms(self, rows: Columns) -> tuple[Any, Any]:
         served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
@@ -346,11 +325,7 @@ class LapF1(LapRecall):
 
 
 ANSWERS = {
-    "first_proxy_precision": ProxyPrecision("first", "first answer"),
-    "first_proxy_recall": ProxyRecall("first", "first answer"),
     "first_proxy_f1": ProxyF1("first", "first answer"),
-    "result_proxy_precision": ProxyPrecision("result", "result"),
-    "result_proxy_recall": ProxyRecall("result", "result"),
     "result_proxy_f1": ProxyF1("result", "result"),
     "wrong_hit_share": WrongHits(),
 }

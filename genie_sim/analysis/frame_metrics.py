@@ -168,34 +168,17 @@ class Answered(FrameShare):
 class InTime(FrameShare):
     """Share of the frames with an answer in time."""
 
-    of_frames = "all published"
-
     better = HIGHER
     section = TIMES
 
     def __init__(self, answer: str) -> None:
         self._answer = answer
         self.title = f"{ANSWERS[answer]} within {DEADLINE_MS:g} ms"
-        self.meaning = f"Share of {self.of_frames} frames with a {self.title}."
+        self.meaning = f"Share of all published frames with a {self.title}."
         self.reads = f"frames: received_ns, {answer}_answer_ns"
 
     def flags(self, frames: Columns) -> Any:
         return response_ms(frames, self._answer) < DEADLINE_MS
-
-
-class InTimeOfAnswered(InTime):
-    """Share of the answered frames with an answer in time."""
-
-    of_frames = "the answered"
-
-    section = ""
-
-    def __init__(self, answer: str) -> None:
-        super().__init__(answer)
-        self.title += ", of answered frames"
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        return self.flags(rows), ~np.isnan(rows.floats(f"{self._answer}_answer_ns"))
 
 
 class WithFreshResult(FrameShare):
@@ -352,9 +335,7 @@ METRICS = {
     "fresh_answer_p95": ResponseTime("fresh", "p95"),
     "fresh_answer_p99": ResponseTime("fresh", "p99"),
     "look_age_mean": LookAge("mean"),
-    "look_age_p50": LookAge("p50"),
     "look_age_p95": LookAge("p95"),
-    "look_age_p99": LookAge("p99"),
     "answered_share": Answered(),
     "under_deadline_share": InTime("first"),
     "fresh_answered_share": WithFreshResult(),
@@ -363,7 +344,6 @@ METRICS = {
     "dropped_share": Dropped(),
     "in_flight_share": InFlight(),
     "empty_answer_share": EmptyAnswer(),
-    "under_deadline_share_of_answered": InTimeOfAnswered("first"),
     "frames_published": FramesPublished(),
     "frames_answered": FrameCount("answered frames", Answered()),
     "frames_dropped": FrameCount("dropped frames", Dropped()),

@@ -35,8 +35,6 @@ class Lookups:
         is_image = rows["kind"] == "image"
         self.images, self.objects = rows.rows(is_image), rows.rows(~is_image)
         self.of_clients = self.images.where(requester="client")
-        self.sightings = self.objects.where(kind="sighting")
-        self.boosts = self.objects.where(kind="boost")
         self.intervals = intervals
 
 
@@ -163,17 +161,6 @@ class Reuse(Metric):
         return Measured(value, low, high, int(asked["requests"].sum()))
 
 
-class PooledReuse(Reuse):
-    """Hits / requests of all Genies together, so that each request weighs the same."""
-
-    mark = ""
-
-    def of(self, view: Lookups) -> Measured:
-        asked = self.asked(view)
-        hits, n = int(asked["hits"].sum()), int(asked["requests"].sum())
-        return quotient(hits, n, n)
-
-
 class ImageReuse(Reuse):
     """Hits / requests of the message caches, asked by their own clients, mean over Genies."""
 
@@ -182,12 +169,16 @@ class ImageReuse(Reuse):
     asked = attrgetter("of_clients")
 
 
-class PooledImageReuse(PooledReuse):
-    """Hits / requests of all message caches together."""
+class PooledImageReuse(ImageReuse):
+    """Hits / requests of all message caches together, so that each request weighs the same."""
 
     title = "image reuse, pooled"
-    reads = "lookups: genie, t_ns, kind, requests, hits, requester"
-    asked = attrgetter("of_clients")
+    mark = ""
+
+    def of(self, view: Lookups) -> Measured:
+        asked = self.asked(view)
+        hits, n = int(asked["hits"].sum()), int(asked["requests"].sum())
+        return quotient(hits, n, n)
 
 
 class ImageReuseWithNeighbours(Reuse):
@@ -215,29 +206,6 @@ class ObjectReuse(Reuse):
 
     title = "object reuse"
     asked = attrgetter("objects")
-
-
-class PooledObjectReuse(PooledReuse):
-    """Object reuse over the look-ups of all Genies together."""
-
-    title = "object reuse, pooled"
-    asked = attrgetter("objects")
-
-
-class SightingReuse(Reuse):
-    """Object reuse in look-ups for detected objects."""
-
-    title = "object reuse, sightings"
-    section = ""
-    asked = attrgetter("sightings")
-
-
-class BoostReuse(Reuse):
-    """Object reuse in look-ups for confidence boosts."""
-
-    title = "object reuse, boosts"
-    section = ""
-    asked = attrgetter("boosts")
 
 
 class ConfidenceBoost(Metric):
@@ -290,9 +258,6 @@ METRICS = {
     "image_reuse_with_neighbours": ImageReuseWithNeighbours(),
     "coalesced_share": Coalesced(),
     "object_reuse": ObjectReuse(),
-    "object_reuse_pooled": PooledObjectReuse(),
-    "object_reuse_sighting": SightingReuse(),
-    "object_reuse_boost": BoostReuse(),
     "confidence_boost": ConfidenceBoost(),
     "stored_images": StoredImages(),
     "stored_objects": StoredObjects(),

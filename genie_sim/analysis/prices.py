@@ -206,7 +206,7 @@ class BytesUpPerFrame(Metric):
     reads = "hosts: bytes_up"
 
     @property
-    def over_rows(self) -> Ratio:
+    def over_rows(self) -> Ratio | None:
         return BytesOfFrames(self.column)
 
     def of(self, view: Carried) -> Measured:
@@ -220,6 +220,23 @@ class BytesDownPerFrame(BytesUpPerFrame):
     title = "sent down per frame"
     column = "bytes_down"
     reads = "hosts: bytes_down"
+
+
+class BytesUpRate(BytesUpPerFrame):
+    """Bytes that all cars sent to their edges per second, each in the time in which it drives."""
+
+    title = "sent up per second"
+    unit = "B/s"
+    reads = f"hosts: host, placement, begin_ns, bytes_up; frames: car, {', '.join(INSTANTS)}"
+
+    @property
+    def over_rows(self) -> None:
+        return None
+
+    def of(self, view: Carried) -> Measured:
+        drives = view.hosts.rows(view.hosts["there_s"] > 0)
+        rates = drives[self.column] / drives["there_s"]
+        return Measured(float(rates.sum()) if len(drives) else None, n=len(view.frames))
 
 
 class AcceleratorTime(Metric):
@@ -315,6 +332,7 @@ class EnergyPerRight(Energy):
 
 METRICS = {
     "bytes_up_per_frame": BytesUpPerFrame(),
+    "bytes_up_rate": BytesUpRate(),
     "bytes_down_per_frame": BytesDownPerFrame(),
     "accelerator_time": AcceleratorTime(),
     "cpu_time": CpuTime(),

@@ -26,7 +26,6 @@ NAMES: dict[str, str] = {
         "--set perception.town.blocks=[70,70] --set perception.town.destinations=120 "
         "--set record=[resources]."
     ),
-    "metric bytes_up_rate": "Multiply bytes_up_per_frame by the frames per second.",
     "metric bytes_down_rate": "Multiply bytes_down_per_frame by the frames per second.",
     "metric energy_active_per_frame": (
         "Subtract the idle power times the time of a run, both in the tables hosts and power."
@@ -35,6 +34,24 @@ NAMES: dict[str, str] = {
         ("metric poison_spread", "metric poison_exposure", "metric poison_life"),
         "Write poisoned_objects, or compare attacks.parquet with held_objects.parquet.",
     ),
+    **{
+        f"metric {name}": f"Compute it from the table {table}."
+        for table, names in {
+            "frames": (
+                "look_age_p50",
+                "look_age_p99",
+                "under_deadline_share_of_answered",
+            ),
+            "lookups": ("object_reuse_pooled", "object_reuse_sighting", "object_reuse_boost"),
+            "answers": (
+                "first_proxy_precision",
+                "first_proxy_recall",
+                "result_proxy_precision",
+                "result_proxy_recall",
+            ),
+        }.items()
+        for name in names
+    },
 }
 """What a name stands for and the name, as the error line says them: ``command article``,
 ``record held_objects``, ``metric car_load``, ``scenario fleet_10000``.
@@ -49,6 +66,8 @@ MODULES: dict[str, str] = {
     "recording": "genie_sim.record",
     "town": "genie_sim.worlds.town",
     "traffic": "genie_sim.worlds.traffic",
+    "faults.attack": "genie_sim.faults.attacks.attack",
+    "base.custom_sources": "genie_sim.base.own_sources",
 }
 """Modules of ``genie_sim`` that code of the user's own may import by an old name."""
 
@@ -107,11 +126,11 @@ def instead_of_module(name: str | None) -> str | None:
     name : str, optional
         The module that is not there: ``genie_sim.messages``.
     """
-    package, _, rest = (name or "").partition(".")
-    module, *inside = rest.split(".")
-    if package != "genie_sim" or module not in MODULES:
-        return None
-    return f"{name} is {'.'.join((MODULES[module], *inside))} now."
+    package, _, path = (name or "").partition(".")
+    for old, new in MODULES.items() if package == "genie_sim" else ():
+        if path == old or path.startswith(f"{old}."):
+            return f"{name} is {new}{path.removeprefix(old)} now."
+    return None
 
 
 def instead_of_option(command: str, option: str) -> str | None:

@@ -6,7 +6,6 @@ from numbers import Real
 from typing import Any, Literal
 
 from genie_sim.base import plugins
-from genie_sim.base.contracts import checked
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.defences import Defence, Guard
@@ -17,12 +16,6 @@ from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.messages import Detections
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.own_parts import (
-    DEFENCE_CONTRACTS,
-    POLICY_METHODS,
-    SIMILARITY_METHODS,
-    CheckedEviction,
-)
 from genie_sim.core.per_topic import PerTopicGenie
 from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.recommended.paced_genie import PacedGenie
@@ -85,16 +78,13 @@ def make_genie(
     UserError
         A plug-in of the user's own does not work.
     """
-    similarity = _similarity(rules)
+    similarity: Similarity = SIMILARITY.make(rules.similarity)
     new_eviction = EVICTION.resolve(rules.eviction)
     capacity = rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
 
     def new_cache() -> MessageCache:
         ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
         eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
-        owner = plugins.own_label("eviction", rules.eviction)
-        if owner is not None:
-            eviction = CheckedEviction(eviction, owner)
         return MessageCache(similarity.index(), eviction, capacity)
 
     if miss_policy is None:
@@ -117,14 +107,6 @@ def make_genie(
         "readings": readings_of(role_rules),
     }
     return node_class(name, subscribed, published, role_rules, **(arguments | middleware))
-
-
-def _similarity(rules: GenieRules) -> Similarity:
-    """The similarity that the rules name. Raises ``UserError``."""
-    choice = rules.similarity
-    owner = plugins.own_label("similarity", choice.name)
-    similarity: Similarity = checked(SIMILARITY.make(choice), owner, SIMILARITY_METHODS)
-    return similarity
 
 
 def make_paced_genie(
@@ -183,11 +165,9 @@ def make_sharing_genie(
 
 def _defence(looks: LookRules) -> Defence | None:
     """The defence that the rules name; ``None`` if it believes everything. Raises ``UserError``."""
-    choice = looks.defence
-    if choice.name == "none":
+    if looks.defence.name == "none":
         return None
-    owner = plugins.own_label("defence", choice.name)
-    defence: Defence = checked(DEFENCE.make(choice), owner, DEFENCE_CONTRACTS)
+    defence: Defence = DEFENCE.make(looks.defence)
     return defence
 
 
@@ -201,7 +181,7 @@ def _track_map(
     nothing.
     """
     assert rules.looks is not None
-    policy = _policy(rules)
+    policy: Never = FRESHNESS_POLICY.make(rules.object_map.freshness)
     if not policy.tracks:
         raise UserError(
             f"genie.object_map.freshness: {rules.object_map.freshness.name!r} does not track, which"
@@ -221,7 +201,8 @@ def _track_map(
 
 def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
     """The map that the freshness policy wants. Raises ``UserError``."""
-    policy, rule = _policy(rules), confidence_rule(rules.object_map.rule)
+    policy: Never = FRESHNESS_POLICY.make(rules.object_map.freshness)
+    rule = confidence_rule(rules.object_map.rule)
     if not policy.tracks:
         return ObjectMap(rules.object_map, rules.view_range_m, rule, policy)
     policy.laws = laws
@@ -232,14 +213,6 @@ def _object_map(rules: GenieRules, laws: DetectorLaws, on_edge: bool) -> Map:
         shares="look" if on_edge else "map",
         view_range_m=rules.view_range_m,
     )
-
-
-def _policy(rules: GenieRules) -> Never:
-    """The freshness policy that the rules name. Raises ``UserError``."""
-    choice = rules.object_map.freshness
-    owner = plugins.own_label("freshness policy", choice.name)
-    policy: Never = checked(FRESHNESS_POLICY.make(choice), owner, POLICY_METHODS)
-    return policy
 
 
 def confidence_rule(name: str) -> ConfidenceRule:

@@ -12,10 +12,10 @@ FAULTS: dict[str, str] = {
     "gnss": "genie_sim.faults.gnss:Gnss",
     "clock": "genie_sim.faults.clock:ClockFault",
     "camera": "genie_sim.faults.camera:CameraFault",
-    "spoof": "genie_sim.faults.spoof:Spoof",
-    "remove": "genie_sim.faults.remove:Remove",
-    "shift": "genie_sim.faults.shift:Shift",
-    "replay": "genie_sim.faults.replay:Replay",
-    "inflate": "genie_sim.faults.inflate:Inflate",
+    "spoof": "genie_sim.faults.attacks.spoof:Spoof",
+    "remove": "genie_sim.faults.attacks.remove:Remove",
+    "shift": "genie_sim.faults.attacks.shift:Shift",
+    "replay": "genie_sim.faults.attacks.replay:Replay",
+    "inflate": "genie_sim.faults.attacks.inflate:Inflate",
 }
 MUST_HAVE = ("begin or run", "end or run")

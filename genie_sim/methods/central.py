@@ -41,6 +41,11 @@ class Central(Method):
         hub = host.edges[0] if self._at is None else self._at
         if hub not in host.edges:
             raise UserError(f"central: at: {unknown('edge', hub, host.edges)}")
+        if host.genie is not None and host.genie.looks is not None:
+            raise UserError(
+                "central: genie.looks: a central cache paces none; leave out 'looks' and "
+                "'algorithm: recommended' of the scenario"
+            )
         if host.name == hub:
             return HostConfig(
                 detector=host.gets_images,

@@ -4,13 +4,10 @@ from dataclasses import replace
 from itertools import chain
 from typing import Literal
 
-from genie_sim.base import plugins
-from genie_sim.base.contracts import checked
 from genie_sim.base.plugins import Choice
 from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.source import Drive
-from genie_sim.runs.own_classes import LINK_MODEL_METHODS, MEDIUM_METHODS
 from genie_sim.runs.prepare import Prepared
 from genie_sim.scenario.faults import timed
 from genie_sim.scenario.methods import MethodEntry
@@ -144,8 +141,5 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
 
 def link_model(choice: Choice) -> LinkModel | Medium:
     """The model of a link. Raises ``UserError``."""
-    own = LINK.make(choice)
-    owner = plugins.own_label("link model", choice.name)
-    methods = MEDIUM_METHODS if hasattr(own, "radio") else LINK_MODEL_METHODS
-    model: LinkModel | Medium = checked(own, owner, methods)
+    model: LinkModel | Medium = LINK.make(choice)
     return model

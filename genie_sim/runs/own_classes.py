@@ -1,9 +1,9 @@
-"""Methods, link models, faults and frame sources of the user's own, checked while they run: what
-their methods return must be what the simulator needs (``contracts``).
+"""Frame sources of the user's own, checked before a run: they are data, in which a mistake would be
+seen nowhere else. What other classes of the user's own return is checked by the tests in
+``tests/conformance``.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,72 +15,13 @@ from genie_sim.base.contracts import (
     SEQUENCE,
     SHARE,
     TEXT,
-    TEXTS,
     WHOLE,
-    Checked,
     Contract,
-    has,
     is_number,
-    optional,
     require,
 )
-from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.core.messages import Detections, Expired, Forgotten, Image, Observation, Publish
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.data.source import Drive, Frames
-from genie_sim.sim.method import HostConfig, Interceptor
-
-
-def _is_effects(value: Any) -> bool:
-    if not isinstance(value, list | tuple):
-        return False
-    for effect in value:
-        if isinstance(effect, Publish):
-            if not (
-                isinstance(effect.topic, str) and isinstance(effect.message, Image | Detections)
-            ):
-                return False
-        elif not isinstance(effect, Observation):
-            return False
-    return True
-
-
-def _is_uplink(value: Any) -> bool:
-    return TEXTS.holds(value) and len(value) == 2
-
-
-EFFECTS = Contract("a list of Publish and of observations such as ImageLookup", _is_effects)
-CALLABLE = Contract("a function that makes an interceptor", callable)
-UPLINK = Contract("an Uplink of two topics", _is_uplink)
-CONFIG_FIELDS = {
-    "detector": BOOLEAN,
-    "interceptor": optional(CALLABLE),
-    "uplink": optional(UPLINK),
-    "neighbour_topics": TEXTS,
-    "key": optional(TEXT),
-    "costs_nothing": BOOLEAN,
-    "per_entry_ns": WHOLE,
-}
-INTERCEPTOR_METHODS = {
-    "subscriptions": TEXTS,
-    "publications": TEXTS,
-    "next_deadline_ns": optional(WHOLE),
-    "cache_entries": WHOLE,
-    "on_void": Contract(
-        "a list of Expired and Forgotten",
-        lambda value: (
-            isinstance(value, list | tuple)
-            and all(isinstance(record, Expired | Forgotten) for record in value)
-        ),
-    ),
-}
-NOTHING = Contract("None", lambda value: value is None)
-EVENT = Contract(
-    "an event, such as air.clock.timeout(10**6)", lambda value: hasattr(value, "callbacks")
-)
-DELAY = optional(WHOLE)
-LINK_MODEL_METHODS = {"channel": has({"occupied_ns": WHOLE, "delay_ns": DELAY})}
-SENDER = has({"sent": EVENT, "delay_ns": DELAY, "set_up": NOTHING})
-MEDIUM_METHODS = {"radio": has({"sender": SENDER})}
 
 POSE = Contract(
     "a CameraPose of four numbers",
@@ -122,59 +63,8 @@ MAPPING_BY_NAME = Contract(
 )
 
 
-TRUTH = Contract(
-    "an object with reach_m, range_m, knows, visible and is_there",
-    lambda value: all(
-        hasattr(value, name) for name in ("reach_m", "range_m", "knows", "visible", "is_there")
-    ),
-)
-
-
 def _is_hash(value: Any) -> bool:
     return isinstance(value, int | np.integer) and 0 <= int(value) < 2**64
-
-
-def checked_method(own: Any, owner: str) -> Any:
-    """A method of the user's own; ``owner`` names it in error lines. Raises ``UserError``."""
-    require(owner, "title", own.title, TEXT)
-    require(owner, "baseline", own.baseline, BOOLEAN)
-    return Checked(own, owner, {"on_car": optional(CONFIG), "on_edge": CONFIG})
-
-
-def _checked_config(config: HostConfig, owner: str, field: str) -> HostConfig:
-    for name, contract in CONFIG_FIELDS.items():
-        require(owner, f"{field}.{name}", getattr(config, name), contract)
-    make = config.interceptor
-    if make is None:
-        return config
-
-    def checked(subscribed: tuple[str, ...], published: tuple[str, ...]) -> Interceptor:
-        node: Any = make(subscribed, published)
-        require(owner, "the interceptor's name", getattr(node, "name", None), TEXT)
-        interceptor: Interceptor = _checked_interceptor(node, owner)
-        return interceptor
-
-    return replace(config, interceptor=checked)
-
-
-CONFIG = Contract("a HostConfig", lambda value: isinstance(value, HostConfig), _checked_config)
-
-
-def _checked_interceptor(own: Any, owner: str) -> Any:
-    """An interceptor of the user's own, which publishes on its own topics only."""
-
-    def on_its_topics(effects: Any, owner: str, field: str) -> Any:
-        for effect in effects:
-            if isinstance(effect, Publish) and effect.topic not in topics:
-                text = unknown("topic", effect.topic, topics)
-                raise UserError(f"{owner}: {field} publishes on an {text}")
-        return effects
-
-    effects = EFFECTS._replace(then=on_its_topics)
-    methods = {**INTERCEPTOR_METHODS, "on_message": effects, "on_deadline": effects}
-    checked = Checked(own, owner, methods)
-    topics = frozenset(checked.publications())
-    return checked
 
 
 def check_base(own: Any, what: str, base: type[Any]) -> None:
@@ -186,18 +76,14 @@ def check_base(own: Any, what: str, base: type[Any]) -> None:
         )
 
 
-def checked_frames(frames: Any, owner: str) -> Any:
-    """What the ``open`` of a frame source of the user's own returned, checked while it is used.
-    Raises ``UserError``.
+def check_frames(frames: Any, owner: str) -> None:
+    """Checks what the ``open`` of a frame source of the user's own returned. Raises
+    ``UserError``.
     """
     check_base(frames, f"{owner}: what open() returns", Frames)
     require(owner, "seeded", frames.seeded, BOOLEAN)
-    contracts = {
-        "digests": TEXT_BY_NAME,
-        "provenance": MAPPING_BY_NAME,
-        "truth_of": optional(TRUTH),
-    }
-    return Checked(frames, owner, contracts)
+    require(owner, "digests()", frames.digests(), TEXT_BY_NAME)
+    require(owner, "provenance()", frames.provenance(), MAPPING_BY_NAME)
 
 
 def check_drive(drive: Any, owner: str) -> None:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.base import plugins
+from genie_sim.base.contracts import BOOLEAN, TEXT, require
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
@@ -65,8 +66,6 @@ def prepare(
     if source.is_map:
         checks.check_time_on_map(scenario, source.duration_ns)
     frames = source.open(scenario.seed, scenario.origin, progress)
-    if owner is not None:
-        frames = own_classes.checked_frames(frames, owner)
     return prepare_with_frames(scenario, frames, devices)
 
 
@@ -75,6 +74,9 @@ def prepare_with_frames(
 ) -> Prepared:
     """``prepare`` with a frame source that is open. Raises ``UserError``."""
     full = scenario
+    owner = plugins.own_label("frame source", scenario.perception.name)
+    if owner is not None:
+        own_classes.check_frames(frames, owner)
     if scenario.fleet is not None:
         full, drives = expanded(scenario, scenario.fleet, frames)
     else:
@@ -84,11 +86,9 @@ def prepare_with_frames(
         }
     if scenario.sequence is not None:
         full = _on_one_clock(full, drives)
-    owner = plugins.own_label("frame source", scenario.perception.name)
     if owner is not None:
         for drive in drives.values():
             own_classes.check_drive(drive, owner)
-        frames.provenance()  # checked now, not after the simulation
     methods = new_methods(scenario)
     checks.check_driven(full, drives, features_of(methods))
     encoded = _encoded_drives(full, frames)
@@ -210,9 +210,12 @@ def link_digests(scenario: Scenario) -> dict[str, str]:
 
 def new_method(entry: MethodEntry) -> Method:
     """The method of an entry, for one world: it may keep state. Raises ``UserError``."""
-    own: Method = METHOD.make(entry.method)
+    method: Method = METHOD.make(entry.method)
     owner = plugins.own_label("method", entry.method.name)
-    return own if owner is None else own_classes.checked_method(own, owner)
+    if owner is not None:
+        require(owner, "title", method.title, TEXT)
+        require(owner, "baseline", method.baseline, BOOLEAN)
+    return method
 
 
 def new_methods(scenario: Scenario) -> dict[str, Method]:

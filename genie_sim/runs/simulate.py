@@ -9,7 +9,8 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base.errors import UserError
+from genie_sim.base import plugins
+from genie_sim.base.errors import UserError, first_line
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
@@ -22,7 +23,7 @@ from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.method_processes import side_by_side
-from genie_sim.runs.prepare import Prepared, new_method, prepare
+from genie_sim.runs.prepare import Prepared, new_method, plugin_names, prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
@@ -153,7 +154,7 @@ def simulate_method(
         earlier_cars=earlier_cars,
     )
     note_power(tables["power"], entry.name, prepared, setup)
-    with gc_disabled():
+    with gc_disabled(), own_code_named(scenario):
         world = World(setup, new_method(entry), log)
         check_warm_up(scenario, world.last_frame_ns)
         if observer is not None:
@@ -164,6 +165,25 @@ def simulate_method(
         cars = {car.name for car in setup.cars if car.name in world.network.graphs}
         world.dismantle()
     return cars
+
+
+@contextmanager
+def own_code_named(scenario: Scenario) -> Iterator[None]:
+    """An exception in the simulator names the classes of the user's own that take part, as a
+    ``UserError``: one of them may have returned what it should not. One in their own code stays.
+    """
+    try:
+        yield
+    except (UserError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        names = ", ".join(plugin_names(scenario))
+        if not names or plugins.own_fault(error) is not None:
+            raise
+        what = f"{type(error).__name__}: {first_line(error)}"
+        raise UserError(
+            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
+        ) from error
 
 
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:

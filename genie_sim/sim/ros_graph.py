@@ -8,6 +8,7 @@ from typing import Literal, NamedTuple
 
 import simpy
 
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.clock import NewestQueue, Occupancy, Steps
@@ -145,7 +146,12 @@ class Graph:
             node.routes.clear()
 
     def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
-        """The current name of a node's topic, and who gets what the node publishes on it."""
+        """The current name of a node's topic, and who gets what the node publishes on it. Raises
+        ``UserError`` for a topic that the node has not named.
+        """
+        if topic not in node.publishes:
+            text = unknown("topic", topic, node.publishes)
+            raise UserError(f"{node.name}: publishes on an {text}")
         current = self._remapped[node.name].get(topic, topic)
         receivers = (*self._subscribers.get(current, ()), *self._bridges.get(current, ()))
         return current, [receiver for receiver in receivers if receiver is not node]

@@ -134,7 +134,6 @@ class Search:
         with usable(self.folder), _quiet():
             write_csv(table, self.folder / "designs.csv")
             write_csv(differences, self.folder / "differences.csv")
-            write_csv(report.of_importances(self.design, studies), self.folder / "importances.csv")
             for pick in picks:
                 self._write_design(pick)
             if pictures:

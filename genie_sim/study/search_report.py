@@ -175,26 +175,6 @@ def _title(target: Target) -> str:
     return f"{title} ({', '.join(more)})" if more else title
 
 
-def of_importances(design: SearchDesign, studies: Studies) -> "pd.DataFrame":
-    """One row per method and parameter: its share in what decides whether a point is on the front,
-    and how good it is in each objective (PED-ANOVA).
-    """
-    import pandas as pd
-    from optuna.importance import get_param_importances
-
-    of_methods = []
-    for method, study in studies.items():
-        columns = {"front": get_param_importances(study)}
-        for place, (target, sign) in enumerate(
-            zip(design.objectives.targets, design.objectives.signs, strict=True)
-        ):
-            columns[target] = get_param_importances(study, target=_value(place, sign))
-        table = pd.DataFrame(columns).rename_axis("parameter").reset_index()
-        table.insert(0, "method", method)
-        of_methods.append(table)
-    return pd.concat(of_methods)
-
-
 def draw(design: SearchDesign, studies: Studies, folder: Path) -> None:
     """Writes Optuna's figures of the tuning set: which parameters decide the first objective, how
     it goes along those that do most, and the front of it and each other objective. A method with

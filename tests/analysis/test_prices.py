@@ -145,6 +145,7 @@ def test_energy_of_a_radio_is_a_closed_form():
     )
     assert value(made, "energy_per_frame", "remote", "car") == pytest.approx(joules / 20, rel=1e-9)
     assert value(made, "bytes_up_per_frame", "remote") == 100_000
+    assert value(made, "bytes_up_rate", "remote") == pytest.approx(frames * 1e5 / last_s, rel=1e-9)
     assert value(made, "bytes_down_per_frame", "remote") == row["bytes_down"] / frames
 
 
@@ -360,7 +361,7 @@ def test_a_car_costs_the_same_however_late_it_starts():
     together, apart = join(0), join(LATE_S)
     of_cars = {"car1.accelerator", "car2.accelerator", "car1->edge1", "car2->edge1"}
     of_cars |= {"edge1->car1", "edge1->car2", "car1.cpu", "car1/vision_darknet_detect"}
-    rates = {"fresh_answer_throughput"}
+    rates = {"bytes_up_rate", "fresh_answer_throughput"}
     late = {one.row[:4]: one.value for one in apart.measured}
     compared = 0
     for one in together.measured:

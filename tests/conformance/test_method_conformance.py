@@ -86,7 +86,7 @@ class Lost(Latest):
 
 
 def test_a_topic_that_an_own_interceptor_has_not_named_is_one_line():
-    with pytest.raises(UserError, match=r"on_message\(\) publishes on an unknown topic '/objcts'"):
+    with pytest.raises(UserError, match="publishes on an unknown topic '/objcts'"):
         run_in_memory(small.scenario([f"{__name__}:Astray"]))
 
 

@@ -1,6 +1,4 @@
-"""A class of the user's own that returns a wrong type ends a run with one line that names the class
-and the method.
-"""
+"""A class of the user's own that gives a wrong type ends a run with one line that names it."""
 
 from __future__ import annotations
 
@@ -8,7 +6,6 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import prepare
 from tests.conformance import own, small
 from tests.conformance.wrong_types import CASES, OWN
 
@@ -25,11 +22,23 @@ def test_a_wrong_type_is_one_line(case: str, monkeypatch: pytest.MonkeyPatch):
     assert message in text and f"{OWN}:" in text and "\n" not in text
 
 
-def test_what_a_frame_source_returns_is_checked_every_time(monkeypatch: pytest.MonkeyPatch):
-    returned: dict[str, object] = {"now": {"street": {}}}
-    monkeypatch.setattr(own.Street, "provenance", lambda _: returned["now"])
-    setting = small.scenario(methods=["local"], perception={"source": f"{OWN}:Street"})
-    prepared = prepare(setting)
-    returned["now"] = "x"
-    with pytest.raises(UserError, match=r"provenance\(\) is 'x', but must be a mapping"):
-        prepared.frames.provenance()
+def test_what_comes_out_wrong_in_the_middle_of_a_run_names_the_class(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    monkeypatch.setattr(own.Again, "on_car", lambda *_: "x")
+    with pytest.raises(UserError) as error:
+        run_in_memory(small.scenario(methods=["local", f"{OWN}:Again"]))
+    text = str(error.value)
+    assert text.startswith("the run failed with ") and f"method {OWN}:Again" in text
+    assert "AttributeError: 'str' object" in text and "tests/conformance" in text
+    assert "\n" not in text
+
+
+def test_what_an_own_class_raises_itself_is_not_renamed(monkeypatch: pytest.MonkeyPatch):
+    def broken(*_: object) -> None:
+        raise KeyError("mine")
+
+    monkeypatch.setattr(own.Again, "on_car", broken)
+    monkeypatch.setattr("genie_sim.base.plugins.own_fault", lambda error: "method 'x:Y'")
+    with pytest.raises(KeyError, match="mine"):
+        run_in_memory(small.scenario(methods=[f"{OWN}:Again"]))

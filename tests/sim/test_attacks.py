@@ -19,12 +19,12 @@ from genie_sim.core.messages import (
     Look,
     Motion,
 )
-from genie_sim.faults.attack import AttackedScene
-from genie_sim.faults.inflate import Inflate
-from genie_sim.faults.remove import Remove
-from genie_sim.faults.replay import Replay
-from genie_sim.faults.shift import Shift
-from genie_sim.faults.spoof import Spoof
+from genie_sim.faults.attacks.attack import AttackedScene
+from genie_sim.faults.attacks.inflate import Inflate
+from genie_sim.faults.attacks.remove import Remove
+from genie_sim.faults.attacks.replay import Replay
+from genie_sim.faults.attacks.shift import Shift
+from genie_sim.faults.attacks.spoof import Spoof
 from genie_sim.report import data
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.sim.forgeries import Forgeries

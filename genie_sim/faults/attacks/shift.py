@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from genie_sim.faults.attack import Attack, AttackedScene
+from genie_sim.faults.attacks.attack import Attack, AttackedScene
 from genie_sim.sim.bends import Objects
 from genie_sim.sim.fault import AffectedNetwork
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from genie_sim.faults.attack import Attack, AttackedScene
+from genie_sim.faults.attacks.attack import Attack, AttackedScene
 from genie_sim.sim.bends import Objects
 
 

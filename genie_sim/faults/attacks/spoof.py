@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from genie_sim.base.settings import Share
 from genie_sim.core.messages import SHARED, Detection, Header, Motion
 from genie_sim.core.view import ViewSector
-from genie_sim.faults.attack import Attack, AttackedScene
+from genie_sim.faults.attacks.attack import Attack, AttackedScene
 from genie_sim.sim.bends import Objects
 from genie_sim.sim.fault import AffectedNetwork
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from genie_sim.base.settings import Share
-from genie_sim.faults.attack import Attack, AttackedScene, with_score
+from genie_sim.faults.attacks.attack import Attack, AttackedScene, with_score
 from genie_sim.sim.bends import Objects
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Detection, Header, Image
-from genie_sim.faults.attack import Attack, AttackedScene, Forge
+from genie_sim.faults.attacks.attack import Attack, AttackedScene, Forge
 from genie_sim.sim.bends import Objects, bent
 from genie_sim.sim.fault import AffectedNetwork
 
