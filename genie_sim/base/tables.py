@@ -37,7 +37,7 @@ MARKS = ",; \t\r\n"  # a line of nothing else is empty
 # What is text, but no table, by how it begins.
 OTHERS = {
     "JSON": ("{", "["),
-    "XML": "<",
+    "XML": ("<",),
     "sentences of NMEA 0183": ("$GP", "$GN", "$GL", "$GA", "$GB"),
 }
 SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
