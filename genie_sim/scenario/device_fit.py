@@ -185,7 +185,8 @@ def _latencies(table: Table, index: int) -> list[float]:
         except ValueError:
             latencies.append(0.0)
         if latencies[-1] <= 0:
-            raise UserError(f"{where}: no latency in {short_repr(cell)}")
+            column = f" of column {short_repr(table.titles[index])}" if table.titles else ""
+            raise UserError(f"{where}: no latency in {short_repr(cell)}{column}")
     return latencies
 
 

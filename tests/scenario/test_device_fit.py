@@ -148,7 +148,10 @@ def test_a_profile_has_the_machines_processors(tmp_path, monkeypatch, processors
     [
         ("", "0 latencies, expected at least 20"),
         ("12.5\n" * 19, "19 latencies, expected at least 20"),
-        ("latency\n" + "12.5\n" * 30 + "soon\n", "line 32: no latency in 'soon'"),
+        (
+            "latency\n" + "12.5\n" * 30 + "soon\n",
+            "line 32: no latency in 'soon' of column 'latency'",
+        ),
         ("12.5\n" * 30 + "-3\n", "line 31"),
         ("12.5\n" * 30 + "nan\n", "line 31"),
         ("latency\nunit\n12.5\n", "line 2"),
