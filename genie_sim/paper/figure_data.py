@@ -115,7 +115,7 @@ def _times(seeds: Runs, definitions: Definitions, of_cars: bool) -> Found:
         parts = iter((method.name, frames.where(method=method.name)) for method in METHODS)
     for of, rows in parts:
         times_ms = [np.sort(frame_metrics.response_ms(rows, answer)) for answer in ANSWERS]
-        answered = [np.count_nonzero(~np.isnan(values)) for values in times_ms]  # NaN is last
+        answered = [int(np.count_nonzero(~np.isnan(values))) for values in times_ms]  # NaN is last
         n = len(rows)
         places = style.thinned(n, TIME_POINTS * n // max([*answered, 1]))
         places = np.union1d(places, [count - 1 for count in answered if count])

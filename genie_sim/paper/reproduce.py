@@ -235,8 +235,10 @@ def judge_readings(
     ]
     verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(*of_reading, *judged)
-        for *of_reading, judged in zip(readings, settings, evidence, verdicts, strict=True)
+        ReadingVerdicts(reading, its_settings, its_evidence, judged, plain)
+        for reading, its_settings, its_evidence, (judged, plain) in zip(
+            readings, settings, evidence, verdicts, strict=True
+        )
     ]
 
 
