@@ -235,8 +235,8 @@ def judge_readings(
     ]
     verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(reading, of_reading, numbers, *judged)
-        for reading, of_reading, numbers, judged in zip(
+        ReadingVerdicts(reading, its_settings, its_evidence, judged, plain)
+        for reading, its_settings, its_evidence, (judged, plain) in zip(
             readings, settings, evidence, verdicts, strict=True
         )
     ]
