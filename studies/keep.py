@@ -44,7 +44,6 @@ METRICS = {
         "streaming_f1",
         "object_recall",
         "fresh_answered_share",
-        "bytes_up_rate",
         "energy_per_frame",
     ),
 }
