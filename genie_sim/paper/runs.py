@@ -130,7 +130,7 @@ def _simulate_together(runs: Sequence[EvaluationRun]) -> list[Outcome]:
 def _outcome(run: EvaluationRun, parts: dict[str, _Part]) -> Outcome:
     """A run of parts, of which those that are missing are simulated."""
     scenario, of_run = run.load(), []
-    for method in run.methods:
+    for method in (entry.name for entry in scenario.methods):
         decides = _decides(scenario, method)
         if decides not in parts:
             observer = WorldObserver(scenario.genie)

@@ -71,7 +71,10 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
         (b'<?xml version="1.0"?>\n<gpx>\n', "a.csv: is no table: it holds XML"),
         (b"$GPRMC,103607.00,A,5327.0,N\n", "a.csv: is no table: it holds sentences of NMEA 0183"),
         (b"\x1f\x8bnot", "not a readable CSV file|cannot be read"),
-        (gzip.compress(b"time_s,up_mbps\n0,1\n", mtime=0)[:-9], "not a readable CSV file: Compressed file"),
+        (
+            gzip.compress(b"time_s,up_mbps\n0,1\n", mtime=0)[:-9],
+            "not a readable CSV file: Compressed file",
+        ),
     ],
 )
 def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):

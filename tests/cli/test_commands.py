@@ -367,7 +367,7 @@ def test_the_main_command_imports_nothing_that_it_does_not_need():
 
 
 def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
-    (tmp_path / "sweep.json").write_text("{}")
+    (tmp_path / "verdicts.json").write_text("{}")
     assert main(["report", str(tmp_path), "--start", "1 s"]) == 1
     assert f"--start: {tmp_path} holds no single run" in capsys.readouterr().err
 
