@@ -40,8 +40,6 @@ def read_bytes(path: Path) -> bytes:
     no end.
     """
     with as_user_error(f"{path}: cannot be read", OSError, ValueError):
-        if not path.exists():
-            raise UserError(f"{path}: no such file")
         if not stat.S_ISREG(path.stat().st_mode):
             raise UserError(f"{path}: cannot be read: not a regular file")
         return path.read_bytes()
@@ -50,8 +48,6 @@ def read_bytes(path: Path) -> bytes:
 def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
     with as_user_error(f"{path}: cannot be read", OSError, ValueError):
-        if not path.exists():
-            raise UserError(f"{path}: no such file")
         if not stat.S_ISREG(path.stat().st_mode):
             raise UserError(f"{path}: cannot be read: not a regular file")
         with path.open("rb") as file:

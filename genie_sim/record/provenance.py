@@ -59,7 +59,13 @@ def digests(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """sha256 of these files of a result folder, by name. Raises ``UserError`` for one that is not
     there.
     """
-    return {name: sha256_of(contained(folder, name)) for name in sorted(names)}
+    found = {}
+    for name in sorted(names):
+        path = contained(folder, name)
+        if not path.exists():
+            raise UserError(f"{path}: no such file")
+        found[name] = sha256_of(path)
+    return found
 
 
 def contained(folder: Path, name: str) -> Path:
