@@ -76,9 +76,8 @@ FACTS = [
     ),
     Fact("under_deadline_share"),
     *(
-        placed(f"{name}_reuse{how}", placement)
-        for name in ("image", "object")
-        for how in ("", "_pooled")
+        placed(name, placement)
+        for name in ("image_reuse", "image_reuse_pooled", "object_reuse")
         for placement in PLACEMENTS
     ),
     *(placed("confidence_boost", placement) for placement in PLACEMENTS),

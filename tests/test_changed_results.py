@@ -247,9 +247,9 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
         out=tmp_path,
     )
     folder = tmp_path / "sweep"
-    assert main(["report", str(folder)]) == 0
+    assert main(["table", str(folder)]) == 0
     (folder / "table.parquet").write_bytes((folder / "table.parquet").read_bytes() + b" ")
-    assert main(["report", str(folder)]) == 1
+    assert main(["table", str(folder)]) == 1
     assert "table.parquet" in capsys.readouterr().err
 
 

@@ -171,7 +171,7 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
     for command in (
         ["report", str(folder)],
         ["rerun", str(folder)],
-        ["report", str(Path(name) / "s")],
+        ["table", str(Path(name) / "s")],
     ):
         assert main(command) == 0, capsys.readouterr().err
 

@@ -76,7 +76,6 @@ def test_the_method_of_the_guide_is_in_everything_that_a_sweep_makes(skip: Path,
     table = pd.read_csv(folder / "table.csv")
     for name in ("genie", "tenth", "thirtieth"):
         assert name in set(table[table["metric"] == "image_reuse"]["method"]), name
-        assert name in (folder / "report.html").read_text(), name
     figures = "".join(path.read_text() for path in (folder / "figures").glob("*.svg"))
     assert "thirtieth" in figures and "tenth" in figures
 
