@@ -24,7 +24,7 @@ from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import MethodEntry, method_class
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.cameras import recorded_rate
+from genie_sim.sim.frame_rate import recorded_rate
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.settings import EDGES, Car, Route, check_unique
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.sim.cameras import thinned
+from genie_sim.sim.frame_rate import thinned
 from tests.conformance import small
 
 MS = 1_000_000
