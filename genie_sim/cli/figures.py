@@ -24,8 +24,8 @@ from genie_sim.cli.arguments import (
     "--only",
     metavar="NAME",
     shell_complete=completion.figures,
-    help="Draw this one alone: a figure, such as latency_cdf, or a metric of 'list metrics'. The"
-    " results need not have seen the same frames.",
+    help="Draw this one alone: a figure, such as latency_cdf, or a metric of 'list metrics', of a"
+    " sweep along its axes. The results need not have seen the same frames.",
 )
 @shown_methods_option
 @labels_option
