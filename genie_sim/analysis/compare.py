@@ -192,10 +192,20 @@ def compare(
     """
     comparison = compared(runs, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
+        if metrics and not comparison.rows and len(comparison.arms) > 1:
+            raise UserError(f"compare: {no_value(*metrics)}")
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
         )
     return comparison
+
+
+def no_value(*metrics: str) -> str:
+    """Says that none of these metrics has a value, and why if that can be known."""
+    text = f"no method has a value of {', '.join(metrics)}"
+    if any(metric.startswith("energy") for metric in metrics):
+        text += ": a device without 'power' has no energy"
+    return text
 
 
 def compared(

@@ -168,5 +168,8 @@ def _own_metrics(runs: Sequence[Run | SeedRuns]) -> set[str]:
 def _check_name(name: str, known: Iterable[str], has_metrics: bool = True) -> None:
     """Raises ``UserError`` unless it is one of the figures."""
     if name not in known:
-        metrics = "; or a metric of 'genie-sim list metrics'" if has_metrics else ""
-        raise UserError(f"--only: {unknown('figure', name, known)}{metrics}")
+        text = unknown("figure", name, known)
+        if has_metrics:
+            near = "".join(f", such as {metric}" for metric in registry.near(name)[:1])
+            text += f"; or a metric of 'genie-sim list metrics'{near}"
+        raise UserError(f"--only: {text}")
