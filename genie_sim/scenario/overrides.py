@@ -80,7 +80,7 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
                 node.append({} if isinstance(following, str) else [])
             path += f"[{step}]"
         else:
-            if isinstance(node, list):
+            if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
                 below = "".join(
                     f"[{one}]" if isinstance(one, int) else f".{one}" for one in steps[place:]
                 )

@@ -89,6 +89,8 @@ def test_verdicts_are_of_the_metrics_that_are_asked_for(capsys):
 def test_a_metric_without_a_value_is_named(seeds, capsys):
     said = refused(capsys, "compare", seeds, "--metrics", "poisoned_objects")
     assert said == "compare: no method has a value of poisoned_objects"
+    said = refused(capsys, "compare", seeds, "--metrics", "image_reuse")
+    assert said == "compare: no method as a whole has a value of image_reuse; see genie-sim table"
     said = refused(capsys, "compare", seeds, "--metrics", "poisoned_objects", "--methods", "genie")
     assert "give two results, or one with several methods" in said
 
@@ -158,3 +160,7 @@ def test_a_setting_of_every_entry_is_suggested(capsys):
         "--set cars.link=wifi: cars: is a list; did you mean cars[*].link, or cars[0].link?"
     )
     assert "did you mean cars[*].route.window" in refused(capsys, *line, "cars.route.window=null")
+    said = refused(
+        capsys, *line, "cars[0].route.window=[0 s, 1 s]", "--set", "cars[0].route.window.a=1"
+    )
+    assert "which has no setting 'a'" in said
