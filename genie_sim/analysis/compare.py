@@ -192,10 +192,28 @@ def compare(
     """
     comparison = compared(runs, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
+        if metrics and not comparison.rows and len(comparison.arms) > 1:
+            measured = {
+                metric.metric for run in runs for metric in run.measured if metric.value is not None
+            }
+            if measured.intersection(metrics):
+                names = ", ".join(metrics)
+                raise UserError(
+                    f"compare: no method as a whole has a value of {names}; see genie-sim table"
+                )
+            raise UserError(f"compare: {no_value(*metrics)}")
         raise UserError(
             "compare: nothing to compare: give two results, or one with several methods"
         )
     return comparison
+
+
+def no_value(*metrics: str) -> str:
+    """Says that none of these metrics has a value, and why if that can be known."""
+    text = f"no method has a value of {', '.join(metrics)}"
+    if any(metric.startswith("energy") for metric in metrics):
+        text += ": a device without 'power' has no energy"
+    return text
 
 
 def compared(

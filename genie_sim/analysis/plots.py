@@ -105,11 +105,11 @@ class Plots:
         with their intervals. Raises ``UserError`` where the run has none.
         """
         from genie_sim.analysis.metric_plot import metric_values
-        from genie_sim.analysis.registry import METRICS
+        from genie_sim.analysis.registry import METRICS, unknown_metric
 
         known = dict.fromkeys((*METRICS, *(metric.metric for metric in self._run.measured)))
         if name not in known:
-            raise UserError(f"metric: {unknown('metric', name, known)}")
+            raise UserError(f"metric: {unknown_metric(name, known)}")
         run = self._run
         return metric_values(name, run.measured, run.methods, run.footer, ax=ax)
 

@@ -4,6 +4,7 @@ and pages, takes its words from here; files and the library use the names.
 A class of the user's own (``metric.Metric``) is named ``package.module:Class``.
 """
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
@@ -22,8 +23,9 @@ from genie_sim.analysis import (
 from genie_sim.analysis.metric import ZERO_DELAY, Metric, Views
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.plugins import Choice
+from genie_sim.base.removed import instead_of_name
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.results import MethodInfo, MetricValue
@@ -104,8 +106,28 @@ def checked(
     known = {*METRICS, *own}
     for name in names:
         if name not in known:
-            raise UserError(f"{where}: {unknown('metric', name, known)}")
+            raise UserError(f"{where}: {unknown_metric(name, known)}")
     return names
+
+
+def unknown_metric(name: str, known: Iterable[str] = METRICS) -> str:
+    """``unknown metric 'false objects' (did you mean 'ghost_share'?); see 'genie-sim list
+    metrics'``: the nearest by name or title. One that was removed is answered with what to write
+    instead.
+    """
+    if instead_of_name("metric", name):
+        return unknown("metric", name, known)
+    found = near(name, known)
+    hint = f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""
+    return f"unknown metric {short_repr(name)}{hint}; see 'genie-sim list metrics'"
+
+
+def near(name: str, known: Iterable[str] = METRICS) -> list[str]:
+    """At most two metrics whose names or titles are like this, the nearest first."""
+    by_text = {metric.replace("_", " "): metric for metric in known}
+    by_text |= {METRICS[metric].title.lower(): metric for metric in known if metric in METRICS}
+    close = difflib.get_close_matches(name.lower().replace("_", " "), by_text, n=3)
+    return list(dict.fromkeys(by_text[text] for text in close))[:2]
 
 
 def title_of(metric: str) -> str:

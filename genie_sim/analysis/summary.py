@@ -240,12 +240,12 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
             rows = [(*row, " ".join(run.changed)) for row in rows]
         return renderers.exact(names, rows)
     if format == "latex":
-        return _latex(run, main)
+        return _latex(run, main, metrics)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
     return renderers.markdown(replace(main, notes=[*notes, run.warning]))
 
 
-def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
+def _latex(run: Run | SeedRuns, table: ResultTable, metrics: Sequence[str]) -> str:
     """The table, of several seeds followed by the paired differences of its methods from the first
     one.
     """
@@ -260,7 +260,7 @@ def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
     )
     text = renderers.latex(titled, run.title)
     if several and len(run.methods) > 1:
-        text += "\n" + compare_tables.differences_latex(compared([run]), run.title)
+        text += "\n" + compare_tables.differences_latex(compared([run], metrics=metrics), run.title)
     return text
 
 

@@ -20,7 +20,7 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
     sentences = []
     for arm in comparison.arms:
         rows = {row.metric: row for row in comparison.rows if row.arm == arm.label and row.against}
-        names = HEADLINES if "streaming_f1" in rows else WITHOUT_TRUTH
+        names = HEADLINES if {"streaming_f1", "ghost_share"} & rows.keys() else WITHOUT_TRUTH
         headlines = [rows[name] for name in names if name in rows]
         headlines = [row for row in headlines if row.difference is not None]
         if headlines:

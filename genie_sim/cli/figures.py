@@ -24,8 +24,8 @@ from genie_sim.cli.arguments import (
     "--only",
     metavar="NAME",
     shell_complete=completion.figures,
-    help="Draw this one alone: a figure, such as latency_cdf, or a metric of 'list metrics'. The"
-    " results need not have seen the same frames.",
+    help="Draw this one alone: a figure, such as latency_cdf, or a metric of 'list metrics', of a"
+    " sweep along its axes. The results need not have seen the same frames.",
 )
 @shown_methods_option
 @labels_option
@@ -78,8 +78,8 @@ def figures(
     formats, name = listed("--format", format) or ["svg"], only
     is_file = only is not None and out is not None and out.suffix != ""
     if is_file and out is not None:
-        if format is not None:
-            raise UserError(f"--format: {out} says it already; leave one of them out")
+        if format is not None and {*formats} != {out.suffix[1:]}:
+            raise UserError(f"--format: {out} says another; leave one of them out")
         formats, name = [out.suffix[1:]], out.stem
     for one in formats:
         if one not in FORMATS:

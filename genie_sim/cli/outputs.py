@@ -70,9 +70,17 @@ class Results:
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure, or the values of one metric; several runs need not be comparable."""
         several = len(self.folders) > 1
-        if self._is_evaluation or self._is_sweep or (several and name == "differences"):
-            drawn = self.figures(width_in)
+        if self._is_sweep:
+            self._refuse("--label", self.labels, IS_SWEEP)
+            plots = self._sweep()
+            if name in {*registry.METRICS, *plots.runs["metric"]} - {*plots.design.axes}:
+                return plots.metric(name, width_in or PAGE_IN)
+            drawn = plots.figures(width_in or PAGE_IN)
             _check_name(name, drawn)
+            return drawn[name]
+        if self._is_evaluation or (several and name == "differences"):
+            drawn = self.figures(width_in)
+            _check_name(name, drawn, has_metrics=not self._is_evaluation)
             return drawn[name]
         with provenance.of_this_version(self.folders[0]):
             runs = [with_methods(run, self.methods) for run in self._loaded()]
@@ -91,18 +99,17 @@ class Results:
         from genie_sim.study import printed
 
         renderers.checked(format)
-        if self._is_evaluation or self._is_sweep:
-            self._refuse("--metrics", metrics, "holds no run, or several seeds of one")
         if len(self.folders) > 1:
             return compare_tables.text(self._compared(metrics), format)
         (folder,) = self.folders
         if self._is_evaluation:
             self._refuse("--methods", self.methods, IS_EVALUATION)
             self._refuse("--label", self.labels, IS_EVALUATION)
+            self._refuse("--metrics", metrics, IS_EVALUATION)
             return verdict_table.printed(provenance.read_json(folder / EVALUATION), format)
         if self._is_sweep:
             self._refuse("--label", self.labels, IS_SWEEP)
-            return printed.table_of(folder, format, self.methods, self.allow_changed)
+            return printed.table_of(folder, format, self.methods, metrics, self.allow_changed)
         with provenance.of_this_version(folder):
             return summary.table(self._run(), format, metrics)
 
@@ -158,8 +165,11 @@ def _own_metrics(runs: Sequence[Run | SeedRuns]) -> set[str]:
     return names - registry.METRICS.keys()
 
 
-def _check_name(name: str, known: Iterable[str]) -> None:
+def _check_name(name: str, known: Iterable[str], has_metrics: bool = True) -> None:
     """Raises ``UserError`` unless it is one of the figures."""
     if name not in known:
         text = unknown("figure", name, known)
-        raise UserError(f"--only: {text}; or a metric of 'genie-sim list metrics'")
+        if has_metrics:
+            near = "".join(f", such as {metric}" for metric in registry.near(name)[:1])
+            text += f"; or a metric of 'genie-sim list metrics'{near}"
+        raise UserError(f"--only: {text}")

@@ -1,5 +1,6 @@
 """The command ``profile``. Everything heavy is imported after the arguments are parsed."""
 
+import re
 from pathlib import Path
 
 import click
@@ -85,10 +86,13 @@ def profile(
         board = benchmark_logs.tegrastats(tegrastats, report)
     given = None
     if mean is not None:
-        if model is None:
-            raise UserError("profile: --mean needs --model, the name that scenarios use")
+        middle, spread = (part.strip() for part in re.split(r"\+/?-|±", f"{mean}±", maxsplit=2)[:2])
+        if spread:
+            raise UserError(f"--mean: {mean!r}: write --mean {middle!r} --sd {spread!r}")
         mean_ns = arguments.quantity("--mean", mean, units.duration_ns)
         sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
+        if model is None:
+            raise UserError("profile: --mean needs --model, the name that scenarios use")
         if sd_ns > mean_ns:
             raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
         given = device_fit.of_summary(model, mean_ns, sd_ns)

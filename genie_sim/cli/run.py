@@ -48,7 +48,11 @@ if TYPE_CHECKING:
 )
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
-@click.option("--no-report", is_flag=True, help="Leave out report.html.")
+@click.option(
+    "--no-report",
+    is_flag=True,
+    help="Make no report.html; an earlier one of the same run and label is kept, but for --seeds.",
+)
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
 @click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")
 @metrics_option
@@ -142,7 +146,7 @@ def print_results(
         from genie_sim.analysis.compare import compared
         from genie_sim.analysis.verdict import verdicts
 
-        for sentence in verdicts(compared([result])):
+        for sentence in verdicts(compared([result], metrics=rows or ())):
             click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
     if len(result.runs) > 1 and len(result.methods) > 2:
         others = ",".join(method.name for method in result.methods[1:])

@@ -164,6 +164,10 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
     folder = expanded(folder)
     for name, what in NOT_ONE_RUN.items():
         if (folder / name).is_file():
+            for run in sorted(folder.glob("runs/seed-*")):
+                raise UserError(
+                    f"{folder}: holds several seeds, not one run; take one, such as {run}"
+                )
             raise UserError(f"{folder}: holds {what}, not one run")
     about = provenance.read_run_json(folder)
     changed = changed_files(folder, about)

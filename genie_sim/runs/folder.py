@@ -1,5 +1,6 @@
 """Runs a scenario, in memory or into a result folder, and makes a result folder anew."""
 
+import shutil
 import tempfile
 import time
 from collections.abc import Mapping
@@ -58,7 +59,27 @@ def run_to_folder(
             label=label,
             workers=workers,
         )
+        _keep_shown(folder, partial)
     return replace(run, folder=folder)
+
+
+def _keep_shown(earlier: Path, folder: Path) -> None:
+    """Takes over the page and the figures of an earlier result that ``folder`` has not, where the
+    label and every byte of the tables are the same.
+    """
+    try:
+        before, now = (provenance.read_run_json(one) for one in (earlier, folder))
+    except UserError:
+        return
+    if any(before.get(key) != now.get(key) for key in ("run_id", "label", "digests")):
+        return
+    figures = earlier / "figures"
+    shown = [] if figures.is_symlink() else [*figures.glob("*")]
+    for path in (earlier / "report.html", *shown):
+        kept = folder / path.relative_to(earlier)
+        if path.is_file() and not path.is_symlink() and not kept.exists():
+            kept.parent.mkdir(exist_ok=True)
+            shutil.copyfile(path, kept)
 
 
 def run_in_memory(

@@ -66,7 +66,7 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
     """Sets what is at the end of ``steps``, and makes the mappings that lead there."""
     node: Any = settings
     path = ""
-    for step, following in zip(steps, [*steps[1:], None], strict=True):
+    for place, (step, following) in enumerate(zip(steps, [*steps[1:], None], strict=True)):
         if isinstance(step, int):
             if not isinstance(node, list):
                 hint = ": it is null; set the whole list" if node is None else ""
@@ -80,6 +80,12 @@ def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: 
                 node.append({} if isinstance(following, str) else [])
             path += f"[{step}]"
         else:
+            if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
+                below = "".join(
+                    f"[{one}]" if isinstance(one, int) else f".{one}" for one in steps[place:]
+                )
+                other = f"did you mean {path}[*]{below}, or {path}[0]{below}?"
+                raise UserError(f"{text}: {path}: is a list; {other}")
             if not isinstance(node, dict):
                 raise UserError(
                     f"{text}: {path}: is {short_repr(node)}, which has no setting {step!r}"

@@ -19,9 +19,10 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
-from genie_sim.analysis.registry import METRICS, is_drawn_logarithmically, spans_much
+from genie_sim.analysis.registry import definition, is_drawn_logarithmically, spans_much
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text, percent_text
 from genie_sim.study.design import PANELS, Axis, Design, Level
 
@@ -41,7 +42,6 @@ SIDE_BY_SIDE = (  # of these in a column, and where each value of another axis h
     "ghost_share",
 )
 HEATED = ("first_answer_mean", "object_reuse", "streaming_f1", "ghost_share")  # drawn as heat maps
-SHARES = {metric for metric in PANELS if METRICS[metric].unit == "%"}
 HEAT_COLOURS = mpl.colormaps["Blues"]
 BESIDE = 0.4  # how far the points at a value that is no number lie apart, of its room
 MAX_SHADES = 9
@@ -71,7 +71,7 @@ def of_sweep(
     footer : str
         What was run.
     width_in : float
-        Of a page or a column; maps and panels of two axes need a page.
+        Of a page or a column; maps and panels of two axes need a page. Raises ``UserError``.
 
     Along each axis, with a column of panels for each value of one other axis; a heat map of the
     first two crossed axes. Where there are more axes, every combination of their first values has
@@ -93,15 +93,58 @@ def of_sweep(
                 beside=beside,
                 averaged=[] if axis.sampled else drawn,
                 place=place,
-                width_in=width_in if beside is None else PAGE_IN,
+                width_in=width_in,
             )
             yield f"{name}{suffix}", figure
     if len(crossed) > 1:
         first, second = crossed[:2]
         for suffix, place, selected in _places(runs, [columns[name] for name in crossed[2:]]):
             pair = columns[first], columns[second]
-            figure = heat(*pair, selected, titles=titles, footer=footer, place=place)
+            figure = heat(
+                *pair, selected, titles=titles, footer=footer, place=place, width_in=width_in
+            )
             yield f"{first}-{second}{suffix}", figure
+
+
+def of_metric(
+    metric: str,
+    design: Design,
+    runs: "pd.DataFrame",
+    *,
+    titles: Mapping[str, str],
+    footer: str,
+    width_in: float = PAGE_IN,
+) -> Figure:
+    """One metric: a heat map of the first two crossed axes, or along the first axis. What it is
+    given is that of ``of_sweep``. Raises ``UserError`` where no method has a value.
+    """
+    has_value = (runs["metric"] == metric) & (runs["component"] == "") & runs["value"].notna()
+    if not has_value.any():
+        raise UserError(f"{metric}: this sweep has no value of it to draw")
+    columns, crossed = design.columns, design.crossed
+    if len(crossed) > 1:
+        pair = columns[crossed[0]], columns[crossed[1]]
+        _, place, selected = next(_places(runs, [columns[name] for name in crossed[2:]]))
+        return heat(
+            *pair,
+            selected,
+            titles=titles,
+            footer=footer,
+            place=place,
+            width_in=width_in,
+            metrics=[metric],
+        )
+    name = (*crossed, *design.axes)[0]
+    return along(
+        design.axes[name],
+        columns[name],
+        runs,
+        titles=titles,
+        footer=footer,
+        averaged=[columns[other] for other in design.axes if crossed and other != name],
+        width_in=width_in,
+        metrics=[metric],
+    )
 
 
 def _places(
@@ -135,6 +178,7 @@ def along(
     averaged: Sequence[str] = (),
     place: str = "",
     width_in: float = PAGE_IN,
+    metrics: Sequence[str] = (),
 ) -> Figure:
     """Draws means along one axis with their 95 % intervals across seeds, a row of panels a metric.
 
@@ -160,21 +204,26 @@ def along(
     place : str
         Where on the remaining axes the runs are, for the same note.
     width_in : float
-        The figure's width in inches.
+        The figure's width in inches; that of a page with ``beside``, or ``UserError`` is raised.
+    metrics : sequence of str
+        Which; by default ``design.PANELS`` or, in a column or with ``beside``, ``SIDE_BY_SIDE``.
     """
+    if beside is not None:
+        _refuse_narrow(width_in)
     levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
     shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
     means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
-    labels = {metric: _label(metric) for metric in PANELS if (means["metric"] == metric).any()}
     narrow = is_narrow(width_in)
+    few = [metric for metric in PANELS if metric in SIDE_BY_SIDE]
+    names = metrics or (PANELS if beside is None and not narrow else few)
     shown_metrics = [
-        panel
-        for panel in labels.items()
-        if (beside is None and not narrow) or panel[0] in SIDE_BY_SIDE
+        (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
     ]
     wide = (2 if narrow else 3) if beside is None else len(shown_levels)
+    if len(metrics) == 1:
+        wide = len(shown_levels)
     rows = max(1, -(-len(shown_metrics) // wide)) if beside is None else max(1, len(shown_metrics))
-    row_in = 0.8 if narrow else 1.8 if beside is None else 1.3
+    row_in = 0.8 if narrow and rows > 1 else 1.8 if beside is None else 1.3
     figure = Figure(figsize=(width_in, (0.2 if narrow else 0.6) + row_in * rows))
     grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
     panels = [(metric, label, level) for metric, label in shown_metrics for level in shown_levels]
@@ -190,7 +239,7 @@ def along(
         if level is not None and spot.is_first_row():
             panel.set_title(f"{beside} = {_shortened(level)}")
         of_metric = means["value"][means["metric"] == metric]
-        if metric in SHARES:
+        if _is_share(metric):
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
             _scale_logarithmically(panel, min(values), max(values))
@@ -225,6 +274,8 @@ def heat(
     titles: Mapping[str, str],
     footer: str,
     place: str = "",
+    width_in: float = PAGE_IN,
+    metrics: Sequence[str] = HEATED,
 ) -> Figure:
     """Means across seeds over two axes, a row of panels a metric, a column a method.
 
@@ -244,22 +295,27 @@ def heat(
         Says below the panels what was run.
     place : str
         Where on the remaining axes the runs are, for the note above the panels.
+    width_in : float
+        The figure's width in inches, that of a page, or ``UserError`` is raised.
+    metrics : sequence of str
+        Which.
     """
+    _refuse_narrow(width_in)
     means = across_seeds(runs[runs["component"] == ""], [first, second])
     means = means[
         means["placement"].isin(("all", "car"))
-        & means["metric"].isin(HEATED)
+        & means["metric"].isin(metrics)
         & means["value"].notna()
     ]
     methods = list(dict.fromkeys(means["method"]))
-    metrics = [metric for metric in HEATED if (means["metric"] == metric).any()]
+    metrics = [metric for metric in metrics if (means["metric"] == metric).any()]
     up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
     height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
-    figure = Figure(figsize=(PAGE_IN, max(2.0, height_in)))
+    figure = Figure(figsize=(width_in, max(2.0, height_in)))
     grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
     for row, metric in zip(grid, metrics, strict=False):
         of_metric = means[means["metric"] == metric]
-        scale, drawn = _scale(of_metric, metric in SHARES), list[Axes]()
+        scale, drawn = _scale(of_metric, _is_share(metric)), list[Axes]()
         for panel, method in zip(row, methods, strict=True):
             cells = of_metric[of_metric["method"] == method].pivot_table(
                 index=first, columns=second, values="value", sort=False
@@ -268,7 +324,7 @@ def heat(
                 panel.remove()
                 continue
             cells = cells.reindex(index=up, columns=right)
-            _heat_map(panel, cells, scale, percent=metric in SHARES)
+            _heat_map(panel, cells, scale, percent=_is_share(metric))
             panel.set_title(titles[method])
             panel.set_xlabel(second)
             panel.set_ylabel("" if drawn else first)
@@ -276,7 +332,7 @@ def heat(
         shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
         bar = figure.colorbar(shades, ax=drawn, label=_wrapped(_label(metric)), pad=0.01)
         ticks = scale.boundaries[:: -(-len(scale.boundaries) // MAX_SCALE_TICKS)].tolist()
-        text = partial(percent_text, digits=3) if metric in SHARES else number_text
+        text = partial(percent_text, digits=3) if _is_share(metric) else number_text
         bar.set_ticks(ticks, labels=[text(tick) for tick in ticks])
     title = f"Over {first} and {second}: means across seeds, darker is more"
     finish(figure, title, footer, note=f"at {place}" if place else "")
@@ -285,8 +341,18 @@ def heat(
 
 def _label(metric: str) -> str:
     """A metric's title with its unit; ticks have the percent sign of shares."""
-    info = METRICS[metric]
-    return info.title if metric in SHARES else info.label
+    info = definition(metric)
+    return info.title if _is_share(metric) else info.label
+
+
+def _is_share(metric: str) -> bool:
+    return definition(metric).unit == "%"
+
+
+def _refuse_narrow(width_in: float) -> None:
+    """Raises ``UserError`` for the width of a column."""
+    if is_narrow(width_in):
+        raise UserError("figures of two axes need a page: leave --width out, or name a page's")
 
 
 def _wrapped(label: str, narrow: bool = False) -> str:

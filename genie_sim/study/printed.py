@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.registry import checked, definition
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, first_line, unknown
 from genie_sim.record import provenance
@@ -49,11 +49,15 @@ def drawn_from(
 
 
 def table_of(
-    folder: Path, format: str, methods: Sequence[str] = (), allow_changed: bool = False
+    folder: Path,
+    format: str,
+    methods: Sequence[str] = (),
+    metrics: Sequence[str] = (),
+    allow_changed: bool = False,
 ) -> str:
     """The points of a sweep, of all ``methods`` or of these: in ``csv`` every metric with all
-    digits, in ``latex`` the main metrics with their intervals, in ``markdown`` the same without.
-    Raises ``UserError``.
+    digits, in ``latex`` the main metrics with their intervals, in ``markdown`` the same without; or
+    these ``metrics``. Raises ``UserError``.
     """
     about, _, points = _read(folder, allow_changed)
     known = list(dict.fromkeys(points["method"].dropna()))
@@ -62,13 +66,16 @@ def table_of(
             raise UserError(f"--methods: {folder}: {unknown('method', name, known)}")
     if methods:
         points = points[points["method"].isin(methods)]
+    if checked(metrics, points["metric"]):
+        points = points[points["metric"].isin(metrics)]
     if format == "csv":
         return renderers.exact(
             list(map(str, points.columns)), points.itertuples(index=False, name=None)
         )
     columns = list(map(str, points.columns[1 : 1 + len(about["sweep"]["axes"])]))
     name = str(about.get("label") or about["sweep"]["name"])
-    table = _table(points, columns, _titles(about), f"{name}: {', '.join(columns)}")
+    shown = _columns(points, metrics)
+    table = _table(points, columns, shown, _titles(about), f"{name}: {', '.join(columns)}")
     if format == "markdown":
         return renderers.markdown(replace(table, title=""), intervals=False)
     seeds = len(about["sweep"]["seeds"])
@@ -79,24 +86,50 @@ def table_of(
     return renderers.latex(replace(table, rows=table.rows[:MAX_ROWS], notes=notes), name)
 
 
+def _columns(points: "pd.DataFrame", metrics: Sequence[str]) -> list[tuple[str, str]]:
+    """What a table shows: each metric with its placement; by default the main metrics of methods as
+    a whole. Raises ``UserError`` for a metric of components alone.
+    """
+    whole = points[points["component"] == ""]
+    there = dict.fromkeys(zip(whole["metric"], whole["placement"], strict=True))
+    if not metrics:
+        return [(name, "all") for name in PRINTED if (name, "all") in there]
+    columns = []
+    for name in metrics:
+        of_metric = [place for place in there if place[0] == name]
+        if not of_metric:
+            raise UserError(
+                f"--metrics: {name}: is not of a method as a whole; --format csv has it"
+                if (points["metric"] == name).any()
+                else f"--metrics: {name}: this sweep has no value of it"
+            )
+        columns += of_metric
+    return columns
+
+
 def _table(
-    points: "pd.DataFrame", columns: list[str], titles: Mapping[str, str], title: str
+    points: "pd.DataFrame",
+    columns: list[str],
+    shown: Sequence[tuple[str, str]],
+    titles: Mapping[str, str],
+    title: str,
 ) -> ResultTable:
-    """A row for each point and method, with the metrics of the method as a whole."""
-    metrics = [name for name in PRINTED if (points["metric"] == name).any()]
-    whole = points[(points["placement"] == "all") & (points["component"] == "")]
+    """A row for each point and method, with what is ``shown``: metrics with their placements."""
+    whole = points[points["component"] == ""]
     rows = []
     for (_, method), of_row in whole.groupby(["point", "method"], sort=False):
-        by_metric = of_row.set_index("metric")
+        by_place = of_row.set_index(["metric", "placement"])
         place = ", ".join(_level(of_row.iloc[0][column]) for column in columns)
         cells = [
-            METRICS[name].cell(*(by_metric[end][name] for end in ("value", "low", "high")))
-            if name in by_metric.index
+            definition(key[0]).cell(*(by_place[end][key] for end in ("value", "low", "high")))
+            if key in by_place.index
             else Cell()
-            for name in metrics
+            for key in shown
         ]
         rows.append(Row(f"{place}: {titles.get(str(method), str(method))}", cells))
-    return ResultTable([METRICS[name].label for name in metrics], rows, title)
+    about = [(definition(name), placement) for name, placement in shown]
+    labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
+    return ResultTable(labels, rows, title)
 
 
 def _level(level: object) -> str:

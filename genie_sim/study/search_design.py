@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.registry import METRICS, unknown_metric
 from genie_sim.base import files, settings
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
@@ -49,7 +49,7 @@ def metric_of(target: Target, field: str = "") -> str:
     """Its metric. Raises ``SettingError`` for the field where there is none of that name."""
     metric = target.partition("/")[0]
     if metric not in METRICS:
-        raise SettingError(field, unknown("metric", metric, METRICS))
+        raise SettingError(field, unknown_metric(metric))
     return metric
 
 

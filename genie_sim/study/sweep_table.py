@@ -51,6 +51,21 @@ class SweepPlots:
             figures.of_sweep(self.design, self.runs, self.titles, self.footer, width_in=width_in)
         )
 
+    def metric(self, name: str, width_in: float = PAGE_IN) -> "Figure":
+        """One metric along the first axis, or as a heat map over the first two. Raises
+        ``UserError`` for one that the sweep has no value of.
+        """
+        from genie_sim.study import figures
+
+        return figures.of_metric(
+            name,
+            self.design,
+            self.runs,
+            titles=self.titles,
+            footer=self.footer,
+            width_in=width_in,
+        )
+
     def along(self, axis: str) -> "Figure":
         """The main metrics along an axis, with a column of panels for each value of another one.
         Raises ``UserError`` for an axis that the sweep does not have.

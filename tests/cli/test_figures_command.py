@@ -93,7 +93,10 @@ def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
         (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),
         (["--only", "latency_cdf", "--width", "wide"], "or inches from 2 to 12, such as 3.5"),
         (["--only", "latency_cdf", "--out", "f.jpg"], "--out: unknown format 'jpg'"),
-        (["--out", "f.pdf", "--only", "latency_cdf", "--format", "svg"], "--format: f.pdf says it"),
+        (
+            ["--out", "f.pdf", "--only", "latency_cdf", "--format", "svg"],
+            "--format: f.pdf says another",
+        ),
         (["--methods", "genei"], "unknown method 'genei' (did you mean 'genie'?)"),
         (["--label", "a", "--label", "b"], "--label: 2 labels for one result"),
         (["--format", "jpg"], "--format: unknown format 'jpg'"),
