@@ -643,10 +643,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
         ("cars[3].device=tx2", "cars: has 2 entries, counted from 0; the next is cars[2]"),
         (
             "cars.device=tx2",
-            (
-                "cars: is [{'name': 'car1', 'device': 'jetson_tx2', 'edge': 'edge1'..., which has"
-                " no setting"
-            ),
+            "cars: is a list; did you mean cars[*].device, or cars[0].device?",
         ),
         ("seed[0]=1", "seed: is not a list in the scenario"),
         ("cameras[9].rate=1 Hz", "cameras: has 4 entries, counted from 0; the next is cameras[4]"),
