@@ -94,6 +94,16 @@ FIRST_OWN_STYLES = (4, 5)  # then those after all of METHOD_STYLES
 SAME_COLOUR = 4  # styles of one colour that differ in dashes
 # no method's (Tol)
 HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")
+DARK_HOSTS = (
+    "#9C90F0",
+    "#88CCEE",
+    "#44AA99",
+    "#4FBF74",
+    "#BBBB55",
+    "#DDCC77",
+    "#E08895",
+    "#D873A4",
+)
 # dark pages
 DARK_COLOURS = (
     "#F0B13C",

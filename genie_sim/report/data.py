@@ -12,7 +12,7 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
 from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title, definition
-from genie_sim.analysis.resource_metrics import ResourceMetric
+from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles, thinned
 from genie_sim.analysis.summary import about_laws, energy_note
 from genie_sim.base import units
@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     Floats = np.ndarray[Any, np.dtype[np.float64]]
 
 POINTS_PER_CURVE = 500
+BINS = 240
+MIN_BIN_NS, SAMPLE_NS = 500_000_000, 100_000_000
+MIN_USE = 0.01
 GENIES_PER_PLACEMENT = 8
+RESOURCES_PER_KIND = 8
 RESOURCES_ON_PAGE = 300
 
 
@@ -59,6 +63,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
             "confidence_boost": list(_boost(run)),
         },
         "window_requests": WINDOW_REQUESTS,
+        "use": list(_use(run, notes)),
         "faults": list(_faults(run, notes)),
         "replay": replay_data(run, start_ns, notes, pictures),
         "fleet": _fleet(run, notes),
@@ -296,6 +301,50 @@ def _boost(run: "Run") -> Iterator[dict[str, Any]]:
 def _curve(t_ns: "Floats", values: "Floats", digits: int) -> dict[str, list[float]]:
     places = thinned(len(values), POINTS_PER_CURVE)
     return {"x": _list(t_ns[places] / NS_PER_S, 2), "y": _list(values[places], digits)}
+
+
+def _use(run: "Run", notes: list[str]) -> Iterator[dict[str, Any]]:
+    """Share of time spent serving, or mean length of a queue, in equal parts of the time while
+    frames were taken.
+    """
+    resources, stamps_ns = run.tables["resources"], run.tables["frames"]["stamp_ns"]
+    end_ns = int(stamps_ns.max()) if len(stamps_ns) else 0
+    if not len(resources) or not end_ns:
+        return
+    if run.facts["scenario"].get("fleet"):
+        notes.append("Of a fleet, devices, links and queues of the edges alone are recorded.")
+    width_ns = max(MIN_BIN_NS, -(-end_ns // (BINS * SAMPLE_NS)) * SAMPLE_NS)
+    edges_ns = np.arange(run.warm_up_ns, end_ns + width_ns, width_ns, dtype=np.float64)
+    middles = _list((edges_ns[1:] + edges_ns[:-1]) / 2 / NS_PER_S, 2)
+    groups = (
+        (method, kind, samples)
+        for method, of_method in resources.groups("method")
+        for kind, samples in of_method.groups("kind")
+    )
+    for method, kind, group in groups:
+        curves = {name: _mean_use(samples, edges_ns) for name, samples in group.groups("resource")}
+        busiest = sorted(curves, key=lambda name: (-float(curves[name].sum()), name))
+        used = [name for name in busiest if curves[name].max() >= MIN_USE]
+        if len(used[:RESOURCES_PER_KIND]) < len(curves):
+            notes.append(
+                f"Use over time shows at most the {RESOURCES_PER_KIND} busiest of each kind, and "
+                f"none that never reached {MIN_USE:.0%}; all are in the table of metrics."
+            )
+        for name in sorted(used[:RESOURCES_PER_KIND]):
+            yield {
+                "method": method,
+                "kind": kind,
+                "name": name,
+                "x": middles,
+                "y": _list(curves[name], 4),
+            }
+
+
+def _mean_use(samples: "Columns", edges_ns: "Floats") -> "Floats":
+    mean: Floats = np.diff(np.interp(edges_ns, *running_use(samples))) / np.maximum(
+        np.diff(edges_ns), 1.0
+    )
+    return mean
 
 
 def _list(values: "Floats", digits: int) -> list[float]:

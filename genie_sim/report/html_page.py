@@ -102,7 +102,7 @@ def assemble(
     allowed = f"script-src {_source(script)}; style-src {_source(look)}"
     if pictures is not None:
         allowed += f"; img-src {pictures}"
-    sizes = {"palette": len(style.COLOURS), "lines": LINES}
+    sizes = {"palette": len(style.COLOURS), "hosts": len(style.HOSTS), "lines": LINES}
     parts = {
         "policy": f"default-src 'none'; {allowed}; base-uri 'none'",
         "title": escape(title),
@@ -116,11 +116,13 @@ def assemble(
 
 
 def _palette() -> str:
-    """The colours of methods as variables ``--method-0`` and so on, their lines as classes ``m0``
-    and so on, and parts of the time as ``part-0``.
+    """The colours of methods as variables ``--method-0`` and so on, of hosts as ``--host-0``;
+    methods' lines as classes ``m0`` and so on, those of hosts ``h0``, and parts of the time
+    ``part-0``.
     """
     colours = len(style.COLOURS)
-    light, dark = _variables(style.COLOURS), _variables(style.DARK_COLOURS)
+    light = _variables(style.COLOURS, style.HOSTS)
+    dark = _variables(style.DARK_COLOURS, style.DARK_HOSTS)
     lines = (
         f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}"
         for i in range(LINES)
@@ -128,12 +130,16 @@ def _palette() -> str:
     parts = (
         f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values())
     )
-    return "\n".join([light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, ""])
+    hosts = (f".h{i}{{--c:var(--host-{i})}}" for i in range(len(style.HOSTS)))
+    return "\n".join(
+        [light, f"@media (prefers-color-scheme: dark){{{dark}}}", *lines, *parts, *hosts, ""]
+    )
 
 
-def _variables(methods: Sequence[str]) -> str:
-    """The rule of CSS that names the colours of methods."""
-    variables = (f"--method-{place}:{colour};" for place, colour in enumerate(methods))
+def _variables(methods: Sequence[str], hosts: Sequence[str]) -> str:
+    """The rule of CSS that names the colours of methods and of hosts."""
+    variables = [f"--method-{place}:{colour};" for place, colour in enumerate(methods)]
+    variables += [f"--host-{place}:{colour};" for place, colour in enumerate(hosts)]
     return f":root{{{''.join(variables)}}}"
 
 

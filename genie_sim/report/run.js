@@ -177,6 +177,24 @@ function showOverTime() {
   });
 }
 
+function showUse() {
+  const hostOf = (name) => name.split(/[./]|->/)[0], dashes = [null, "7 3", "2 3"];
+  const hosts = [...new Set(DATA.use.map((one) => hostOf(one.name)))].sort((one, other) => one.localeCompare(other, "en", { numeric: true }));
+  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", cell: "Utilization of radio cells", queue: "Messages waiting" };
+  chooseMethod("use-of", (method) => DATA.use.some((one) => one.method === method), () => {
+    byId("use-charts").replaceChildren();
+    for (const [kind, title] of Object.entries(kinds)) {
+      const series = DATA.use.filter((one) => one.method === byId("use-of").value && one.kind === kind)
+        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.hosts}`, marker: hosts.indexOf(hostOf(one.name)),
+          dash: dashes[Math.min(all.slice(0, i).filter((other) => hostOf(other.name) === hostOf(one.name)).length, 2)] }));
+      if (!series.length) continue;
+      const queue = kind === "queue";
+      lineChart(byId("use-charts").appendChild(make("div")), { title, series, height: 180, x: timeAxisOf(series), spans: faultSpans(byId("use-of").value),
+        y: { min: 0, max: queue ? highest(series, 1) : Math.min(1, highest(series, 0.1)), label: title, format: queue ? (value) => digits(value) : percent, read: queue ? (value) => value.toFixed(2) : percent } });
+    }
+  });
+}
+
 function showMetrics() {
   const text = (value) => (value === null ? "" : digits(value, 4));
   filteredTable("metric", ["title", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n"],
@@ -190,6 +208,7 @@ showAccuracy();
 showLatency();
 showParts();
 showOverTime();
+showUse();
 showMetrics();
 showReplay();
 showFleet();

@@ -187,8 +187,8 @@ def test_a_long_run_is_cut_honestly(run, monkeypatch):
     assert count == (run.poses["stamp_ns"] < NS).sum()
     assert "from 0.0 s to 1.0 s of 2." in " ".join(cut["notes"])
     assert not any("every frame from" in note for note in whole["notes"])
-    assert {key: cut[key] for key in ("metrics", "cdf", "about")} == {
-        key: whole[key] for key in ("metrics", "cdf", "about")
+    assert {key: cut[key] for key in ("metrics", "cdf", "use", "about")} == {
+        key: whole[key] for key in ("metrics", "cdf", "use", "about")
     }
 
 
@@ -443,6 +443,23 @@ def test_the_page_of_three_cars_is_short_and_its_folds_open(browser, file):
     spare = "byId('by-method').parentElement.clientWidth - byId('by-method').offsetWidth"
     assert browser.evaluate(spare) >= 0, "every method's column is in the window of a telephone"
     assert browser.errors == []
+
+
+def test_hosts_differ_in_their_marks_too(browser, file, run):
+    browser.open(file)
+    hosts = [entry["name"] for kind in ("cars", "edges") for entry in run.facts["scenario"][kind]]
+    for chart in ("accelerator", "cpu"):
+        place = ["accelerator", "cpu"].index(chart)
+        marks = browser.evaluate(
+            f"[...byId('use-charts').children[{place}].querySelectorAll('.keys svg')].map((key) =>"
+            " [...key.querySelectorAll('path')].slice(1).map((one) => one.getAttribute('d') +"
+            " one.classList[1]).join())"
+        )
+        assert len(set(marks)) == len(marks) == len(hosts) and all(marks)
+    drawn = browser.evaluate(
+        "byId('use-charts').children[0].querySelectorAll(':scope > svg path[transform]').length"
+    )
+    assert drawn >= 3 * len(hosts)
 
 
 def test_the_slider_moves_the_street_by_mouse_and_by_key(browser, file):
