@@ -47,14 +47,19 @@ def points_of(study: str) -> pd.DataFrame:
     return points[(points["along"] == "") & (points["placement"] == "all")]
 
 
+def found(points: pd.DataFrame, **where: Any) -> list[float]:
+    """The values where every column is as given."""
+    for column, text in where.items():
+        points = points[points[column] == text]
+    return points["value"].tolist()
+
+
 def value(points: pd.DataFrame, component: str = "", **where: Any) -> float:
     """The one value where every column is as given."""
     if "component" in points:
         where["component"] = component
-    for column, text in where.items():
-        points = points[points[column] == text]
-    (found,) = points["value"]
-    return float(found)
+    (one,) = found(points, **where)
+    return one
 
 
 def by_metric(
@@ -211,13 +216,9 @@ def baselines() -> str:
     for method, title in names.items():
         cells = []
         for metric, consumer, placement, form in columns.values():
-            found = points[
-                (points["method"] == method)
-                & (points["metric"] == metric)
-                & (points["consumer"] == consumer)
-                & (points["placement"] == placement)
-            ]["value"]
-            cells.append(form(float(found.iloc[0])) if len(found) else "-")
+            of = {"method": method, "metric": metric, "consumer": consumer, "placement": placement}
+            numbers = found(points, **of)
+            cells.append(form(numbers[0]) if numbers else "-")
         rows.append([title, *cells])
     return markdown(["method", *columns], rows)
 
@@ -270,9 +271,9 @@ def with_tables(text: str, tables: Mapping[str, Callable[[], str]]) -> str:
     """The text of a page with these tables in their places."""
     for name, table in tables.items():
         begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-        found = re.compile(f"{begin}.*?{end}", re.DOTALL)
-        assert len(found.findall(text)) == 1, name
-        text = found.sub(f"{begin}\n{table()}\n{end}", text)
+        place = re.compile(f"{begin}.*?{end}", re.DOTALL)
+        assert len(place.findall(text)) == 1, name
+        text = place.sub(f"{begin}\n{table()}\n{end}", text)
     return text
 
 
