@@ -176,9 +176,8 @@ def test_both_directions_at_once_under_load(edge: Site, new_site: Callable[..., 
         time.sleep(0.001)
     assert car.names() == ["edge1"] and edge.names() == ["car1"]
     for site in (car, edge):
-        assert len(site.got) > 50 and site.seconds() == sorted(set(site.seconds())), (
-            "in order, none twice"
-        )
+        seconds = site.seconds()  # once: more may arrive at any time
+        assert len(seconds) > 50 and seconds == sorted(set(seconds)), "in order, none twice"
 
 
 def test_a_slow_link_holds_two_images_and_the_newest_ones():
@@ -842,7 +841,8 @@ def test_large_images_arrive_over_a_slow_link_the_newest_next(
         time.sleep(0.05)
     until(lambda: edge.got and edge.seconds()[-1] == 40, "the newest arrives", 50.0)
     assert edge.seconds()[-2:] == [39, 40] and len(edge.got) < 30
-    assert edge.seconds() == sorted(edge.seconds()) and car.names() == ["edge1"]
+    seconds = edge.seconds()
+    assert seconds == sorted(seconds) and car.names() == ["edge1"]
 
 
 def test_who_sits_on_the_wire_can_cut_it_but_not_change_it(
