@@ -279,7 +279,8 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     links are each of one kind.
     """
     setup = build.setup(prepared, prepared.scenario.methods[0])
-    wire = setup.links[setup.cars[0].name]
+    car = setup.cars[0]
+    wire = setup.links[car.name, car.edge]
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}

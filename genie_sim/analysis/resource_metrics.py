@@ -73,7 +73,7 @@ def views(
         instants_ns = np.union1d([0.0], of_method.floats("t_ns"))
         whole = UseSpan(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
         for name, samples in of_method.groups("resource"):
-            hosts = re.sub(r"(\.accelerator|\.cpu|/.*)$", "", name).split("->")
+            hosts = re.sub(r"(\.accelerator|\.cpu|\.channel|/.*)$", "", name).split("->")
             (span,) = [spans[host] for host in hosts if host in spans] or [whole]
             placement = "all" if len(hosts) > 1 else "edge" if span is whole else "car"
             sampled = _sampled(span, instants_ns)
@@ -124,7 +124,7 @@ class ResourceMetric(Metric):
 
 class Utilization(ResourceMetric):
     """Share of the time in which a device or link works; on a car, of the time in which it
-    drives.
+    drives. That of a channel is the channel busy ratio where the host is.
     """
 
     title = "utilization"

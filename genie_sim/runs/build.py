@@ -17,7 +17,7 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_models import LinkModel, Medium
-from genie_sim.sim.link_models.presets import LINK, LINKS
+from genie_sim.sim.link_models.presets import BROADCAST, LINK, LINKS
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
@@ -40,8 +40,10 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     }
     freshness = settings.genie.object_map.freshness
     # One model for all equal links: a fleet has one, and very many cars.
-    choices = {repr(car.link): car.link for car in scenario.cars if car.link is not None}
+    links = _links(scenario)
+    choices = {repr(choice): choice for choice in links.values()}
     models = {key: link_model(choice) for key, choice in choices.items()}
+    broadcast = settings.broadcast
     return Setup(
         seed=scenario.seed,
         settings=settings,
@@ -50,7 +52,8 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         cameras=scenario.cameras,
         frames={car.name: prepared.drives[car.name].frames for car in scenario.cars},
         devices=devices,
-        links={car.name: models[repr(car.link)] for car in scenario.cars if car.link is not None},
+        links={ends: models[repr(choice)] for ends, choice in links.items()},
+        broadcast=None if broadcast is None else BROADCAST.make(broadcast),
         edge_network=link_model(settings.edge_network),
         laws=ASSUMED if freshness.parameters.get("measured") is False else prepared.laws,
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
@@ -61,13 +64,31 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     )
 
 
+def _links(scenario: Scenario) -> dict[tuple[str, str], Choice]:
+    """The link of each uplink, by car and edge, the further ones last."""
+    links = {
+        (car.name, car.edge): car.link
+        for car in scenario.cars
+        if car.edge is not None and car.link is not None
+    }
+    for car in scenario.cars:
+        links |= {(car.name, further.edge): further.link for further in car.further_uplinks}
+    return links
+
+
 def _interfaces(scenario: Scenario) -> dict[str, Interface]:
-    """The network interface of each car with an edge, where its kind is known."""
+    """The network interface of each car with an edge, where its kind is known, and one for all of
+    its uplinks.
+    """
     interfaces = {}
     for car in scenario.cars:
         if car.link is None:
             continue
-        name = _interface_of(car.link) if scenario.interface == "auto" else scenario.interface
+        links = [car.link, *(further.link for further in car.further_uplinks)]
+        names = {scenario.interface}
+        if scenario.interface == "auto":
+            names = {_interface_of(link) for link in links}
+        name = names.pop() if len(names) == 1 else None
         if name is not None:
             interfaces[car.name] = Interface(name, INTERFACES[name].tail_time_ns)
     return interfaces

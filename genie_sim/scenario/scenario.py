@@ -100,7 +100,7 @@ class Scenario(MethodSettings):
     """The methods to compare, in this order, each on the same random numbers. A method's name, or a
     mapping with `name`, `method`, `title`, the method's own arguments, and settings of the scenario
     that differ for this entry (`genie`, `model`, `spread`, `queue_length`, `consumer`,
-    `image_encoding`, `edge_network`, `serving`)."""
+    `image_encoding`, `edge_network`, `broadcast`, `serving`)."""
 
     perception: Annotated[Choice, FRAME_SOURCE] = USUAL_TRACE
     """Where frames and detections come from."""
@@ -246,6 +246,9 @@ class Scenario(MethodSettings):
         out: their code runs only where a scenario does.
         """
         named = [(f"cars[{index}].link", car.link) for index, car in enumerate(self.cars)]
+        for index, car in enumerate(self.cars):
+            for place, further in enumerate(car.further_uplinks):
+                named.append((f"cars[{index}].further_uplinks[{place}].link", further.link))
         if self.fleet is not None:
             named.append(("fleet.link", self.fleet.link))
         for index, entry in enumerate(self.methods):

@@ -4,6 +4,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
 from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
@@ -129,7 +130,7 @@ class Link:
         carried: OnMessage | None = None,
         host: str = "",
     ) -> None:
-        """Queues a message.
+        """Queues a message. Raises ``UserError`` for one of no bytes.
 
         Parameters
         ----------
@@ -146,10 +147,13 @@ class Link:
         host : str
             The host that it goes to, or a node there.
         """
+        size_bytes = message.size_bytes
+        if size_bytes <= 0:
+            raise UserError(f"{self.name}: a message of {size_bytes} bytes; it must have some")
         self._queue(
             Transfer(
                 flow,
-                message.size_bytes,
+                size_bytes,
                 message,
                 host=host,
                 deliver=deliver,

@@ -2,6 +2,8 @@
 from.
 """
 
+from collections.abc import Sequence
+
 from genie_sim.core.messages import Detections, Message
 from genie_sim.core.monitor import Monitor
 from genie_sim.sim.fault import EdgeConnection
@@ -17,13 +19,18 @@ class CarListener(Subscriber):
     """
 
     def __init__(
-        self, graph: Graph, monitor: Monitor, *, uplink: EdgeConnection | None, has_server: bool
+        self,
+        graph: Graph,
+        monitor: Monitor,
+        *,
+        uplinks: Sequence[EdgeConnection],
+        has_server: bool,
     ) -> None:
         self.address = f"{graph.name}/consumer"
         self._car = graph.name
         self._clock = graph.clock
         self._monitor = monitor
-        self._uplink = uplink
+        self._uplinks = uplinks
         self._has_server = has_server
         graph.subscribe(IMAGES, self)
         graph.subscribe(OBJECTS, self)
@@ -44,7 +51,7 @@ class CarListener(Subscriber):
         host = answer.served_by.split("/")[0]
         if host == self._car:
             role = "own"
-        elif self._uplink is not None and host == self._uplink.edge:
+        elif any(host == uplink.edge for uplink in self._uplinks):
             role = "edge"
         else:
             role = "peer"

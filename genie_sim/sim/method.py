@@ -4,8 +4,8 @@ A method says, for every car and every edge, whether a detector runs there, whic
 before it, and which topics reach whom. The world builds that, in the same way for every method.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -113,6 +113,10 @@ class HostContext:
         All edges, in the scenario's order.
     neighbours : sequence of str
         The edges that this edge is connected to; empty for a car.
+    further_edges : tuple of str
+        The edges to which the car has further uplinks.
+    can_broadcast : bool
+        Whether the scenario has a medium on which hosts hear each other.
     """
 
     name: str
@@ -125,6 +129,8 @@ class HostContext:
     laws: DetectorLaws
     edges: tuple[str, ...]
     neighbours: Sequence[str] = ()
+    further_edges: tuple[str, ...] = ()
+    can_broadcast: bool = False
 
 
 class Uplink(NamedTuple):
@@ -153,6 +159,11 @@ class HostConfig:
         runs.
     uplink : Uplink or None
         Connects a car to its edge.
+    further_uplinks : mapping
+        Connects a car to other edges, by their names: some of ``HostContext.further_edges``.
+    broadcast : tuple of str
+        What is published here on these topics reaches every other host in range that has topics of
+        broadcasts, on the same topic.
     neighbour_topics : tuple of str
         What neighbouring edges publish on these topics reaches this edge.
     key : str or None
@@ -172,6 +183,8 @@ class HostConfig:
     detector: bool = False
     interceptor: MakeInterceptor | None = None
     uplink: Uplink | None = None
+    further_uplinks: Mapping[str, Uplink] = field(default_factory=dict)
+    broadcast: tuple[str, ...] = ()
     neighbour_topics: tuple[str, ...] = ()
     key: str | None = None
     costs_nothing: bool = False

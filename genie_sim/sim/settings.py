@@ -12,6 +12,7 @@ from genie_sim.base.settings import (
     FRAME_RATE,
     Bounds,
     Count,
+    IfGiven,
     Name,
     NotEmpty,
     OneOf,
@@ -21,9 +22,10 @@ from genie_sim.base.settings import (
 from genie_sim.core.consumer import ConsumerRules
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
-from genie_sim.sim.link_models.presets import LINK, LINKS, USUAL_LINK
+from genie_sim.sim.link_models.presets import BROADCAST, LINK, LINKS, USUAL_LINK
 
 EDGES = "edges"  # the network between edges, in the names of links
+ALL = "*"  # whoever hears a broadcast, in the names of links
 
 
 def check_unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
@@ -159,6 +161,17 @@ class Route:
 
 
 @dataclass(frozen=True)
+class FurtherUplink:
+    """A car's link to an edge besides its own, for methods that use several."""
+
+    edge: str
+    """The edge."""
+
+    link: Annotated[Choice, LINK] = LINKS[USUAL_LINK]
+    """The link to it, with the settings of `edge_network`."""
+
+
+@dataclass(frozen=True)
 class Car:
     """A car with its computer and its link to its edge (both ``None`` for a car on its own)."""
 
@@ -177,6 +190,10 @@ class Car:
 
     route: Route = Route()
     """Which part of a drive it replays, and when."""
+
+    further_uplinks: Annotated[tuple[FurtherUplink, ...], IfGiven()] = ()
+    """Links to further edges, such as `[{edge: edge2, link: lte}]`. Only a method that asks for
+    them uses them."""
 
     cameras: Annotated[
         bool | Annotated[tuple[Camera, ...], NotEmpty()], OneOf("true, false or a list of cameras")
@@ -199,6 +216,11 @@ class Car:
                 "cameras",
                 "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it",
             )
+        if self.further_uplinks and (self.edge is None or not self.cameras):
+            text = "need a car with an 'edge' and cameras"
+            raise SettingError("further_uplinks", text)
+        edges = [uplink.edge for uplink in self.further_uplinks]
+        check_unique("further_uplinks", edges, ".edge", also=[self.edge] if self.edge else [])
         if isinstance(self.cameras, tuple):
             check_unique("cameras", [camera.name for camera in self.cameras], ".name")
 
@@ -245,6 +267,11 @@ class MethodSettings:
     """With how many of the nearest edges each edge shares at least, where it does not name its own
     (`edges[].neighbours`). By default up to six edges all share with each other, and of more each
     with the four nearest."""
+
+    broadcast: Annotated[Annotated[Choice, BROADCAST] | None, IfGiven()] = None
+    """The medium on which cars, and edges that have a place, hear what others broadcast, such as
+    `{medium: sidelink, range: 200 m}`; only a method that broadcasts uses it. By default there is
+    none."""
 
     serving: Serving = Serving()
     """How the detectors of edges serve pictures: one by one, or in batches."""

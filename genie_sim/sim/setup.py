@@ -8,7 +8,7 @@ from genie_sim.core.messages import Frame
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.interface import Interface
-from genie_sim.sim.link_models import LinkModel, Medium
+from genie_sim.sim.link_models import BroadcastMedium, LinkModel, Medium
 from genie_sim.sim.places import Place
 from genie_sim.sim.service import Device
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
@@ -35,9 +35,11 @@ class Setup:
     devices : mapping
         The computers, by the names that cars and edges give them.
     links : mapping
-        The link model of each car with an edge, by car.
+        The link model of each uplink, by car and edge.
     edge_network : LinkModel or Medium
         That of the network between edges.
+    broadcast : BroadcastMedium, optional
+        On which hosts hear each other.
     laws : DetectorLaws
         The detectors' laws, as maps and consumers that weigh evidence take them to be.
     faults : sequence of TimedFault
@@ -59,8 +61,9 @@ class Setup:
     cameras: Sequence[Camera]
     frames: Mapping[str, Mapping[str, Sequence[Frame]]]
     devices: Mapping[str, Device]
-    links: Mapping[str, LinkModel | Medium]
+    links: Mapping[tuple[str, str], LinkModel | Medium]
     edge_network: LinkModel | Medium
+    broadcast: BroadcastMedium | None = None
     laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
     codec: ImageCodec | None = None

@@ -1,10 +1,9 @@
-"""A car's connection to its edge and back."""
+"""A car's connections to edges and back."""
 
 from collections.abc import Mapping
 from functools import partial
 
 from genie_sim.core.messages import Message
-from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
 from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
@@ -13,7 +12,7 @@ from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.topology import EdgeServer
 
 
-class CarUplink(Subscriber):
+class CarUplink:
     """Connects a car and its edge to one virtual network: frames go up, the answers to them come
     down.
 
@@ -48,7 +47,6 @@ class CarUplink(Subscriber):
         tail_time_ns: int = 0,
     ) -> None:
         self.interface = network.interface(graph.name, tail_time_ns)
-        self.address = f"{graph.name}/uplink"
         self.car = graph.name
         self.edge = ""
         self._network = network
@@ -58,16 +56,11 @@ class CarUplink(Subscriber):
         self._edges = edges
         self._lost_by = ""  # what made the car leave
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
-        self._encoder: Coder | None = None
-        if isinstance(graph, Graph):
-            self._encoder = network.add_coder(graph, "encoder", self._send)
-        graph.bridge(topics.up, self)
 
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
-        if self._encoder is None:
-            self._send(topic, message, sender)
-        else:
-            self._encoder.inject(topic, message, sender)
+    def send(self, topic: str, message: Message, sender: str) -> None:
+        """A message goes up."""
+        upwards, _ = self._bridges[self.edge]
+        upwards.deliver(topic, message, sender)
 
     def leave(self, lost_by: str) -> None:
         """The connection to the edge breaks; ``lost_by`` names what drops the messages."""
@@ -87,16 +80,11 @@ class CarUplink(Subscriber):
     def clear(self) -> None:
         """Removes all links."""
         self._bridges.clear()
-        self._encoder = None
 
     def bytes_carried(self) -> tuple[int, int]:
         """How much went up and came down, over the links to all edges."""
         links = [(up.link, down.link) for up, down in self._bridges.values()]
         return sum(up.sent_bytes for up, _ in links), sum(down.sent_bytes for _, down in links)
-
-    def _send(self, topic: str, message: Message, sender: str) -> None:
-        upwards, _ = self._bridges[self.edge]
-        upwards.deliver(topic, message, sender)
 
     def _connect(self, edge: EdgeServer) -> tuple[Bridge, Bridge]:
         """What carries the car's frames up to an edge, and the answers to them down."""
@@ -130,3 +118,40 @@ class CarUplink(Subscriber):
 
     def _lost(self, message: Message) -> None:
         self._network.monitor.dropped(message, self._lost_by)
+
+
+class CarUplinks(Subscriber):
+    """All uplinks of a car. What is published on a topic goes up each uplink that takes it; an
+    image that is encoded is so once for all of them.
+    """
+
+    def __init__(self, network: Network, graph: Graph) -> None:
+        self.address = f"{graph.name}/uplink"
+        self.uplinks: list[CarUplink] = []
+        self._graph = graph
+        self._by_topic: dict[str, list[CarUplink]] = {}
+        self._encoder = network.add_coder(graph, "encoder", self._send)
+
+    def add(self, topic: str, uplink: CarUplink) -> None:
+        """An uplink takes what is published on a topic."""
+        if topic not in self._by_topic:
+            self._graph.bridge(topic, self)
+        self._by_topic.setdefault(topic, []).append(uplink)
+        self.uplinks.append(uplink)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        if self._encoder is None:
+            self._send(topic, message, sender)
+        else:
+            self._encoder.inject(topic, message, sender)
+
+    def clear(self) -> None:
+        """Removes all links."""
+        for uplink in self.uplinks:
+            uplink.clear()
+        self._by_topic.clear()
+        self._encoder = None
+
+    def _send(self, topic: str, message: Message, sender: str) -> None:
+        for uplink in self._by_topic[topic]:
+            uplink.send(topic, message, sender)

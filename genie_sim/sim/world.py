@@ -9,7 +9,7 @@ import numpy as np
 import simpy
 
 from genie_sim.base import seeds
-from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
@@ -23,10 +23,10 @@ from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.serving import BatchingDetectorNode
-from genie_sim.sim.settings import Car, Serving
+from genie_sim.sim.settings import ALL, Car, Edge, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
-from genie_sim.sim.uplinks import CarUplink
+from genie_sim.sim.uplinks import CarUplink, CarUplinks
 
 SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight
@@ -79,7 +79,8 @@ class World:
         self._cameras: list[CameraNode] = []
         self._faults: list[simpy.Process] = []
         self._fault_spans: list[FaultSpan] = []
-        self._uplinks: list[CarUplink] = []
+        self._uplinks: list[CarUplinks] = []
+        self._broadcast = None if setup.broadcast is None else setup.broadcast.radio(self.network)
         self._used_before: dict[str, HostUsage] = {}  # the end of the warm-up
         self._build_edges()
         edge_resources = list(self.network.resources)
@@ -141,15 +142,14 @@ class World:
         """What every host has used until now."""
         setup = self.setup
         starts_ns, uplinks = {car.name: car.route.start_ns for car in setup.cars}, {}
-        for uplink in self._uplinks:
-            bytes_up, bytes_down = uplink.bytes_carried()
-            use = uplink.interface
-            transfer_ns = use.transfer_ns(self.clock.now)
-            uplinks[uplink.car] = {
-                "bytes_up": bytes_up,
-                "bytes_down": bytes_down,
-                "transfer_ns": transfer_ns,
-                "tail_ns": use.tail_ns,
+        for of_car in self._uplinks:
+            carried = [uplink.bytes_carried() for uplink in of_car.uplinks]
+            used = [uplink.interface for uplink in of_car.uplinks]
+            uplinks[of_car.car] = {
+                "bytes_up": sum(up for up, _ in carried),
+                "bytes_down": sum(down for _, down in carried),
+                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
+                "tail_ns": sum(use.tail_ns for use in used),
             }
         for name, graph in self.network.graphs.items():
             host, interface = graph.host, setup.interfaces.get(name)
@@ -173,8 +173,8 @@ class World:
         if samples == "all":
             return resources  # the list itself: a hand-over adds links while time runs
         if samples == "edges":
-            cells = [resource for resource in resources if resource.kind == "cell"]
-            return edge_resources + cells
+            shared = [resource for resource in resources if resource.kind in ("cell", "channel")]
+            return edge_resources + shared
         if samples == "processors":
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
@@ -200,7 +200,7 @@ class World:
         neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
             name = edge.name
-            context = self._contexts.edge(name, name not in blind_edges, neighbours_of[name])
+            context = self._contexts.edge(edge, name not in blind_edges, neighbours_of[name])
             config = self._method.on_edge(context)
             graph = network.add_host(name, setup.devices[edge.device])
             servers[name] = EdgeServer(graph, config)
@@ -209,6 +209,7 @@ class World:
         for server in servers.values():
             graph = server.graph
             self._add_interceptor(graph, server.config, "edge")
+            self._add_broadcast(graph, server.config)
             server.target = network.add_coder(graph, "decoder", graph.inject) or graph
         join_edges(network, servers, neighbours_of, setup.edge_network)
         self.edges.update(servers)
@@ -222,11 +223,12 @@ class World:
         if config.detector:
             self._add_detector(graph)
         self._add_interceptor(graph, config, "car")
-        uplink = self._add_uplink(car, graph, config)
-        has_server = config.detector or config.interceptor is not None or uplink is not None
+        uplinks = self._add_uplinks(car, graph, config)
+        self._add_broadcast(graph, config)
+        has_server = config.detector or config.interceptor is not None or bool(uplinks)
         if has_server or car.edge is not None:
             self._check_wiring(car, graph, config)
-        CarListener(graph, self.monitor, uplink=uplink, has_server=has_server)
+        CarListener(graph, self.monitor, uplinks=uplinks, has_server=has_server)
         for camera in car.streams(setup.cameras):
             frames = setup.frames[car.name][camera.recording]
             node = CameraNode(
@@ -244,8 +246,8 @@ class World:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
         with as_user_error(self._method.title, UserError):
             wiring.check_car(graph, config)
-            if config.uplink is not None and car.edge is not None:
-                edge = self.edges[car.edge]
+            used = [car.edge] if config.uplink is not None and car.edge is not None else []
+            for edge in (self.edges[name] for name in (*used, *config.further_uplinks)):
                 wiring.check_edge(edge.graph, edge.config, car.name)
 
     def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
@@ -274,26 +276,50 @@ class World:
         if not config.is_beside:
             graph.entry = node.name
 
-    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
-        """The car's connection to its edge, if the method wants one."""
-        if config.uplink is None:
-            return None
-        if car.edge is None:
-            raise UserError(f"{self._method.title}: {car.name} has an uplink, but no edge")
-        model = self.setup.links[car.name]
-        interface = self.setup.interfaces.get(car.name)
-        uplink = CarUplink(
-            self.network,
-            graph,
-            config.uplink,
-            model=model,
-            edges=self.edges,
-            tail_time_ns=0 if interface is None else interface.tail_time_ns,
-        )
-        uplink.join(car.edge)
-        self._uplinks.append(uplink)
-        self.network.uplinks[car.name] = uplink
-        return uplink
+    def _add_uplinks(self, car: Car, graph: Graph, config: HostConfig) -> list[CarUplink]:
+        """The car's connections to its edge, and to others, as the method wants them."""
+        setup, title = self.setup, self._method.title
+        if config.uplink is not None and car.edge is None:
+            raise UserError(f"{title}: {car.name} has an uplink, but no edge")
+        further = [uplink.edge for uplink in car.further_uplinks]
+        for edge in config.further_uplinks:
+            if edge not in further:
+                raise UserError(f"{title}: {car.name}: {unknown('further uplink', edge, further)}")
+        wanted = dict(config.further_uplinks)
+        if config.uplink is not None and car.edge is not None:
+            wanted = {car.edge: config.uplink, **wanted}
+        if not wanted:
+            return []
+        of_car = CarUplinks(self.network, graph)
+        interface = setup.interfaces.get(car.name)
+        for edge, topics in wanted.items():
+            uplink = CarUplink(
+                self.network,
+                graph,
+                topics,
+                model=setup.links[car.name, edge],
+                edges=self.edges,
+                tail_time_ns=0 if interface is None else interface.tail_time_ns,
+            )
+            of_car.add(topics.up, uplink)
+            uplink.join(edge)
+            if edge == car.edge:
+                self.network.uplinks[car.name] = uplink
+        self._uplinks.append(of_car)
+        return of_car.uplinks
+
+    def _add_broadcast(self, graph: Graph, config: HostConfig) -> None:
+        """The host's place on the medium on which hosts hear each other, if the method wants
+        one.
+        """
+        if not config.broadcast:
+            return
+        who = f"{self._method.title}: {graph.name} broadcasts"
+        if self._broadcast is None:
+            raise UserError(f"{who}, but the scenario has no 'broadcast', such as 'sidelink'")
+        if graph.name in self.network.edges and self.network.site(graph.name) is None:
+            raise UserError(f"{who}, but has no place: give the edge its 'at'")
+        self.network.add_broadcast(graph, config.broadcast, self._broadcast, f"{graph.name}->{ALL}")
 
 
 class Contexts(NamedTuple):
@@ -307,12 +333,18 @@ class Contexts(NamedTuple):
     def car(self, car: Car) -> HostContext:
         """About a car; it has rules of a Genie if one may run there."""
         genie = self.setup.settings.genie if car.genie else None
-        return self._host(car.name, bool(car.cameras), has_edge=car.edge is not None, genie=genie)
+        has_edge = car.edge is not None
+        context = self._host(car.name, bool(car.cameras), has_edge=has_edge, genie=genie)
+        further = tuple(uplink.edge for uplink in car.further_uplinks)
+        can_broadcast = self.setup.broadcast is not None
+        return replace(context, further_edges=further, can_broadcast=can_broadcast)
 
-    def edge(self, name: str, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
+    def edge(self, edge: Edge, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
         """About an edge."""
-        context = self._host(name, gets_images, has_edge=True, genie=self.setup.settings.genie)
-        return replace(context, neighbours=neighbours)
+        genie = self.setup.settings.genie
+        context = self._host(edge.name, gets_images, has_edge=True, genie=genie)
+        can_broadcast = self.setup.broadcast is not None and edge.at_m is not None
+        return replace(context, neighbours=neighbours, can_broadcast=can_broadcast)
 
     def _host(
         self, name: str, gets_images: bool, *, has_edge: bool, genie: GenieRules | None

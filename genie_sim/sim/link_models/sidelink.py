@@ -1,0 +1,234 @@
+"""Broadcasts between hosts on one channel: carrier sense, random backoff, collisions.
+
+After IEEE 802.11p in 10 MHz, with the numbers of ETSI EN 302 663: nobody acknowledges a broadcast,
+and nobody repeats it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import simpy
+
+from genie_sim.base.settings import Bounds
+from genie_sim.base.units import NS_PER_S
+from genie_sim.sim.clock import Occupancy, Steps
+from genie_sim.sim.link_models import Air
+from genie_sim.sim.link_models.cell import PLACES_NS
+from genie_sim.sim.link_models.message_random import MessageRandom
+
+MBIT = 10**6
+SLOT_NS = 13_000
+IDLE_NS = 110_000  # that the channel must be idle before anybody sends: best effort, AIFS
+WINDOW = 15  # the most slots of the backoff: best effort, CWmin
+PREAMBLE_NS = 40_000  # with the signal field
+
+
+@dataclass(frozen=True)
+class Sidelink:
+    """One channel for the broadcasts of all cars, and of edges that have a place.
+
+    Whoever has a message waits until the channel is idle where it is, then for a random number of
+    slots. Those in range receive it, unless they send at the same time or hear another message that
+    overlaps with it; no message is strong enough to be received beside another.
+    """
+
+    rate_bps: Annotated[int, Bounds(above=0)] = 6 * MBIT
+    """The rate of every message: the default of ETSI's control channel."""
+
+    range_m: Annotated[float, Bounds(above=0)] = 300.0
+    """How far a message is received, and the channel sensed. Assumed."""
+
+    overhead_bytes: Annotated[int, Bounds(minimum=0)] = 36
+    """Added to every message: the header and the check sequence of IEEE 802.11, and that of the
+    logical link."""
+
+    loss: Annotated[float, Bounds(minimum=0, maximum=1)] = 0.0
+    """The share of receptions that are lost otherwise, each by itself."""
+
+    def radio(self, air: Air) -> "SidelinkChannel":
+        return SidelinkChannel(self, air)
+
+    def airtime_ns(self, size_bytes: int) -> int:
+        """How long a message of so many bytes keeps the channel busy [ns]."""
+        bits = (size_bytes + self.overhead_bytes) * 8
+        return PREAMBLE_NS + -(-bits * NS_PER_S // self.rate_bps)
+
+
+@dataclass(slots=True, eq=False)
+class Broadcasting:
+    """A message on the air: the stations in range, and those of them that cannot receive it."""
+
+    stations: Sequence["Station"]
+    lost_at: set["Station"] = field(default_factory=set)
+
+
+class SidelinkChannel:
+    """The channel in one run: who is near whom. Ranges follow the places of the cars every tenth of
+    a second.
+    """
+
+    def __init__(self, sidelink: Sidelink, air: Air) -> None:
+        self.sidelink = sidelink
+        self.air = air
+        self._stations: list[Station] = []
+        self._near: dict[Station, list[Station]] = {}
+        self._places: list[tuple[float, float]] = []
+        self._places_of = -1  # the tenth of a second
+
+    def sender(self, host: str) -> "Station":
+        """The station of a host."""
+        station = Station(host, self)
+        self._stations.append(station)
+        self.air.add_resource(station)
+        return station
+
+    def near(self, station: "Station") -> list["Station"]:
+        """The other stations in range now."""
+        tenth = self.air.clock.now // PLACES_NS
+        if tenth != self._places_of:
+            self._places_of = tenth
+            self._places = [self._place(other.host) for other in self._stations]
+            self._near.clear()
+        near = self._near.get(station)
+        if near is None:
+            here = self._places[self._stations.index(station)]
+            near = self._near[station] = [
+                other
+                for other, place in zip(self._stations, self._places, strict=True)
+                if other is not station and math.dist(here, place) <= self.sidelink.range_m
+            ]
+        return near
+
+    def _place(self, host: str) -> tuple[float, float]:
+        if host not in self.air.edges:
+            return self.air.place(host)
+        site = self.air.site(host)
+        assert site is not None, "an edge that broadcasts has a place"
+        return site
+
+
+class Station:
+    """A host on the channel. It sends one message at a time.
+
+    As a resource it is the channel as the host senses it: its utilization is the channel busy
+    ratio, with the host's own messages; ``completed`` counts the messages that it received,
+    ``drops`` those in range that it did not.
+    """
+
+    kind = "channel"
+    capacity = 1
+    sent_bytes = None
+
+    def __init__(self, host: str, channel: SidelinkChannel) -> None:
+        self.host = host
+        self.name = f"{host}.channel"
+        self.completed = 0
+        self.drops = 0
+        self.clock = channel.air.clock
+        self.occupancy = Occupancy(self.clock)  # of messages that are heard
+        self.random = MessageRandom(channel.air, f"{host}.broadcast")
+        self.heard_by: tuple[str, ...] = ()
+        self._channel = channel
+        self._losses = channel.air.draws(f"{host}.broadcast", "loss")
+        self._heard: dict[Broadcasting, None] = {}
+        self._is_sending = False
+        self._is_up = True
+        self._busy_since_ns: int | None = None
+        self._busy_ns = 0
+        self._change: simpy.Event | None = None  # the channel gets busy or idle
+
+    @property
+    def queued(self) -> int:
+        """How many messages are heard now."""
+        return len(self._heard)
+
+    @property
+    def busy_ns(self) -> int:
+        """How long the channel was busy until now."""
+        since_ns = self._busy_since_ns
+        return self._busy_ns + (0 if since_ns is None else self.clock.now - since_ns)
+
+    def sent(self, size_bytes: int) -> simpy.Event:
+        self.heard_by = ()
+        if not self._is_up:  # lost by what took it down
+            return self.clock.timeout(0)
+        return self.clock.process(self._send(size_bytes))
+
+    def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
+        return 0
+
+    def set_up(self, is_up: bool) -> None:
+        self._is_up = is_up
+
+    def _send(self, size_bytes: int) -> Steps:
+        """Waits for the channel, then occupies it."""
+        clock, channel = self.clock, self._channel
+        slots = int(self.random.integers(WINDOW + 1))
+        loss_key = str(self.random.random()) if channel.sidelink.loss else ""
+        while True:
+            while self._busy_since_ns is not None:
+                yield self._next_change()
+            idle_since_ns, wait_ns = clock.now, IDLE_NS + slots * SLOT_NS
+            yield clock.timeout(wait_ns) | self._next_change()
+            waited_ns = clock.now - idle_since_ns
+            if waited_ns >= wait_ns:  # also if another begins in the same slot
+                break
+            slots -= max(waited_ns - IDLE_NS, 0) // SLOT_NS
+        broadcasting = Broadcasting(channel.near(self))
+        self._begin(broadcasting)
+        yield clock.timeout(channel.sidelink.airtime_ns(size_bytes))
+        self._end(broadcasting, loss_key)
+
+    def _next_change(self) -> simpy.Event:
+        if self._change is None:
+            self._change = self.clock.event()
+        return self._change
+
+    def _begin(self, broadcasting: Broadcasting) -> None:
+        self._is_sending = True
+        for heard in self._heard:
+            heard.lost_at.add(self)
+        self._sense()
+        for station in broadcasting.stations:
+            if station._is_sending or station._heard:
+                broadcasting.lost_at.add(station)
+                for other in station._heard:
+                    other.lost_at.add(station)
+            station._heard[broadcasting] = None
+            station.occupancy.enter()
+            station._sense()
+
+    def _end(self, broadcasting: Broadcasting, loss_key: str) -> None:
+        self._is_sending = False
+        self._sense()
+        heard_by = []
+        for station in broadcasting.stations:
+            del station._heard[broadcasting]
+            station.occupancy.leave()
+            station._sense()
+            if station in broadcasting.lost_at or self._is_lost(station, loss_key):
+                station.drops += 1
+            else:
+                station.completed += 1
+                heard_by.append(station.host)
+        self.heard_by = tuple(heard_by)
+
+    def _is_lost(self, station: "Station", key: str) -> bool:
+        loss = self._channel.sidelink.loss
+        return loss > 0 and self._losses.uniform(f"{station.host}\n{key}") < loss
+
+    def _sense(self) -> None:
+        """Notes whether the channel has become busy or idle here."""
+        is_busy = self._is_sending or bool(self._heard)
+        if is_busy == (self._busy_since_ns is not None):
+            return
+        if is_busy:
+            self._busy_since_ns = self.clock.now
+        else:
+            self._busy_ns = self.busy_ns
+            self._busy_since_ns = None
+        change, self._change = self._change, None
+        if change is not None:
+            self.clock.wake(change)
