@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from genie_sim.base.errors import unknown
 from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.sim.settings import ALL
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Outage:
         targets = {*edge_of, *edges, "edges"}
         for index, timed in enumerate(faults):
             target = timed.fault.target
-            ends = target.split("->")
+            ends = target.removesuffix(f"->{ALL}").split("->")
             if len(ends) > 2 or not targets.issuperset(ends):
                 text = unknown("target", target, targets)
                 yield index, "target", f"{text}, or a link such as car1->edge1"

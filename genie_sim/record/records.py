@@ -141,17 +141,28 @@ class ResourceRow(NamedTuple):
     method: Method
     t_ns: Annotated[int, "ns", "simulated time of the sample"]
     resource: Annotated[
-        str, "", "for example edge1.accelerator, edge1.cell_up, car1->edge1, car1/genie:/image_raw"
+        str,
+        "",
+        "for example edge1.accelerator, edge1.cell_up, car1.channel, car1->edge1, car1->*, "
+        "car1/genie:/image_raw",
     ]
-    kind: Annotated[str, "", "accelerator, cpu, link, cell or queue"]
+    kind: Annotated[str, "", "accelerator, cpu, link, cell, channel or queue"]
     capacity: Annotated[
         Int32 | None,
         "",
         "how many can be served at once; null: nothing is served here (queue)",
     ]
-    busy_ns: Annotated[int, "ns", "time spent serving, summed over the servers"]
-    queue: Annotated[Int32, "messages", "waiting now; of a cell, the cars that send now"]
-    completed: Annotated[int, "messages", "served so far"]
+    busy_ns: Annotated[
+        int,
+        "ns",
+        "time spent serving, summed over the servers; of a channel, in which the host hears it busy",
+    ]
+    queue: Annotated[
+        Int32,
+        "messages",
+        "waiting now; of a cell, the cars that send now; of a channel, those heard",
+    ]
+    completed: Annotated[int, "messages", "served so far; of a channel, received"]
     dropped: Annotated[int, "messages", "lost or pushed out so far"]
     bytes: Annotated[int | None, "B", "carried so far; null: neither a link nor a cell"]
     queue_ns: Annotated[int, "ns", "time waited so far, summed over the messages"]

@@ -85,9 +85,8 @@ def _interfaces(scenario: Scenario) -> dict[str, Interface]:
         if car.link is None:
             continue
         links = [car.link, *(further.link for further in car.further_uplinks)]
-        names = {scenario.interface}
-        if scenario.interface == "auto":
-            names = {_interface_of(link) for link in links}
+        named = None if scenario.interface == "auto" else scenario.interface
+        names = {named or _interface_of(link) for link in links}
         name = names.pop() if len(names) == 1 else None
         if name is not None:
             interfaces[car.name] = Interface(name, INTERFACES[name].tail_time_ns)

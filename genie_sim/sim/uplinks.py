@@ -47,7 +47,6 @@ class CarUplink:
         tail_time_ns: int = 0,
     ) -> None:
         self.interface = network.interface(graph.name, tail_time_ns)
-        self.car = graph.name
         self.edge = ""
         self._network = network
         self._graph = graph
@@ -127,6 +126,7 @@ class CarUplinks(Subscriber):
 
     def __init__(self, network: Network, graph: Graph) -> None:
         self.address = f"{graph.name}/uplink"
+        self.car = graph.name
         self.uplinks: list[CarUplink] = []
         self._graph = graph
         self._by_topic: dict[str, list[CarUplink]] = {}

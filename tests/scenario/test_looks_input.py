@@ -56,7 +56,8 @@ LRU = "methods=[{name: paced, method: genie, genie: {algorithm: recommended, evi
         ("object_map: {freshness: never}", f"object_map.freshness: {TRACKS}"),
         (
             "edge: behind",
-            "edge: unknown field; did you mean 'cars[0].edge' or 'genie.looks.edge'?",
+            "edge: unknown field; did you mean 'cars[0].edge' or 'genie.looks.edge' or "
+            "'cars[0].further_uplinks[0].edge'?",
         ),
         (
             "looks: {edge: behind}",

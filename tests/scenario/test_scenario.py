@@ -385,7 +385,8 @@ MISTAKES = [
     ),
     (
         with_car(x="1"),
-        "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie",
+        "cars[1].x: unknown field; known: name, device, edge, link, route, "
+        "further_uplinks, cameras, genie",
     ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
