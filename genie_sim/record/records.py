@@ -155,7 +155,7 @@ class ResourceRow(NamedTuple):
     busy_ns: Annotated[
         int,
         "ns",
-        "time spent serving, summed over the servers; of a channel, in which the host hears it busy",
+        "time spent serving, summed over the servers; of a channel, heard busy",
     ]
     queue: Annotated[
         Int32,
