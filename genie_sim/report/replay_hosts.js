@@ -37,9 +37,10 @@ function hostsView(run, canvas, options) {
     if (!waiting) pen.strokeRect(left + 0.5, 29.5, BLOCK_PX - 1, BLOCK_PX - 1);
     pen.fillStyle = lost ? look.ghost : look.muted;
     pen.fillText(column < LOST_PX ? `${lost}` : `lost ${lost}`, left, 51, breadth);
-    if (channel === undefined || column < 2 * LOST_PX) return;
+    if (channel === undefined) return;
+    pen.fillStyle = look.muted;
     pen.textAlign = "right";
-    pen.fillText(`channel ${percent(channel / 1000)}`, left + breadth, 51, breadth / 2);
+    pen.fillText(`air ${percent(channel / 1000)}`, left + breadth, 12, breadth / 2);
     pen.textAlign = "left";
   }
   return paint;
