@@ -35,7 +35,6 @@ __all__ = [
     "DetectorSettings",
     "ImageDetector",
     "find_weights",
-    "make_detector",
 ]
 
 
@@ -248,12 +247,10 @@ class Yolov7(Yolov5):
     def notes(self) -> list[str]:
         return [f"{self.name}: the network suppresses boxes itself"] * self._suppresses
 
-    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
+    def of_picture(self, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
         rows = outputs[0]
         self._suppresses = rows.ndim == 2
-        if self._suppresses:
-            return [rows[rows[:, 0] == number][:, 1:]]
-        return super().of_picture(outputs, number)
+        return [rows[:, 1:]] if self._suppresses else super().of_picture(outputs)
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(None, 6)] if self._suppresses else super().output_shapes()
@@ -363,7 +360,6 @@ class DetectorSettings:
     place_from : detections with a lower score are kept without a location
     providers : ONNX Runtime's execution providers, best first
     threads : of the network
-    batch : pictures that the network gets at a time
     encoding : of the pictures before the detector sees them
     classes : the classes of labels of the network that have other names
     """
@@ -375,57 +371,31 @@ class DetectorSettings:
     place_from: float = 0.0
     providers: Sequence[str] = (CPU,)
     threads: int = 1
-    batch: int = 1
     encoding: Encoding = "raw"
     classes: Mapping[str, str] = field(default_factory=dict)
 
     def opened(self) -> ImageDetector:
         """The detector with these settings. Raises UserError."""
-        return make_detector(
+        kind = plugins.resolve("detector", self.name, DETECTORS, ("detect", "file_name"))
+        path = find_weights(kind.file_name, self.weights)
+        network: dict[str, Any] = {}
+        if isinstance(kind, type) and issubclass(kind, OnnxDetector):
+            network = {"providers": self.providers, "threads": self.threads}
+            network |= {"classes": self.classes} if self.classes else {}
+        elif self.threads != 1:
+            raise UserError(
+                f"{self.name}: is no OnnxDetector, which alone can have several threads"
+            )
+        detector: ImageDetector = plugins.call(
+            "detector",
             self.name,
-            self.weights,
-            self.size,
-            self.min_score,
-            providers=self.providers,
-            threads=self.threads,
-            batch=self.batch,
-            classes=self.classes,
+            kind,
+            path,
+            size=self.size,
+            min_score=self.min_score,
+            **network,
         )
-
-
-def make_detector(
-    name: str,
-    weights: str | Path | None = None,
-    size: tuple[int, int] | None = None,
-    min_score: float = MIN_SCORE,
-    *,
-    providers: Sequence[str] = (CPU,),
-    threads: int = 1,
-    batch: int = 1,
-    classes: Mapping[str, str] | None = None,
-) -> ImageDetector:
-    """The detector of that name, or of a class of your own. Raises UserError.
-
-    Parameters
-    ----------
-    name, weights, size, min_score : as in ``DetectorSettings``
-    providers, threads, batch, classes : as there; only an ``OnnxDetector`` has them
-    """
-    kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
-    path = find_weights(kind.file_name, weights)
-    network: dict[str, Any] = {}
-    if isinstance(kind, type) and issubclass(kind, OnnxDetector):
-        network = {"providers": providers, "threads": threads, "batch": batch}
-        network |= {"classes": classes} if classes else {}
-    elif (threads, batch) != (1, 1):
-        raise UserError(
-            f"{name}: is no OnnxDetector, which alone can have several threads, "
-            "or pictures at a time"
-        )
-    detector: ImageDetector = plugins.call(
-        "detector", name, kind, path, size=size, min_score=min_score, **network
-    )
-    return detector
+        return detector
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:

@@ -99,9 +99,9 @@ def measure(
     model : the name in the profile; ``None``: the detector's
     progress : is told the runs done and all runs
     """
-    from genie_sim.data.detector import make_detector
+    from genie_sim.data.detector import DetectorSettings
 
-    detector = make_detector(detector_name, weights)
+    detector = DetectorSettings(detector_name, weights).opened()
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)
     latencies = []
     for run in range(WARM_UP + runs):

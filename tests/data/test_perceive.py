@@ -222,16 +222,12 @@ def test_a_part_of_the_drive_keeps_its_stamps(street):
         perceived(root, weights, DriveFrames(DRIVE, numbers=[99]))
 
 
-def test_threads_and_batches_make_the_same_trace(street):
-    """Six frames, four at a time. Only what is not usual stands in the provenance."""
+def test_threads_make_the_same_trace(street):
+    """Only what is not usual stands in the provenance."""
     root, weights = street
-    plain = perceived(root, weights)
-    other = perceived(root, weights, threads=2, batch=4)
+    plain, other = perceived(root, weights), perceived(root, weights, threads=2)
     assert other.frames == plain.frames
-    assert other.provenance["parameters"] == plain.provenance["parameters"] | {
-        "threads": 2,
-        "batch": 4,
-    }
+    assert other.provenance["parameters"] == plain.provenance["parameters"] | {"threads": 2}
 
 
 def test_published_detections_have_no_threads(street):
