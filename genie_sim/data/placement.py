@@ -147,7 +147,7 @@ class Placement:
         if len(inside) >= MIN_POINTS:
             right, ahead_of_it = self._points[0, inside], self._points[2, inside]
             ranges_m = np.hypot(right, ahead_of_it)
-            group = self._object(label, box, inside, ranges_m=ranges_m, ground_m=ground_m)
+            group = near_group(ranges_m, ground_m)
             if label in VEHICLES and len(group) >= MIN_SHAPE_POINTS:
                 outline = np.column_stack([right[group], ahead_of_it[group]])
                 middle = shape.centre(outline, SIZES[label], self._cut(box))
@@ -166,26 +166,6 @@ class Placement:
         centre = ahead * (surface_m + HALF_DEPTH_M[label]) / math.hypot(ahead[0], ahead[2])
         x, y, z = centre.tolist()
         return (x, y, z), method
-
-    def _object(
-        self,
-        label: str,
-        box: Box,
-        inside: Indices,
-        *,
-        ranges_m: Array,
-        ground_m: float | None,
-    ) -> Indices:
-        """Which of the points inside a box are the object's.
-
-        Parameters
-        ----------
-        label, box : of the detection
-        inside : which of all points, (n,)
-        ranges_m : their distances, (n,)
-        ground_m : the distance of the box's foot on the ground, or ``None``
-        """
-        return near_group(ranges_m, ground_m)
 
     def _inside(self, box: Box) -> Indices:
         """The points in the inner part of a box."""

@@ -19,7 +19,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes
+from genie_sim.base.paths import sha256_of
 from genie_sim.base.tables import FileColumn, read_rows
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
@@ -33,6 +33,7 @@ from genie_sim.data.trace import (
     Trace,
     TraceFrame,
     checked,
+    scan_frame,
     write_trace,
 )
 from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
@@ -180,7 +181,7 @@ def import_recordings(
     by_car = _read_poses(poses, report)
     detected, outside = _read_detections(detections, by_car, sensor, classes, report)
     files = [poses, detections] if truth is None else [poses, detections, truth]
-    digests = {path.name: hashlib.sha256(read_bytes(path)).hexdigest() for path in files}
+    digests = {path.name: sha256_of(path) for path in files}
     if len(digests) < len(files):
         raise UserError(f"{files[-1]}: has the name of another of the tables; rename it")
     first_s = min(rows[0].time_s for rows in by_car.values())
@@ -413,21 +414,16 @@ def _frame(
     key : tells this frame from every other: no two are the same picture
     sensor : that took it
     """
-    digest = hashlib.sha256(key.encode()).hexdigest()
     microseconds = round((row.time_s - first_s) * NS_PER_S / NS_PER_US)
-    return TraceFrame(
+    return scan_frame(
         camera=RECORDING,
         index=index,
         stamp_ns=microseconds * NS_PER_US,
-        width=0,
-        height=0,
         size_bytes=sensor.size_bytes,
-        digest=digest,
-        dhash=int(digest[:16], 16),
+        key=key,
         pose=row.pose,
-        horizontal_fov_rad=round(sensor.fov_rad, ANGLE_DECIMALS),
-        detections=tuple(detections),
-        kind="lidar",
+        horizontal_fov_rad=sensor.fov_rad,
+        detections=detections,
     )
 
 

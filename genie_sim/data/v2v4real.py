@@ -27,7 +27,14 @@ from genie_sim.core.messages import CameraPose
 from genie_sim.data import ego_motion
 from genie_sim.data.ego_motion import EgoMotion, in_world
 from genie_sim.data.files import lines, within
-from genie_sim.data.trace import ANGLE_DECIMALS, POSITION_DECIMALS, Trace, TraceFrame, detection
+from genie_sim.data.trace import (
+    ANGLE_DECIMALS,
+    POSITION_DECIMALS,
+    Trace,
+    TraceFrame,
+    detection,
+    scan_frame,
+)
 from genie_sim.data.trace_report import tell_frames
 from genie_sim.data.truth_table import TruthRow, TruthTable
 
@@ -348,22 +355,16 @@ def _frame(
             centre = np.array([*place, box.up_m])
             detections.append(detection("car", box.score, None, centre, method=SENSOR))
     detections.sort(key=lambda item: (-item.score, item.location or ()))
-    digest = hashlib.sha256(f"v2v4real/{files.name}/{car}/{number}".encode()).hexdigest()
-    east_m, north_m = (round(float(x), POSITION_DECIMALS) for x in own[:2])
-    heading_rad = round(math.remainder(float(own[2]), math.tau), ANGLE_DECIMALS)
-    return TraceFrame(
+    east_m, north_m, heading_rad = own.tolist()
+    return scan_frame(
         camera=SENSOR,
         index=number,
         stamp_ns=stamp * FRAME_NS,
-        width=0,
-        height=0,
         size_bytes=SIZE_BYTES,
-        digest=digest,
-        dhash=int(digest[:16], 16),
-        pose=CameraPose(east_m, north_m, 0.0, heading_rad),
+        key=f"v2v4real/{files.name}/{car}/{number}",
+        pose=CameraPose(east_m, north_m, 0.0, math.remainder(heading_rad, math.tau)),
         horizontal_fov_rad=FOV_RAD,
-        detections=tuple(detections),
-        kind="lidar",
+        detections=detections,
     )
 
 
