@@ -125,12 +125,10 @@ class YoloxNano(OnnxDetector):
         """
         likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
         output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
-        if self._is_decoded:
-            centre, half = output[:, 0:2], output[:, 2:4] / 2
-        else:
-            centre = (output[:, 0:2] + self.cells[likely]) * strides
-            half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
+        if not self._is_decoded:
+            output[:, 0:2] = (output[:, 0:2] + self.cells[likely]) * strides
+            output[:, 2:4] = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides
+        return _corners(output), output[:, 4:5] * output[:, 5:]
 
 
 class YoloxTiny(YoloxNano):
@@ -210,8 +208,7 @@ class Yolov8(OnnxDetector):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture, then the score of each class."""
         output = outputs[0].T.astype(np.float64)
-        centre, half = output[:, 0:2], output[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:]
+        return _corners(output), output[:, 4:]
 
 
 class Yolov5(Yolov8):
@@ -229,8 +226,7 @@ class Yolov5(Yolov8):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture; score = objectness * class."""
         output = outputs[0].astype(np.float64)
-        centre, half = output[:, 0:2], output[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
+        return _corners(output), output[:, 4:5] * output[:, 5:]
 
 
 class Yolov7(Yolov5):
@@ -286,6 +282,12 @@ class Yolov10(Yolov8):
         return rows[:, 0:4], _scores(rows[:, 5], rows[:, 4], len(self.labels))
 
 
+def _corners(boxes: np.ndarray) -> np.ndarray:
+    """Left, top, right and bottom (n, 4) of boxes whose columns begin with centre and extent."""
+    centre, half = boxes[:, 0:2], boxes[:, 2:4] / 2
+    return np.hstack([centre - half, centre + half])
+
+
 def _scores(classes: np.ndarray, best: np.ndarray, count: int) -> np.ndarray:
     """The score (n, count) of every class, of boxes with the best one and its class."""
     scores, number = np.zeros((len(best), count)), classes.astype(np.int64)
@@ -328,9 +330,7 @@ class RtDetr(Yolov8):
             classes, boxes, best = outputs
             return boxes.astype(np.float64), _scores(classes, best, len(self.labels))
         output = outputs[0].astype(np.float64)
-        places = output[:, :4] * np.array([*self.size, *self.size])
-        centre, half = places[:, 0:2], places[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:]
+        return _corners(output[:, :4] * np.array([*self.size, *self.size])), output[:, 4:]
 
 
 _KINDS: tuple[type[ImageDetector], ...] = (
