@@ -227,7 +227,7 @@ def open_drive(
         check_scans(folder / "velodyne_points" / "data", indices, scan_paths)
     oxts = folder / "oxts" / "data"
     oxts_paths = numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, indices, oxts, origin, report)
+    origin, poses = _positions(oxts_paths, indices, folder=oxts, origin=origin, report=report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
         for camera in cameras
@@ -326,12 +326,13 @@ def numbered_images(data: Path, camera: str, report: ImportReport) -> dict[int, 
 def _positions(
     paths: Mapping[int, Path],
     needed: Sequence[int],
+    *,
     folder: Path,
     origin: Geodetic | None,
     report: ImportReport,
 ) -> tuple[Geodetic, dict[int, Array]]:
     """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others
-    are warned of.
+    are warned of. ``folder`` is where the packets' files at ``paths`` are.
     """
     if not paths:
         raise UserError(f"{folder}: no .txt files")

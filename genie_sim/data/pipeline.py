@@ -33,7 +33,7 @@ MAX_WORKERS = 3  # read and place; more than the fastest networks here can use
 Result = TypeVar("Result")
 
 
-class _Picture(NamedTuple):
+class _ReadFrame(NamedTuple):
     """A frame that has been read, without what is found in it: what the network gets, and how much
     that was scaled.
     """
@@ -110,7 +110,7 @@ class _Stages:
         # The cameras of a car share a scan.
         self._scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
 
-    def read(self, frame: CameraFrame) -> _Picture:
+    def read(self, frame: CameraFrame) -> _ReadFrame:
         """A frame from the disk, as the network gets it."""
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
@@ -124,7 +124,7 @@ class _Stages:
         camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
         blob, scale = self.detector.prepare(image)
         intrinsics = frame.intrinsics_of((width, height))
-        return _Picture(
+        return _ReadFrame(
             world_SE3_camera=frame.world_SE3_camera,
             frame=trace_frame(
                 camera=frame.camera,
@@ -143,7 +143,7 @@ class _Stages:
             scale=scale,
         )
 
-    def place(self, picture: _Picture, outputs: Any) -> TraceFrame:
+    def place(self, picture: _ReadFrame, outputs: Any) -> TraceFrame:
         """The frame with what was found in it, each object at its place in the world."""
         frame, detections = picture.frame, []
         boxes = self.detector.found(outputs, picture.scale, (frame.width, frame.height))

@@ -114,7 +114,7 @@ class _Sightings(NamedTuple):
     row: np.ndarray[Any, np.dtype[np.int64]]
 
 
-class _Track:
+class _ObjectRows:
     """The rows of one object, in order of time: where it is, and what the table says of it."""
 
     def __init__(self, number: int, label: str) -> None:
@@ -179,7 +179,9 @@ def import_recordings(
     """
     report = report or ImportReport(poses)
     by_car = _read_poses(poses, report)
-    detected, outside = _read_detections(detections, by_car, sensor, classes, report)
+    detected, outside = _read_detections(
+        detections, by_car, sensor=sensor, classes=classes, report=report
+    )
     files = [poses, detections] if truth is None else [poses, detections, truth]
     digests = {path.name: sha256_of(path) for path in files}
     if len(digests) < len(files):
@@ -319,6 +321,7 @@ def _apart_rad(heading: Array, course: Array) -> float:
 def _read_detections(
     path: Path,
     by_car: Mapping[str, Sequence[_Pose]],
+    *,
     sensor: Sensor,
     classes: Mapping[str, str],
     report: ImportReport,
@@ -432,12 +435,12 @@ def _read_truth(
     by_car: Mapping[str, Sequence[_Pose]],
     classes: Mapping[str, str],
     report: ImportReport,
-) -> dict[str | None, list[_Track]]:
+) -> dict[str | None, list[_ObjectRows]]:
     """The objects by the car for which they count, in the order in which they come first; ``None``:
     for all cars.
     """
     numbers: dict[str, int] = {}
-    tracks: dict[str | None, dict[str, _Track]] = {}
+    tracks: dict[str | None, dict[str, _ObjectRows]] = {}
     for where, (name, time_s, item, label, *place, moving, visible, up_m) in read_rows(path, TRUTH):
         label = classes.get(label, label)
         if label == NO_CLASS:
@@ -450,7 +453,7 @@ def _read_truth(
         if tracks and (None in tracks) != (car is None):
             raise UserError(f"{where}: car: must be given in every row or in none")
         number = numbers.setdefault(item, len(numbers) + 1)
-        track = tracks.setdefault(car, {}).setdefault(item, _Track(number, CANONICAL[label]))
+        track = tracks.setdefault(car, {}).setdefault(item, _ObjectRows(number, CANONICAL[label]))
         if track.label != CANONICAL[label]:
             raise UserError(
                 f"{where}: label: object {short_repr(item)} was a {track.label}, not a "
@@ -472,7 +475,12 @@ def _read_truth(
 
 
 def _truth_table(
-    path: Path, trace: Trace, poses: Sequence[_Pose], tracks: Sequence[_Track], *, sensor: Sensor
+    path: Path,
+    trace: Trace,
+    poses: Sequence[_Pose],
+    tracks: Sequence[_ObjectRows],
+    *,
+    sensor: Sensor,
 ) -> TruthTable:
     """What is there at each frame of a car. Raises UserError for a frame of whose time the table
     tells nothing.
@@ -513,7 +521,7 @@ def _truth_table(
     return TruthTable(trace.digest, trace.origin, tuple(rows), provenance, range_m=sensor.range_m)
 
 
-def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Track]) -> None:
+def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_ObjectRows]) -> None:
     own_s = np.array(sorted(time_s for track in tracks for time_s in track.times_s))
     own_s = np.concatenate([[-np.inf], own_s, [np.inf]])
     after = np.searchsorted(own_s, times_s)

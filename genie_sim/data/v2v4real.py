@@ -259,7 +259,7 @@ def _rows(
 def _box(place: str, fields: Sequence[str], score: str = "1") -> Box:
     """Of h, w, l, x, y, z and the turn about y."""
     _, _, _, x_m, up_m, z_m, heading_rad = (float(text) for text in fields)
-    return Box(x_m, z_m, up_m, heading_rad, float(score))
+    return Box(x_m, z_m, up_m=up_m, heading_rad=heading_rad, score=float(score))
 
 
 def candidates(files: SequenceFiles) -> list[int]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import FAST_SHARE, ImportReport
-from genie_sim.base.tables import FileColumn, Table, is_gzip
+from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.core.geometry import Array
 from genie_sim.data.world_table import MAX_M
@@ -216,7 +216,9 @@ class _Xml:
         def where() -> str:
             return f"{path}: line {self._parser.CurrentLineNumber}"
 
-        self.content = _Content(path, begin_s, duration_s, where, report)
+        self.content = _Content(
+            path, begin_s=begin_s, duration_s=duration_s, where=where, report=report
+        )
 
     def read(self, file: IO[bytes]) -> None:
         """The whole file, or until there is enough."""
@@ -252,8 +254,10 @@ class _Xml:
         self._is_root = False
 
 
-def _read_table(table: Table, content: _Content) -> None:
-    """Hands the rows of SUMO's CSV or Parquet to the content."""
+def _read_table(
+    table: FileTable, begin_s: float | None, duration_s: float, report: ImportReport
+) -> _Content:
+    """The content of SUMO's CSV or Parquet."""
     prefixes = ("vehicle_", "person_") if "timestep_time" in table.titles else ("",)
     columns = [FileColumn("timestep_time" if prefixes[0] else "time", highest=MAX_TIME_S)]
     for prefix in prefixes:
@@ -262,11 +266,15 @@ def _read_table(table: Table, content: _Content) -> None:
     needed = [f"{prefixes[0]}{name}" for name in ("id", "x", "y", "angle")]
     missing = ", ".join(name for name in needed if name not in table.titles)
     if missing:
-        raise UserError(
-            f"{content.path}: is no floating-car data of SUMO: has no columns {missing}"
-        )
-    where = str(content.path)
-    content.where = lambda: where
+        raise UserError(f"{table.path}: is no floating-car data of SUMO: has no columns {missing}")
+    where = str(table.path)
+    content = _Content(
+        table.path,
+        begin_s=begin_s,
+        duration_s=duration_s,
+        where=lambda: where,
+        report=report,
+    )
     names = (*TEXTS, *NUMBERS)
     try:
         for row in table.rows(columns):
@@ -282,6 +290,7 @@ def _read_table(table: Table, content: _Content) -> None:
                     content.road_user(attributes, is_person, attributes["type"] or UNKNOWN_TYPE)
     except _Enough:
         pass
+    return content
 
 
 def _speed(value: Any) -> float:
@@ -308,8 +317,7 @@ def read_fcd(
         stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
         file = _opened(path, stack)
         if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
-            content = _Content(path, begin_s, duration_s, lambda: str(path), report)
-            _read_table(Table(path), content)
+            content = _read_table(FileTable(path), begin_s, duration_s, report)
         else:
             reader = _Xml(path, begin_s, duration_s, report)
             reader.read(file)

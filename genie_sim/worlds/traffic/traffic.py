@@ -164,7 +164,7 @@ class Traffic:
         }
 
 
-class _Way:
+class _Course:
     """Where one vehicle is during one stretch."""
 
     def __init__(self, vehicles: Vehicles, stretch: int) -> None:
@@ -211,7 +211,7 @@ class TrafficDrive(Drive):
         text = json.dumps([traffic.digest, car, start_ns, self.interval_ns])
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
         self.car_key = int(self.picture_prefix[:16], 16)
-        self.course = _Way(traffic.vehicles, stretch)
+        self.course = _Course(traffic.vehicles, stretch)
         count = math.ceil(self.duration_ns / self.interval_ns)
         self.frames: Mapping[str, Sequence[TownFrame]] = {
             name: TownFrames(self, name, count) for name in BASELINES_M
