@@ -46,9 +46,8 @@ class FirstSeen:
     """
 
     def __init__(self) -> None:
-        self._known = _HeldSince(
-            *(np.zeros(0, dtype=code) for code in "qqdddqq")
-        )  # before the window
+        # before the window
+        self._known = _HeldSince(*(np.zeros(0, dtype=code) for code in "qqdddqq"))
 
     def seen_ns(
         self,
