@@ -8,8 +8,9 @@ import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import TypeVar
 
 from genie_sim.base.errors import UserError, as_user_error
 
@@ -50,7 +51,7 @@ def sha256_of(path: Path) -> str:
 
 
 @contextmanager
-def _regular(path: Path) -> Iterator[BinaryIO]:
+def _regular(path: Path) -> Iterator[BufferedReader]:
     """A regular file, open. Raises UserError for anything else, and for what fails within it."""
     with as_user_error(f"{path}: cannot be read", OSError, ValueError):
         if not stat.S_ISREG(path.stat().st_mode):
