@@ -468,12 +468,10 @@ def best_boxes(
     min_score: float,
     classes: Sequence[str] = COCO_LABELS,
     *,
-    iou: float = NMS_IOU,
-    same_object: Mapping[str, str] = CANONICAL,
     unused: Counter[str] | None = None,
 ) -> list[DetectedBox]:
-    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the
-    best stays. Classes in ``same_object`` count as the one they are mapped to.
+    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``NMS_IOU``,
+    the best stays. Vehicles of several names (``CANONICAL``) are of one class.
 
     A van is often found twice, as a car and as a truck. It is one object, so these classes suppress
     each other, as in the authors' own ONNX demo of YOLOX, where all classes do; a cyclist's person
@@ -485,8 +483,6 @@ def best_boxes(
     scores : of each box and class, (n, classes)
     min_score : the lowest score kept
     classes : the names of the columns of ``scores``
-    iou : intersection over union
-    same_object : class by class
     unused : counts the boxes of labels that are neither of a road nor COCO's
     """
     if not len(scores):
@@ -507,14 +503,14 @@ def best_boxes(
     classes_of_road = sorted(ROAD_LABELS)
     numbers, extents = [], []
     for label, _, (x1, y1, x2, y2) in candidates:
-        numbers.append(classes_of_road.index(same_object.get(label, label)))
+        numbers.append(classes_of_road.index(CANONICAL.get(label, label)))
         extents.append((x1, y1, x2 - x1, y2 - y1))
     order = cv2.dnn.NMSBoxesBatched(
         bboxes=extents,
         scores=[candidate.score for candidate in candidates],
         class_ids=numbers,
         score_threshold=0.0,
-        nms_threshold=iou,
+        nms_threshold=NMS_IOU,
     )
     best_candidates = (candidates[i] for i in np.ravel(order))
     return sorted(best_candidates, key=lambda box: (-box.score, box.label, box.box))

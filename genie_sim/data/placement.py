@@ -31,6 +31,7 @@ MIN_SHAPE_POINTS = 20
 NOT_ON_THE_GROUND = frozenset({"traffic light", "stop sign"})
 
 LASER_HEIGHT_M = 1.73  # KITTI's set-up: https://www.cvlibs.net/datasets/kitti/setup.php
+GROUND_REACH_M = 30.0  # around the car it is taken for a plane
 GROUND_CLEARANCE_M = 0.25  # points lower than this are road or kerb
 
 # Margin, gap and share, and the choice of a group by its foot on the ground, were picked by
@@ -68,7 +69,7 @@ FLAT_GROUND = Plane((0.0, 0.0), -LASER_HEIGHT_M)
 TYPICAL_GROUND = Plane((0.009, 0.0), -LASER_HEIGHT_M)
 
 
-def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
+def fit_ground(points: Array) -> Plane:
     """The ground around the car: least squares through the points near the plane found so far, in a
     narrowing band.
 
@@ -78,7 +79,7 @@ def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
     # 1, x, y, z: contiguous, because this takes most of the time of a placement
     columns = np.empty((4, len(points)))
     columns[0], columns[1:] = 1.0, points.T
-    columns = np.compress(columns[1] ** 2 + columns[2] ** 2 < reach_m**2, columns, axis=1)
+    columns = np.compress(columns[1] ** 2 + columns[2] ** 2 < GROUND_REACH_M**2, columns, axis=1)
     for band_m in (0.5, 0.3, 0.2, 0.15, 0.15):
         above_m = np.array([-plane.height_m, -plane.slope[0], -plane.slope[1], 1.0]) @ columns
         near = np.compress(np.abs(above_m) < band_m, columns, axis=1)

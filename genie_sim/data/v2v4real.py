@@ -130,7 +130,6 @@ def recordings(
     *,
     partner: int | None = None,
     min_score: float = LOWEST_SCORE,
-    range_m: float = RANGE_M,
     report: ImportReport | None = None,
 ) -> dict[str, CarRecording]:
     """What both cars of a sequence recorded, by the car's name, on one clock.
@@ -143,7 +142,6 @@ def recordings(
     sequence : such as ``train/0012``
     partner : the label of the other car; ``None``: the one that is known of this sequence
     min_score : the lowest score of a detection that is kept
-    range_m : objects up to this distance are judged
     report : is told what was read
     """
     report = report or ImportReport(root)
@@ -189,7 +187,7 @@ def recordings(
         trace = whole.at_least(min_score)
         others = [row for row in objects if row.object != (EGO_OBJECT if car == "ego" else partner)]
         truth = TruthTable(
-            trace.digest, ORIGIN, tuple(others), {**about, "trace": name}, range_m=range_m
+            trace.digest, ORIGIN, tuple(others), {**about, "trace": name}, range_m=RANGE_M
         )
         made[car] = CarRecording(trace, truth)
     return made

@@ -88,15 +88,6 @@ def test_a_van_found_as_a_car_and_as_a_truck_is_one_object():
     assert [f.label for f in found] == ["car"]
 
 
-def test_which_classes_are_one_object_can_be_said():
-    boxes, scores = (
-        np.array([[0, 0, 100, 100], [5, 0, 105, 100]]),
-        scores_of(("car", 0.6), ("truck", 0.5)),
-    )
-    assert len(best_boxes(boxes, scores, min_score=0.3, same_object={})) == 2
-    assert len(best_boxes(boxes, scores, min_score=0.3, iou=0.95)) == 2
-
-
 def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
     boxes = np.array([[0, 0, 9, 9], [100, 0, 109, 9], [200, 0, 209, 9]], float)
     assert (
