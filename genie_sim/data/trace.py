@@ -236,6 +236,7 @@ def scan_frame(
     camera, index, stamp_ns, pose, horizontal_fov_rad, detections : as in ``TraceFrame``
     """
     digest = hashlib.sha256(key.encode()).hexdigest()
+    east_m, north_m, up_m = _rounded(pose[:3], POSITION_DECIMALS)
     return TraceFrame(
         camera=camera,
         index=index,
@@ -245,9 +246,7 @@ def scan_frame(
         size_bytes=size_bytes,
         digest=digest,
         dhash=int(digest[:16], 16),
-        pose=CameraPose(
-            *_rounded(pose[:3], POSITION_DECIMALS), round(pose.heading_rad, ANGLE_DECIMALS)
-        ),
+        pose=CameraPose(east_m, north_m, up_m, round(pose.heading_rad, ANGLE_DECIMALS)),
         horizontal_fov_rad=round(horizontal_fov_rad, ANGLE_DECIMALS),
         detections=tuple(detections),
         kind="lidar",
