@@ -10,7 +10,6 @@ import math
 import zlib
 from array import array
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple, cast
@@ -313,21 +312,15 @@ def read_fcd(
     report = ImportReport(path, accept, "perception.accept: true")
     if not path.is_file():
         raise UserError(f"{path}: no such file")
-    with ExitStack() as stack:
-        stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
-        file = _opened(path, stack)
+    with as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error):
         if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
             content = _read_table(FileTable(path), begin_s, duration_s, report)
         else:
             reader = _Xml(path, begin_s, duration_s, report)
-            reader.read(file)
+            with gzip.open(path) if is_gzip(path) else path.open("rb") as file:
+                reader.read(cast(IO[bytes], file))
             content = reader.content
     return _rows(content)
-
-
-def _opened(path: Path, stack: ExitStack) -> IO[bytes]:
-    file: IO[bytes] = stack.enter_context(path.open("rb"))
-    return cast(IO[bytes], stack.enter_context(gzip.open(file))) if is_gzip(path) else file
 
 
 def _rows(content: _Content) -> VehicleRows:
