@@ -70,6 +70,17 @@ def make_drive(
     return folder
 
 
+def make_street(root: Path, frames: int = 3) -> Path:
+    """A drive whose pictures show one white cell in the middle, where the stand-in network sees a
+    car, and whose scans have a surface 15 m ahead; returns its folder.
+    """
+    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+    image[96:104, 320:328] = 255
+    across, up = np.meshgrid(np.arange(-0.8, 0.8, 0.1), np.arange(-1.0, 0.5, 0.1))
+    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
+    return make_drive(root, frames=frames, image=image, scan=surface)
+
+
 def make_network(path: Path, side: int = 416, classes: int = 80) -> Path:
     """A network with YOLOX's inputs and outputs that calls each white 8x8 cell a car of 80x40
     pixels.

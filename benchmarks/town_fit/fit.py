@@ -13,7 +13,7 @@ from benchmarks.town_fit.copula import fit_shares
 from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection, Location
-from genie_sim.data.evaluation import MIN_SIGHTINGS, evaluate
+from genie_sim.data.evaluation import evaluate
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.truth import PictureLabels
 from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
@@ -23,6 +23,7 @@ SCORE_EDGES_M = {"vehicles": (0, 12, 18, 24, 30, 40, 60), "persons": (0, 8, 10, 
 PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}
 QUANTILES = 21
 DECIMALS = 4
+MIN_SIGHTINGS = 5  # of a place to which false positives come back
 GHOST_M = 2.0  # two wrong detections nearer than this are of one ghost
 
 

@@ -8,6 +8,7 @@ import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
+from io import BufferedReader
 from pathlib import Path
 from typing import TypeVar
 
@@ -39,19 +40,24 @@ def read_bytes(path: Path) -> bytes:
     """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have
     no end.
     """
-    with as_user_error(f"{path}: cannot be read", OSError, ValueError):
-        if not stat.S_ISREG(path.stat().st_mode):
-            raise UserError(f"{path}: cannot be read: not a regular file")
-        return path.read_bytes()
+    with _regular(path) as file:
+        return file.read()
 
 
 def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
+    with _regular(path) as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _regular(path: Path) -> Iterator[BufferedReader]:
+    """A regular file, open. Raises UserError for anything else, and for what fails within it."""
     with as_user_error(f"{path}: cannot be read", OSError, ValueError):
         if not stat.S_ISREG(path.stat().st_mode):
             raise UserError(f"{path}: cannot be read: not a regular file")
         with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
+            yield file
 
 
 def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Content]:

@@ -77,6 +77,7 @@ OPTIONS: dict[str, str] = {
     "import tables --size": "Write --frame-size SIZE.",
     "perceive --frames": _PICTURES,
     "perceive --video": _PICTURES,
+    "perceive --batch": "Leave it out; pictures go through the network one at a time.",
     "profile --empirical": "Leave it out; the profile has the fitted law and how well it fits.",
     "reproduce --explore": "Write 'python studies/contradictions.py' in a clone of the repository.",
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",

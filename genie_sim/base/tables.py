@@ -157,14 +157,14 @@ class FileRow(NamedTuple):
     values: tuple[Any, ...]
 
 
-class _Place(NamedTuple):
+class _ColumnPlace(NamedTuple):
     """Where a column stands in a table, and what its numbers are multiplied by."""
 
     number: int
     factor: float
 
 
-class Table:
+class FileTable:
     """A table in a file: ``.parquet``, or else text. ``titles`` are those of its columns; a text
     without a header has none. ``uneven``: rows of a text may have more or fewer cells than the
     header; of known formats only, whose columns stand in their order.
@@ -189,7 +189,7 @@ class Table:
         """How many columns there are, with or without titles."""
         return self._text.columns if self.is_text else len(self.titles)
 
-    def place(self, column: FileColumn) -> _Place | None:
+    def place(self, column: FileColumn) -> _ColumnPlace | None:
         """Where a column stands; ``None`` where there is none. Raises UserError for one that is
         there twice, or whose unit nobody tells.
         """
@@ -198,10 +198,10 @@ class Table:
         if count > 1:
             raise UserError(f"{self.path}: column {name!r} is there {count} times")
         if count:
-            return _Place(self.titles.index(name), 1.0)
+            return _ColumnPlace(self.titles.index(name), 1.0)
         kind, factor = UNITS.get(wanted.unit, ("", 1.0))
         same = [
-            _Place(index, UNITS[title.unit][1] / factor if title.unit else 1.0)
+            _ColumnPlace(index, UNITS[title.unit][1] / factor if title.unit else 1.0)
             for index, title in enumerate(map(title_of, self.titles))
             if title.stem == wanted.stem and UNITS.get(title.unit, ("", 1.0))[0] == kind
         ]
@@ -276,8 +276,8 @@ class Table:
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:
-    """``Table.rows`` of a file."""
-    return Table(path).rows(columns)
+    """``FileTable.rows`` of a file."""
+    return FileTable(path).rows(columns)
 
 
 def _error(

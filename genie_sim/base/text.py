@@ -14,9 +14,9 @@ def number_text(value: float, digits: int = 3, sign: str = "") -> str:
     return f"{value:{sign}.{digits}g}"
 
 
-def percent_text(share: float, digits: int = 3, sign: str = "") -> str:
+def percent_text(share: float, digits: int = 3) -> str:
     """A share as a percentage: 0.0713 is ``7.13 %``."""
-    return f"{number_text(100 * share, digits, sign)} %"
+    return f"{number_text(100 * share, digits)} %"
 
 
 def significant(value: float, digits: int) -> float:
@@ -27,9 +27,9 @@ def significant(value: float, digits: int) -> float:
     return float(f"{value:.{digits}g}")
 
 
-def finite(value: float | None, digits: int = 6) -> float | None:
-    """The number rounded to so many significant digits, ``None`` for what JSON cannot hold."""
-    return None if value is None or not math.isfinite(value) else significant(value, digits)
+def finite(value: float | None) -> float | None:
+    """The number rounded to six significant digits, ``None`` for what JSON cannot hold."""
+    return None if value is None or not math.isfinite(value) else significant(value, 6)
 
 
 def natural_key(name: str) -> list[tuple[str, int]]:

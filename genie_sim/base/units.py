@@ -93,6 +93,23 @@ class _Counted(NamedTuple):
         return f"{'-' if value < 0 else ''}{digits} {unit}"
 
 
+class _Measured(NamedTuple):
+    """A quantity that is any number of its unit, ``written``, a float."""
+
+    name: str
+    example: str
+    units: Mapping[str, int | Fraction]
+    written: str
+
+    def read(self, value: object) -> float:
+        number, unit = _split(value, self.name, self.example, self.units)
+        return _finite(number * (self.units[unit] if unit else 0), value, self.name)
+
+    def text(self, value: float) -> str:
+        """Text that ``read`` reads back exactly."""
+        return f"{_plain(value)} {self.written}"
+
+
 _DURATION = _Counted(
     "duration", "30 ms", DURATIONS, counted="nanoseconds", written=("s", "ms", "us", "ns")
 )
@@ -113,23 +130,18 @@ size_bytes, size_text = _SIZE.read, _SIZE.text
 # "100 Mbit/s"; bytes are refused, so that nobody is off by eight
 rate_bps, rate_text = _RATE.read, _RATE.text
 frequency_hz, frequency_text = _FREQUENCY.read, _FREQUENCY.text  # "25 MHz", and back
-
-
-def frame_rate(value: object) -> float:
-    """``"2.5 Hz"`` to 2.5 frames a second."""
-    number, unit = _split(value, "rate", "5 Hz", FREQUENCIES)
-    return _finite(number * (FREQUENCIES[unit] if unit else 0), value, "rate")
-
-
-def frame_rate_text(value_per_s: float) -> str:
-    """2.5 to ``"2.5 Hz"``. ``frame_rate`` reads it back."""
-    return f"{_plain(value_per_s)} Hz"
-
-
-def length_m(value: object) -> float:
-    """``"50 cm"`` to 0.5 m."""
-    number, unit = _split(value, "length", "1 m", LENGTHS)
-    return _finite(number * (LENGTHS[unit] if unit else 0), value, "length")
+_FRAME_RATE = _Measured("rate", "5 Hz", FREQUENCIES, written="Hz")
+_LENGTH = _Measured("length", "1 m", LENGTHS, written="m")
+_RATIO = _Measured("ratio", "3 dB", {"dB": 1}, written="dB")
+_DRIFT = _Measured("drift", "20 ppm", {"ppm": 1}, written="ppm")
+_POWER = _Measured("power", "23 dBm", {"dBm": 1}, written="dBm")
+_WATTS = _Measured("power", "3 W", POWERS, written="W")
+frame_rate, frame_rate_text = _FRAME_RATE.read, _FRAME_RATE.text  # "2.5 Hz" to 2.5 frames a second
+length_m, length_text = _LENGTH.read, _LENGTH.text  # "50 cm" to 0.5 m
+ratio_db, ratio_text = _RATIO.read, _RATIO.text
+drift_ppm, drift_text = _DRIFT.read, _DRIFT.text  # microseconds per second
+power_dbm, power_text = _POWER.read, _POWER.text  # decibels above a milliwatt
+watts, watts_text = _WATTS.read, _WATTS.text  # "500 mW" to 0.5 W
 
 
 def angle_rad(value: object) -> float:
@@ -137,55 +149,6 @@ def angle_rad(value: object) -> float:
     number, unit = _split(value, "angle", "15 deg", ANGLES)
     plain = _finite(number, value, "angle")
     return math.radians(plain) if unit == "deg" else plain
-
-
-def ratio_db(value: object) -> float:
-    """``"3 dB"`` to 3.0."""
-    number, _ = _split(value, "ratio", "3 dB", ("dB",))
-    return _finite(number, value, "ratio")
-
-
-def ratio_text(value_db: float) -> str:
-    """3.0 to ``"3 dB"``. ``ratio_db`` reads it back."""
-    return f"{_plain(value_db)} dB"
-
-
-def drift_ppm(value: object) -> float:
-    """``"20 ppm"`` to 20.0: microseconds per second."""
-    number, _ = _split(value, "drift", "20 ppm", ("ppm",))
-    return _finite(number, value, "drift")
-
-
-def drift_text(value_ppm: float) -> str:
-    """20.0 to ``"20 ppm"``. ``drift_ppm`` reads it back."""
-    return f"{_plain(value_ppm)} ppm"
-
-
-def power_dbm(value: object) -> float:
-    """``"23 dBm"`` to 23.0: decibels above a milliwatt."""
-    number, _ = _split(value, "power", "23 dBm", ("dBm",))
-    return _finite(number, value, "power")
-
-
-def power_text(value_dbm: float) -> str:
-    """23.0 to ``"23 dBm"``. ``power_dbm`` reads it back."""
-    return f"{_plain(value_dbm)} dBm"
-
-
-def watts(value: object) -> float:
-    """``"500 mW"`` to 0.5 W."""
-    number, unit = _split(value, "power", "3 W", POWERS)
-    return _finite(number * (POWERS[unit] if unit else 0), value, "power")
-
-
-def watts_text(value_w: float) -> str:
-    """0.5 W to ``"0.5 W"``. ``watts`` reads it back."""
-    return f"{_plain(value_w)} W"
-
-
-def length_text(value_m: float) -> str:
-    """0.5 m to ``"0.5 m"``. ``length_m`` reads it back."""
-    return f"{_plain(value_m)} m"
 
 
 def angle_text(value_rad: float) -> str:

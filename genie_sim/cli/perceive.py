@@ -61,7 +61,6 @@ if TYPE_CHECKING:
     help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
 )
 @click.option("--threads", type=click.IntRange(1, MAX_COUNT), default=1, help="The network's.")
-@click.option("--batch", type=click.IntRange(1, MAX_COUNT), default=1, help="Pictures at a time.")
 @click.option(
     "--min-score",
     type=click.FloatRange(0.0, 1.0),
@@ -106,7 +105,6 @@ def perceive(
     size: str | None,
     providers: str,
     threads: int,
-    batch: int,
     min_score: float | None,
     origin: str | None,
     allow_missing_scans: bool,
@@ -153,15 +151,12 @@ def perceive(
         min_score=min_score,
         providers=providers.split(","),
         threads=threads,
-        batch=batch,
         encoding=encoding,
         classes=of_labels,
     )
     if bag is not None:
         from genie_sim.ros.bags import BagTopics, perceive_bag
 
-        if batch != 1:
-            raise UserError("perceive: --batch: a bag's pictures go one at a time")
         report = ImportReport(bag, accept)
         with ProgressBar(unit="frames") as progress:
             trace = perceive_bag(

@@ -35,7 +35,6 @@ __all__ = [
     "DetectorSettings",
     "ImageDetector",
     "find_weights",
-    "make_detector",
 ]
 
 
@@ -126,12 +125,10 @@ class YoloxNano(OnnxDetector):
         """
         likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
         output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
-        if self._is_decoded:
-            centre, half = output[:, 0:2], output[:, 2:4] / 2
-        else:
-            centre = (output[:, 0:2] + self.cells[likely]) * strides
-            half = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
+        if not self._is_decoded:
+            output[:, 0:2] = (output[:, 0:2] + self.cells[likely]) * strides
+            output[:, 2:4] = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides
+        return _corners(output), output[:, 4:5] * output[:, 5:]
 
 
 class YoloxTiny(YoloxNano):
@@ -211,8 +208,7 @@ class Yolov8(OnnxDetector):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture, then the score of each class."""
         output = outputs[0].T.astype(np.float64)
-        centre, half = output[:, 0:2], output[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:]
+        return _corners(output), output[:, 4:]
 
 
 class Yolov5(Yolov8):
@@ -230,8 +226,7 @@ class Yolov5(Yolov8):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture; score = objectness * class."""
         output = outputs[0].astype(np.float64)
-        centre, half = output[:, 0:2], output[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:5] * output[:, 5:]
+        return _corners(output), output[:, 4:5] * output[:, 5:]
 
 
 class Yolov7(Yolov5):
@@ -248,12 +243,10 @@ class Yolov7(Yolov5):
     def notes(self) -> list[str]:
         return [f"{self.name}: the network suppresses boxes itself"] * self._suppresses
 
-    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
+    def of_picture(self, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
         rows = outputs[0]
         self._suppresses = rows.ndim == 2
-        if self._suppresses:
-            return [rows[rows[:, 0] == number][:, 1:]]
-        return super().of_picture(outputs, number)
+        return [rows[:, 1:]] if self._suppresses else super().of_picture(outputs)
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(None, 6)] if self._suppresses else super().output_shapes()
@@ -287,6 +280,12 @@ class Yolov10(Yolov8):
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         rows = outputs[0].astype(np.float64)
         return rows[:, 0:4], _scores(rows[:, 5], rows[:, 4], len(self.labels))
+
+
+def _corners(boxes: np.ndarray) -> np.ndarray:
+    """Left, top, right and bottom (n, 4) of boxes whose columns begin with centre and extent."""
+    centre, half = boxes[:, 0:2], boxes[:, 2:4] / 2
+    return np.hstack([centre - half, centre + half])
 
 
 def _scores(classes: np.ndarray, best: np.ndarray, count: int) -> np.ndarray:
@@ -331,9 +330,7 @@ class RtDetr(Yolov8):
             classes, boxes, best = outputs
             return boxes.astype(np.float64), _scores(classes, best, len(self.labels))
         output = outputs[0].astype(np.float64)
-        places = output[:, :4] * np.array([*self.size, *self.size])
-        centre, half = places[:, 0:2], places[:, 2:4] / 2
-        return np.hstack([centre - half, centre + half]), output[:, 4:]
+        return _corners(output[:, :4] * np.array([*self.size, *self.size])), output[:, 4:]
 
 
 _KINDS: tuple[type[ImageDetector], ...] = (
@@ -363,7 +360,6 @@ class DetectorSettings:
     place_from : detections with a lower score are kept without a location
     providers : ONNX Runtime's execution providers, best first
     threads : of the network
-    batch : pictures that the network gets at a time
     encoding : of the pictures before the detector sees them
     classes : the classes of labels of the network that have other names
     """
@@ -375,57 +371,31 @@ class DetectorSettings:
     place_from: float = 0.0
     providers: Sequence[str] = (CPU,)
     threads: int = 1
-    batch: int = 1
     encoding: Encoding = "raw"
     classes: Mapping[str, str] = field(default_factory=dict)
 
     def opened(self) -> ImageDetector:
         """The detector with these settings. Raises UserError."""
-        return make_detector(
+        kind = plugins.resolve("detector", self.name, DETECTORS, ("detect", "file_name"))
+        path = find_weights(kind.file_name, self.weights)
+        network: dict[str, Any] = {}
+        if isinstance(kind, type) and issubclass(kind, OnnxDetector):
+            network = {"providers": self.providers, "threads": self.threads}
+            network |= {"classes": self.classes} if self.classes else {}
+        elif self.threads != 1:
+            raise UserError(
+                f"{self.name}: is no OnnxDetector, which alone can have several threads"
+            )
+        detector: ImageDetector = plugins.call(
+            "detector",
             self.name,
-            self.weights,
-            self.size,
-            self.min_score,
-            providers=self.providers,
-            threads=self.threads,
-            batch=self.batch,
-            classes=self.classes,
+            kind,
+            path,
+            size=self.size,
+            min_score=self.min_score,
+            **network,
         )
-
-
-def make_detector(
-    name: str,
-    weights: str | Path | None = None,
-    size: tuple[int, int] | None = None,
-    min_score: float = MIN_SCORE,
-    *,
-    providers: Sequence[str] = (CPU,),
-    threads: int = 1,
-    batch: int = 1,
-    classes: Mapping[str, str] | None = None,
-) -> ImageDetector:
-    """The detector of that name, or of a class of your own. Raises UserError.
-
-    Parameters
-    ----------
-    name, weights, size, min_score : as in ``DetectorSettings``
-    providers, threads, batch, classes : as there; only an ``OnnxDetector`` has them
-    """
-    kind = plugins.resolve("detector", name, DETECTORS, ("detect", "file_name"))
-    path = find_weights(kind.file_name, weights)
-    network: dict[str, Any] = {}
-    if isinstance(kind, type) and issubclass(kind, OnnxDetector):
-        network = {"providers": providers, "threads": threads, "batch": batch}
-        network |= {"classes": classes} if classes else {}
-    elif (threads, batch) != (1, 1):
-        raise UserError(
-            f"{name}: is no OnnxDetector, which alone can have several threads, "
-            "or pictures at a time"
-        )
-    detector: ImageDetector = plugins.call(
-        "detector", name, kind, path, size=size, min_score=min_score, **network
-    )
-    return detector
+        return detector
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:

@@ -17,17 +17,13 @@ import numpy as np
 
 from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
-from genie_sim.core.messages import Box, Detection, Location
+from genie_sim.core.messages import Box, Detection
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.data.truth import ObjectLabel, PictureLabels
 
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
 SCORE_BINS = np.linspace(0.0, 1.0, 11)
-RANGES_M = ((0.0, 15.0), (15.0, 30.0), (30.0, 50.0), (50.0, math.inf))
-STABLE_RANGE_M = 30.0
-STABLE_M = 1.0
-STABLE_SHARE = 0.9
-MIN_SIGHTINGS = 5
+NEAR_M = 30.0
 
 
 class MatchedDetection(NamedTuple):
@@ -105,18 +101,6 @@ class Group:
         return sum(count * abs(score - right) for _, _, count, score, right in rows) / total
 
 
-class Steadiness(NamedTuple):
-    """One parked vehicle: how often it was placed, and the radius [m] around the median of its
-    locations that holds ``STABLE_SHARE`` of them; the same radius of its labelled centres, which
-    wander as well.
-    """
-
-    track: int
-    sightings: int
-    radius_m: float
-    label_radius_m: float
-
-
 @dataclass(frozen=True, slots=True)
 class Evaluation:
     """A trace judged. ``min_score`` is that of the trace as it is used: average precision looks
@@ -127,36 +111,15 @@ class Evaluation:
     groups: Mapping[str, Group]
     min_score: float
 
-    def right(self, group: str | None = None, parked: bool = False) -> list[MatchedDetection]:
+    def right(self, group: str, parked: bool = False) -> list[MatchedDetection]:
         """Right detections from ``min_score`` on, or only those of what does not move."""
-        groups = self.groups.values() if group is None else [self.groups[group]]
         right = []
-        for item in (item for each_group in groups for item in each_group.detections):
+        for item in self.groups[group].detections:
             if item.label is None or item.detection.score < self.min_score:
                 continue
             if not parked or item.label.track not in self.truth.moving:
                 right.append(item)
         return right
-
-    def steadiness(self) -> list[Steadiness]:
-        """Parked vehicles that were placed at least ``MIN_SIGHTINGS`` times from within
-        ``STABLE_RANGE_M``.
-        """
-        sightings: dict[int, list[tuple[Location, Location]]] = {}
-        for item in self.right("vehicles", parked=True):
-            label, location = item.label, item.detection.location
-            if label is None or label.centre is None or location is None:
-                continue
-            if item.range_m is not None and item.range_m <= STABLE_RANGE_M:
-                sightings.setdefault(label.track, []).append((location, label.centre))
-        rows = []
-        for track, places in sorted(sightings.items()):
-            if len(places) >= MIN_SIGHTINGS:
-                locations, centres = (np.array(column) for column in zip(*places, strict=True))
-                rows.append(
-                    Steadiness(track, len(places), _radius_m(locations), _radius_m(centres))
-                )
-        return rows
 
 
 def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
@@ -231,11 +194,6 @@ def _area(boxes: Array) -> Array:
     return area
 
 
-def _radius_m(places: Array) -> float:
-    offsets = (places - np.median(places, axis=0))[:, :2]
-    return float(np.percentile(np.hypot(offsets[:, 0], offsets[:, 1]), 100 * STABLE_SHARE))
-
-
 def table(evaluation: Evaluation) -> str:
     """The evaluation as Markdown tables."""
     e = evaluation
@@ -261,11 +219,6 @@ def table(evaluation: Evaluation) -> str:
             f"No labels of {' or '.join(unlabelled)} count in these pictures: "
             "what was missed is unknown.",
         ]
-    text += ["", "| score | vehicles: number, right | persons: number, right |", "|---|---|---|"]
-    bins = {name: {row[0]: row for row in group.reliability()} for name, group in e.groups.items()}
-    for low, high in pairwise(SCORE_BINS):
-        cells = [f"{b[low][2]}, {b[low][4]:.2f}" if low in b else "-" for b in bins.values()]
-        text.append(f"| {low:.1f} to {high:.1f} | {' | '.join(cells)} |")
     text += ["", "| location error of | placed | median | 90 % below |", "|---|---|---|---|"]
     for name, rows in _places(e):
         errors = [item.error_m for item in rows if item.error_m is not None]
@@ -274,40 +227,15 @@ def table(evaluation: Evaluation) -> str:
             if errors:
                 cells = [f"{value:.2f} m" for value in np.percentile(errors, [50, 90])]
             text.append(f"| {name} | {len(errors)} of {len(rows)} | {' | '.join(cells)} |")
-    steady = e.steadiness()
-    if steady:
-        stay = sum(row.radius_m <= STABLE_M for row in steady)
-        radius_m = float(np.median([row.radius_m for row in steady]))
-        label_radius_m = float(np.median([row.label_radius_m for row in steady]))
-        text += [
-            "",
-            f"Of {len(steady)} parked vehicles seen {MIN_SIGHTINGS} times or more within "
-            f"{STABLE_RANGE_M:g} m, {stay} stay within {STABLE_M:g} m of their median place, in "
-            f"{STABLE_SHARE:.0%} of sightings; median radius {radius_m:.2f} m, that of the labels "
-            f"themselves {label_radius_m:.2f} m.",
-        ]
     return "\n".join(text) + "\n"
 
 
 def _places(e: Evaluation) -> list[tuple[str, list[MatchedDetection]]]:
-    """Right detections by what is compared: groups, ranges and methods of placement."""
-    right = e.right()
+    """Right detections by what is compared."""
     parked = e.right("vehicles", parked=True)
-    rows = [
+    near = [item for item in parked if item.range_m is not None and item.range_m <= NEAR_M]
+    return [
         ("vehicles", e.right("vehicles")),
         ("persons", e.right("persons")),
-        (
-            "parked vehicles within 30 m",
-            [item for item in parked if item.range_m is not None and item.range_m <= 30.0],
-        ),
+        (f"parked vehicles within {NEAR_M:g} m", near),
     ]
-    for low, high in RANGES_M:
-        name = f"all from {low:g} to {high:g} m" if high < math.inf else f"all beyond {low:g} m"
-        in_range = [
-            item for item in right if item.range_m is not None and low <= item.range_m < high
-        ]
-        rows.append((name, in_range))
-    for method in ("scan", "ground"):
-        by_method = [item for item in right if item.detection.method == method]
-        rows.append((f"all placed by the {method}", by_method))
-    return rows

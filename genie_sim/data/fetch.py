@@ -142,7 +142,7 @@ def download(
         replace_durably(part, path)
 
 
-def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> list[Path]:
+def unpack(archive: Path, folder: Path) -> list[Path]:
     """Files of a ZIP archive into a folder. Nothing is left there if an entry has no name, would
     leave the folder, is a link, is encrypted, appears twice, is where a folder must be or is
     broken, or if all of them are too many or unpack to too much; UserError says which.
@@ -164,7 +164,7 @@ def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> 
         zipfile.ZipFile(archive) as packed,
     ):
         entries = [entry for entry in packed.infolist() if not entry.filename.endswith("/")]
-        _check(archive, entries, root, max_bytes)
+        _check(archive, entries, root)
         root.mkdir(parents=True, exist_ok=True)
         # all of them, before any is put where it belongs
         with TemporaryDirectory(dir=root, prefix=f"{archive.name}.", suffix=".part") as whole:
@@ -180,12 +180,12 @@ def unpack(archive: Path, folder: Path, max_bytes: int = MAX_UNPACKED_BYTES) -> 
         return [root / entry.filename for entry in entries]
 
 
-def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path, max_bytes: int) -> None:
+def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
     total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
     if len(entries) > MAX_ENTRIES:
         raise UserError(f"{archive}: has {len(entries):,} files, more than {MAX_ENTRIES:,}")
-    if total > max_bytes:
-        raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {max_bytes:,}")
+    if total > MAX_UNPACKED_BYTES:
+        raise UserError(f"{archive}: unpacks to {total:,} bytes, more than {MAX_UNPACKED_BYTES:,}")
     if total > max(MAX_RATIO * packed, CHUNK_BYTES):
         raise UserError(
             f"{archive}: unpacks to {total:,} bytes from {packed:,}, "

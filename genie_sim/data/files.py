@@ -13,6 +13,7 @@ from genie_sim.base.paths import read_text
 from genie_sim.core.geometry import Array
 
 MAX = 1e9  # no number in KITTI's files is larger
+MAX_SIDE_PX = 10_000  # of a picture
 
 
 def within(values: npt.ArrayLike) -> bool:
@@ -48,6 +49,16 @@ def numbers(path: Path, columns: int) -> Array:
 def named_rows(path: Path) -> dict[str, list[str]]:
     """The rows of a calibration file whose lines are ``NAME: numbers`` or ``NAME numbers``."""
     return {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
+
+
+def size_of(rows: Mapping[str, Sequence[str]], name: str) -> tuple[int, int] | None:
+    """Width and height [px] in a row of a calibration file; ``None`` where it tells no size."""
+    try:
+        width, height = (round(float(text)) for text in rows.get(name, ()))
+    except (ValueError, OverflowError):
+        return None
+    is_size = 0 < width <= MAX_SIDE_PX and 0 < height <= MAX_SIDE_PX
+    return (width, height) if is_size else None
 
 
 def matrices(

@@ -1,11 +1,10 @@
 """KITTI raw drives: frames, camera poses and laser scans of one drive, all in one east-north-up
 world.
 
-pykitti reads the calibration files. Its loaders of drives do not fit a simulator: here positions
-come from WGS 84 around one origin for all drives (pykitti: Mercator around each drive's first fix),
-every camera has its own time stamps in nanoseconds (pykitti: those of the OXTS unit, cut to
-microseconds), and files are looked up by frame number (pykitti: by position in a list, which shifts
-after the first missing file).
+The loaders of pykitti do not fit a simulator: here positions come from WGS 84 around one origin for
+all drives (pykitti: Mercator around each drive's first fix), every camera has its own time stamps
+in nanoseconds (pykitti: those of the OXTS unit, cut to microseconds), and files are looked up by
+frame number (pykitti: by position in a list, which shifts after the first missing file).
 """
 
 import functools
@@ -18,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes, read_text
+from genie_sim.base.paths import read_bytes, read_text, sha256_of
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, numbers, within
+from genie_sim.data.files import matrices, named_rows, numbers, size_of, within
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -177,7 +176,7 @@ class KittiDrive:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
         total = hashlib.sha256()
         for name, path in sorted(self._decisive_files):
-            total.update(f"{name} {hashlib.sha256(read_bytes(path)).hexdigest()}\n".encode())
+            total.update(f"{name} {sha256_of(path)}\n".encode())
         return total.hexdigest()
 
 
@@ -228,7 +227,7 @@ def open_drive(
         check_scans(folder / "velodyne_points" / "data", indices, scan_paths)
     oxts = folder / "oxts" / "data"
     oxts_paths = numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, indices, oxts, origin, report)
+    origin, poses = _positions(oxts_paths, indices, folder=oxts, origin=origin, report=report)
     frames = {
         camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
         for camera in cameras
@@ -327,12 +326,13 @@ def numbered_images(data: Path, camera: str, report: ImportReport) -> dict[int, 
 def _positions(
     paths: Mapping[int, Path],
     needed: Sequence[int],
+    *,
     folder: Path,
     origin: Geodetic | None,
     report: ImportReport,
 ) -> tuple[Geodetic, dict[int, Array]]:
     """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others
-    are warned of.
+    are warned of. ``folder`` is where the packets' files at ``paths`` are.
     """
     if not paths:
         raise UserError(f"{folder}: no .txt files")
@@ -368,7 +368,7 @@ def day_calibration(folder: Path) -> SensorCalibration:
     cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
     names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
     names += [((f"R_rect_{camera}",), 3) for camera in CAMERAS]
-    rows = _calibration_rows(cameras)
+    rows = named_rows(cameras)
     camera_matrices = matrices(cameras, rows, names)
     projections = camera_matrices[: len(CAMERAS)]
     rectification = camera_matrices[len(CAMERAS)]
@@ -376,9 +376,9 @@ def day_calibration(folder: Path) -> SensorCalibration:
     camera_SE3_velo = {}
     sizes = {}
     for camera, projection in zip(CAMERAS, projections, strict=True):
-        size = rows.get(f"S_rect_{camera}")
-        if size is not None and len(size) == 2 and min(size) >= 1 and within(size):
-            sizes[camera] = (round(float(size[0])), round(float(size[1])))
+        size = size_of(rows, f"S_rect_{camera}")
+        if size is not None:
+            sizes[camera] = size
         if projection[0, 0] <= 0:
             raise UserError(f"{cameras}: P_rect_{camera}: its focal length is not positive")
         beside_m = projection[0, 3] / projection[0, 0]
@@ -396,21 +396,8 @@ def day_calibration(folder: Path) -> SensorCalibration:
 
 def _rigid_of(path: Path) -> Array:
     """The transform in a calibration file of a rotation R and a translation T."""
-    rows = _calibration_rows(path)
-    rotation, translation = matrices(path, rows, [(("R",), 3), (("T",), 1)])
+    rotation, translation = matrices(path, named_rows(path), [(("R",), 3), (("T",), 1)])
     return rigid(rotation, translation[:, 0])
-
-
-def _calibration_rows(path: Path) -> Mapping[str, Array]:
-    """The numbers in a calibration file, by name. Raises UserError for anything else."""
-    from pykitti.utils import read_calib_file
-
-    read_text(path)  # refuses what is missing or no regular text file
-    try:
-        rows: Mapping[str, Array] = read_calib_file(str(path))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: is no calibration file: {short_repr(str(error))}") from error
-    return rows
 
 
 def drive_frames(

@@ -14,7 +14,7 @@ import numpy as np
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, named_rows, numbers
+from genie_sim.data.files import matrices, named_rows, numbers, size_of
 from genie_sim.data.kitti import (
     CAMERAS,
     CameraFrame,
@@ -187,9 +187,9 @@ def _kitti_360(
         camera_SE3_imu = rectified @ inverse(imu_SE3_mounted)
         camera_SE3_velo[camera] = camera_SE3_imu @ imu_SE3_first @ inverse(velo_SE3_first)
         intrinsics[camera] = parts[at][:, :3]
-        size = rows.get(f"S_rect_{camera}", [])
-        if len(size) == 2:
-            sizes[camera] = (round(float(size[0])), round(float(size[1])))
+        size = size_of(rows, f"S_rect_{camera}")
+        if size is not None:
+            sizes[camera] = size
     velo_SE3_imu = velo_SE3_first @ inverse(imu_SE3_first)
     calibration = SensorCalibration(velo_SE3_imu, camera_SE3_velo, intrinsics, sizes)
     poses_path = root / "data_poses" / folder.name / "poses.txt"

@@ -14,7 +14,7 @@ import numpy as np
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.core.geometry import Array, Geodetic, inverse
-from genie_sim.data.files import matrices, named_rows, within
+from genie_sim.data.files import matrices, named_rows, size_of, within
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 from genie_sim.data.kitti import (
     CALIBRATION_FILES,
@@ -173,13 +173,10 @@ def _rectification(path: Path, camera: str, calibration: SensorCalibration) -> R
     matrix, turn = matrices(path, rows, names)
     sizes = []
     for name in (f"S_{camera}", f"S_rect_{camera}"):
-        try:
-            width, height = (round(float(text)) for text in rows.get(name, ()))
-        except ValueError:
-            raise UserError(f"{path}: {name} is missing or not two numbers") from None
-        if not (0 < width <= 10_000 and 0 < height <= 10_000):
-            raise UserError(f"{path}: {name}: {width}x{height} is no size of a picture")
-        sizes.append((width, height))
+        size = size_of(rows, name)
+        if size is None:
+            raise UserError(f"{path}: {name} is missing or no width and height of a picture")
+        sizes.append(size)
     try:
         distortion = np.array([float(text) for text in rows.get(f"D_{camera}", ())])
     except ValueError:

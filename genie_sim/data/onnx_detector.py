@@ -120,10 +120,10 @@ NMS_IOU = 0.30
 
 
 GREY = 114  # what fills the rest of a letter box
-# that a network gets at a time: about 5800 x 5800, or 64 pictures of 1248 x 384
+# of a network's input: about 5800 x 5800
 MAX_PIXELS = 2**25
 # What a network may take for its first picture: some bytes for each pixel and each of its own, and
-# seconds for each picture of a batch. A hundred times what published networks take.
+# seconds. A hundred times what published networks take.
 FIRST_BYTES, BYTES_OF_PIXEL, COPIES = 2 * 10**9, 1000, 4
 FIRST_S = 60.0
 
@@ -168,7 +168,6 @@ class OnnxDetector(ABC):
         *,
         providers: Sequence[str] = (CPU,),
         threads: int = 1,
-        batch: int = 1,
         classes: Mapping[str, str] | None = None,
     ) -> None:
         """Loads ``weights``. Raises UserError where they are no such network, or a setting is
@@ -181,7 +180,6 @@ class OnnxDetector(ABC):
         min_score : the lowest score kept, in (0, 1)
         providers : ONNX Runtime's execution providers, best first
         threads : of the network
-        batch : pictures that it gets at a time
         classes : the classes of labels of the network that have other names
         """
         if not 0 < min_score < 1:
@@ -196,13 +194,11 @@ class OnnxDetector(ABC):
             raise UserError(
                 f"detector {self.name}: size {self.size} must be multiples of {max(self.strides)}"
             )
-        if width * height * batch > MAX_PIXELS:
-            at_a_time = f", {batch} at a time" if batch > 1 else ""
+        if width * height > MAX_PIXELS:
             raise UserError(
-                f"detector {self.name}: size {width}x{height}{at_a_time}: "
-                f"more than {MAX_PIXELS:,} pixels"
+                f"detector {self.name}: size {width}x{height}: more than {MAX_PIXELS:,} pixels"
             )
-        self.min_score, self.threads, self.batch = min_score, threads, batch
+        self.min_score, self.threads = min_score, threads
         self.labels = self.labels_of(
             weights, {entry.key: entry.value for entry in network.metadata_props}
         )
@@ -217,7 +213,7 @@ class OnnxDetector(ABC):
         self._lock = threading.Lock()
         self.cells, self.cell_strides = _cells(self.size, self.strides)
         self._run_options: Any = None
-        more_bytes = FIRST_BYTES + BYTES_OF_PIXEL * width * height * batch
+        more_bytes = FIRST_BYTES + BYTES_OF_PIXEL * width * height
         more_bytes += COPIES * network.ByteSize()
         # Devices other than the processor take addresses for all their memory.
         bound = limited_memory(more_bytes) if (*providers,) == (CPU,) else nullcontext()
@@ -245,8 +241,7 @@ class OnnxDetector(ABC):
             )
         self._kind = KINDS[kind]
         self._run_options = options = onnxruntime.RunOptions()
-        limit_s = FIRST_S * self.batch
-        timer = threading.Timer(limit_s, setattr, (options, "terminate", True))
+        timer = threading.Timer(FIRST_S, setattr, (options, "terminate", True))
         timer.daemon = True
         timer.start()
         try:
@@ -254,7 +249,7 @@ class OnnxDetector(ABC):
         except Exception as error:
             if options.terminate:
                 raise UserError(
-                    f"{weights}: has no answer to its first picture after {limit_s:g} s"
+                    f"{weights}: has no answer to its first picture after {FIRST_S:g} s"
                 ) from error
             raise
         finally:
@@ -313,25 +308,17 @@ class OnnxDetector(ABC):
 
     def infer(self, blob: np.ndarray) -> list[np.ndarray]:
         """The outputs for one prepared picture: nothing but the network itself."""
-        return self.infer_many([blob])[0]
-
-    def infer_many(self, blobs: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """The outputs for each of up to ``batch`` prepared pictures; where there are fewer, the
-        last fills the rest.
-        """
-        filled = [*blobs, *[blobs[-1]] * (self.batch - len(blobs))]
-        blob = filled[0] if self.batch == 1 else np.concatenate(filled)
         feed = {self._input: blob.astype(self._kind, copy=False)}
         outputs = self._session.run(None, feed, self._run_options)
         plain = [
             output.astype(np.float32) if output.dtype == np.float16 else output
             for output in outputs
         ]
-        return [self.of_picture(plain, i) for i in range(len(blobs))]
+        return self.of_picture(plain)
 
-    def of_picture(self, outputs: Sequence[np.ndarray], number: int) -> list[np.ndarray]:
-        """What the outputs of a batch say of one of its pictures."""
-        return [output[number] for output in outputs]
+    def of_picture(self, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """What the outputs say of the one picture that the network got."""
+        return [output[0] for output in outputs]
 
     def found(
         self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
@@ -361,9 +348,7 @@ class OnnxDetector(ABC):
         return self.found(self.infer(blob), scale, (image_bgr.shape[1], image_bgr.shape[0]))
 
     def _opened(self, weights: Path, network: Any, providers: Sequence[str]) -> Any:
-        """An ONNX Runtime session; the network may have been made for another size and for one
-        picture.
-        """
+        """An ONNX Runtime session; the network may have been made for another size."""
         import onnxruntime
         from onnx import numpy_helper
 
@@ -373,17 +358,15 @@ class OnnxDetector(ABC):
                     unknown("provider", provider, onnxruntime.get_available_providers())
                 )
         dims = network.graph.input[0].type.tensor_type.shape.dim
-        for dim, value in zip(dims, (self.batch, 3, self.size[1], self.size[0]), strict=True):
+        for dim, value in zip(dims, (1, 3, self.size[1], self.size[0]), strict=True):
             dim.dim_value = value
         for value in network.graph.input[1:]:
-            sizes = np.array([self.size] * self.batch, np.int64)
+            sizes = np.array([self.size], np.int64)
             network.graph.initializer.append(numpy_helper.from_array(sizes, value.name))
         del network.graph.input[1:]
         for number, output in enumerate(network.graph.output):
             for axis, dim in enumerate(output.type.tensor_type.shape.dim):
                 dim.dim_param = f"output_{number}_{axis}"
-        if self.batch > 1:
-            _reshape_for(network.graph, self.batch)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads, options.inter_op_num_threads = self.threads, 1
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
@@ -400,11 +383,8 @@ class OnnxDetector(ABC):
     def _check(self, weights: Path) -> None:
         """One run on a grey picture tells a network with other inputs or outputs."""
         blob, _ = self.prepare(np.full((self.size[1], self.size[0], 3), GREY, np.uint8))
-        problem = f"is no {self.name} network"
-        if self.batch > 1:
-            problem = f"does not support batch size {self.batch}"
-        with as_user_error(f"{weights}: {problem}", Exception):
-            outputs = self.infer_many([blob] * self.batch)[-1]
+        with as_user_error(f"{weights}: is no {self.name} network", Exception):
+            outputs = self.infer(blob)
         shapes = [output.shape for output in outputs[: self.outputs]]
         expected = self.output_shapes()
         if not all(map(_fits, shapes, expected)):
@@ -415,11 +395,6 @@ class OnnxDetector(ABC):
             )
         if doubt := self.doubt(outputs):
             raise UserError(f"{weights}: is no {self.name} network: {doubt}")
-        if self.batch > 1 and not self._tells_pictures_apart():
-            raise UserError(
-                f"{weights}: does not support batch size {self.batch}: images of one batch "
-                "influence each other"
-            )
 
     def _hint(self, shapes: Sequence[tuple[int, ...]]) -> str:
         """Which detector's output has such a shape."""
@@ -436,21 +411,6 @@ class OnnxDetector(ABC):
             if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):
                 return f"; --detector {name} has such an output"
         return ""
-
-    def _tells_pictures_apart(self) -> bool:
-        """Whether a picture of a batch gives the same wherever it stands, and not what another one
-        gives.
-        """
-        grey, white = (
-            self.prepare(np.full((self.size[1], self.size[0], 3), c, np.uint8))[0]
-            for c in (GREY, 255)
-        )
-        first, second = self.infer_many([grey, white]), self.infer_many([white, grey])
-        same = [
-            np.allclose(a, b, atol=1e-4)
-            for a, b in zip(first[0] + first[1], second[1] + second[0], strict=True)
-        ]
-        return all(same) and not all(map(np.array_equal, first[0], first[1]))
 
 
 def _fits(shape: Sequence[int], layout: Sequence[int | None]) -> bool:
@@ -489,26 +449,6 @@ def add_last_activation(graph: Any) -> bool:
     return False
 
 
-def _reshape_for(graph: Any, batch: int) -> None:
-    """Where the network brings one picture's numbers into another shape, it does so with those of a
-    batch.
-    """
-    from onnx import numpy_helper
-
-    constants = {tensor.name: tensor for tensor in graph.initializer}
-    constants |= {
-        node.output[0]: node.attribute[0].t for node in graph.node if node.op_type == "Constant"
-    }
-    for number, node in enumerate(graph.node):
-        if node.op_type != "Reshape" or node.input[1] not in constants:
-            continue
-        shape = numpy_helper.to_array(constants[node.input[1]]).copy()
-        if len(shape) and shape[0] == 1:
-            shape[0] = batch
-            node.input[1] = f"shape_of_batch_{number}"
-            graph.initializer.append(numpy_helper.from_array(shape, node.input[1]))
-
-
 def letterbox(image_bgr: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, float]:
     """The picture scaled to fit ``size`` at the top left, the rest grey, and the scale that was
     used.
@@ -528,12 +468,10 @@ def best_boxes(
     min_score: float,
     classes: Sequence[str] = COCO_LABELS,
     *,
-    iou: float = NMS_IOU,
-    same_object: Mapping[str, str] = CANONICAL,
     unused: Counter[str] | None = None,
 ) -> list[DetectedBox]:
-    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``iou``, the
-    best stays. Classes in ``same_object`` count as the one they are mapped to.
+    """Non-maximum suppression: of boxes (n, 4) of one class that overlap by more than ``NMS_IOU``,
+    the best stays. Vehicles of several names (``CANONICAL``) are of one class.
 
     A van is often found twice, as a car and as a truck. It is one object, so these classes suppress
     each other, as in the authors' own ONNX demo of YOLOX, where all classes do; a cyclist's person
@@ -545,8 +483,6 @@ def best_boxes(
     scores : of each box and class, (n, classes)
     min_score : the lowest score kept
     classes : the names of the columns of ``scores``
-    iou : intersection over union
-    same_object : class by class
     unused : counts the boxes of labels that are neither of a road nor COCO's
     """
     if not len(scores):
@@ -567,14 +503,14 @@ def best_boxes(
     classes_of_road = sorted(ROAD_LABELS)
     numbers, extents = [], []
     for label, _, (x1, y1, x2, y2) in candidates:
-        numbers.append(classes_of_road.index(same_object.get(label, label)))
+        numbers.append(classes_of_road.index(CANONICAL.get(label, label)))
         extents.append((x1, y1, x2 - x1, y2 - y1))
     order = cv2.dnn.NMSBoxesBatched(
         bboxes=extents,
         scores=[candidate.score for candidate in candidates],
         class_ids=numbers,
         score_threshold=0.0,
-        nms_threshold=iou,
+        nms_threshold=NMS_IOU,
     )
     best_candidates = (candidates[i] for i in np.ravel(order))
     return sorted(best_candidates, key=lambda box: (-box.score, box.label, box.box))

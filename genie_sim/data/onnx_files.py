@@ -16,7 +16,7 @@ MAX_BYTES = 2**31 - 1  # of a network; ONNX Runtime takes no more from memory
 EXTERNAL = 1  # onnx.TensorProto.EXTERNAL
 
 
-class _Place(NamedTuple):
+class _TensorPlace(NamedTuple):
     """The file of a tensor, where it begins, and how many bytes it has."""
 
     path: Path
@@ -92,7 +92,7 @@ def _external(network: Any) -> Iterator[Any]:
         yield from (tensor for tensor in tensors if tensor.data_location == EXTERNAL)
 
 
-def _place(weights: Path, tensor: Any) -> _Place:
+def _place(weights: Path, tensor: Any) -> _TensorPlace:
     """Where a tensor is. Raises UserError."""
     about = {entry.key: entry.value for entry in tensor.external_data}
     name = about.get("location", "")
@@ -108,7 +108,7 @@ def _place(weights: Path, tensor: Any) -> _Place:
         length = int(about.get("length", str(size - begin)))
     if begin < 0 or not 0 <= length <= MAX_BYTES or begin + length > size:
         raise UserError(f"{what}: {length:,} bytes from {begin:,} on are not in {path} ({size:,})")
-    return _Place(path, begin, length)
+    return _TensorPlace(path, begin, length)
 
 
 @contextmanager

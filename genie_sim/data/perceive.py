@@ -83,10 +83,10 @@ def perceive(
     root = kitti_folder(kitti_root)
     report = report or ImportReport(root)
     if frames.drive.startswith(TRACKING):
-        if (detector.threads, detector.batch, detector.encoding) != (1, 1, "raw"):
+        if (detector.threads, detector.encoding) != (1, "raw"):
             raise UserError(
-                f"{frames.drive}: its detections are published ones: threads, batch and encoding "
-                "mean nothing"
+                f"{frames.drive}: its detections are published ones: threads and encoding mean "
+                "nothing"
             )
         trace = tracking_trace(
             root / "tracking",
@@ -206,8 +206,8 @@ def _provenance(
         },
     }
     # Only what is not usual: it does not change what most traces say of themselves.
-    if (settings.threads, settings.batch) != (1, 1):
-        parameters |= {"threads": settings.threads, "batch": settings.batch}
+    if settings.threads != 1:
+        parameters["threads"] = settings.threads
     if settings.encoding != "raw":
         parameters["encoding"] = settings.encoding
     return {

@@ -5,12 +5,11 @@ found.
 import hashlib
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
-from itertools import islice
 from typing import Any, NamedTuple, TypeVar
 
 import cv2
@@ -34,7 +33,7 @@ MAX_WORKERS = 3  # read and place; more than the fastest networks here can use
 Result = TypeVar("Result")
 
 
-class _Picture(NamedTuple):
+class _ReadFrame(NamedTuple):
     """A frame that has been read, without what is found in it: what the network gets, and how much
     that was scaled.
     """
@@ -51,13 +50,13 @@ class _InOneStep:
     found.
     """
 
-    threads = batch = 1
+    threads = 1
 
     def __init__(self, detector: ImageDetector) -> None:
         self._detect = detector.detect
 
-    def infer_many(self, images: Sequence[np.ndarray]) -> list[list[DetectedBox]]:
-        return [self._detect(image) for image in images]
+    def infer(self, image_bgr: np.ndarray) -> list[DetectedBox]:
+        return self._detect(image_bgr)
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         return image_bgr, 1.0
@@ -94,14 +93,14 @@ def trace_frames(
     free = (os.cpu_count() or 1) - stages.detector.threads
     with _one_thread_of_opencv(), ThreadPoolExecutor(min(max(free, 1), MAX_WORKERS)) as workers:
         reading = (workers.submit(stages.read, frame) for frame in frames)
-        pictures = _in_order(reading, READ_AHEAD + stages.detector.batch)
-        inferred = stages.infer(pictures)
+        pictures = _in_order(reading, READ_AHEAD + 1)
+        inferred = ((picture, stages.detector.infer(picture.blob)) for picture in pictures)
         placing = (workers.submit(stages.place, *picture) for picture in inferred)
         yield from _in_order(placing, READ_AHEAD)
 
 
 class _Stages:
-    """What is done with each frame, one after the other: read, infer, place."""
+    """What is done with each frame before and after the network has it: read, place."""
 
     def __init__(
         self, drive: KittiDrive, detector: ImageDetector, place_from: float, encoding: Encoding
@@ -111,7 +110,7 @@ class _Stages:
         # The cameras of a car share a scan.
         self._scanned = lru_cache(2 * READ_AHEAD)(partial(_scanned, drive))
 
-    def read(self, frame: CameraFrame) -> _Picture:
+    def read(self, frame: CameraFrame) -> _ReadFrame:
         """A frame from the disk, as the network gets it."""
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
@@ -125,7 +124,7 @@ class _Stages:
         camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
         blob, scale = self.detector.prepare(image)
         intrinsics = frame.intrinsics_of((width, height))
-        return _Picture(
+        return _ReadFrame(
             world_SE3_camera=frame.world_SE3_camera,
             frame=trace_frame(
                 camera=frame.camera,
@@ -144,13 +143,7 @@ class _Stages:
             scale=scale,
         )
 
-    def infer(self, pictures: Iterator[_Picture]) -> Iterator[tuple[_Picture, Any]]:
-        """Each picture with the network's outputs for it."""
-        while batch := list(islice(pictures, self.detector.batch)):
-            outputs = self.detector.infer_many([picture.blob for picture in batch])
-            yield from zip(batch, outputs, strict=True)
-
-    def place(self, picture: _Picture, outputs: Any) -> TraceFrame:
+    def place(self, picture: _ReadFrame, outputs: Any) -> TraceFrame:
         """The frame with what was found in it, each object at its place in the world."""
         frame, detections = picture.frame, []
         boxes = self.detector.found(outputs, picture.scale, (frame.width, frame.height))

@@ -31,6 +31,7 @@ MIN_SHAPE_POINTS = 20
 NOT_ON_THE_GROUND = frozenset({"traffic light", "stop sign"})
 
 LASER_HEIGHT_M = 1.73  # KITTI's set-up: https://www.cvlibs.net/datasets/kitti/setup.php
+GROUND_REACH_M = 30.0  # around the car it is taken for a plane
 GROUND_CLEARANCE_M = 0.25  # points lower than this are road or kerb
 
 # Margin, gap and share, and the choice of a group by its foot on the ground, were picked by
@@ -68,7 +69,7 @@ FLAT_GROUND = Plane((0.0, 0.0), -LASER_HEIGHT_M)
 TYPICAL_GROUND = Plane((0.009, 0.0), -LASER_HEIGHT_M)
 
 
-def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
+def fit_ground(points: Array) -> Plane:
     """The ground around the car: least squares through the points near the plane found so far, in a
     narrowing band.
 
@@ -78,7 +79,7 @@ def fit_ground(points: Array, reach_m: float = 30.0) -> Plane:
     # 1, x, y, z: contiguous, because this takes most of the time of a placement
     columns = np.empty((4, len(points)))
     columns[0], columns[1:] = 1.0, points.T
-    columns = np.compress(columns[1] ** 2 + columns[2] ** 2 < reach_m**2, columns, axis=1)
+    columns = np.compress(columns[1] ** 2 + columns[2] ** 2 < GROUND_REACH_M**2, columns, axis=1)
     for band_m in (0.5, 0.3, 0.2, 0.15, 0.15):
         above_m = np.array([-plane.height_m, -plane.slope[0], -plane.slope[1], 1.0]) @ columns
         near = np.compress(np.abs(above_m) < band_m, columns, axis=1)
@@ -147,7 +148,7 @@ class Placement:
         if len(inside) >= MIN_POINTS:
             right, ahead_of_it = self._points[0, inside], self._points[2, inside]
             ranges_m = np.hypot(right, ahead_of_it)
-            group = self._object(label, box, inside, ranges_m=ranges_m, ground_m=ground_m)
+            group = near_group(ranges_m, ground_m)
             if label in VEHICLES and len(group) >= MIN_SHAPE_POINTS:
                 outline = np.column_stack([right[group], ahead_of_it[group]])
                 middle = shape.centre(outline, SIZES[label], self._cut(box))
@@ -166,26 +167,6 @@ class Placement:
         centre = ahead * (surface_m + HALF_DEPTH_M[label]) / math.hypot(ahead[0], ahead[2])
         x, y, z = centre.tolist()
         return (x, y, z), method
-
-    def _object(
-        self,
-        label: str,
-        box: Box,
-        inside: Indices,
-        *,
-        ranges_m: Array,
-        ground_m: float | None,
-    ) -> Indices:
-        """Which of the points inside a box are the object's.
-
-        Parameters
-        ----------
-        label, box : of the detection
-        inside : which of all points, (n,)
-        ranges_m : their distances, (n,)
-        ground_m : the distance of the box's foot on the ground, or ``None``
-        """
-        return near_group(ranges_m, ground_m)
 
     def _inside(self, box: Box) -> Indices:
         """The points in the inner part of a box."""

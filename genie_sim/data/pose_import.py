@@ -19,7 +19,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes
+from genie_sim.base.paths import sha256_of
 from genie_sim.base.tables import FileColumn, read_rows
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
@@ -33,6 +33,7 @@ from genie_sim.data.trace import (
     Trace,
     TraceFrame,
     checked,
+    scan_frame,
     write_trace,
 )
 from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
@@ -113,7 +114,7 @@ class _Sightings(NamedTuple):
     row: np.ndarray[Any, np.dtype[np.int64]]
 
 
-class _Track:
+class _ObjectRows:
     """The rows of one object, in order of time: where it is, and what the table says of it."""
 
     def __init__(self, number: int, label: str) -> None:
@@ -178,9 +179,11 @@ def import_recordings(
     """
     report = report or ImportReport(poses)
     by_car = _read_poses(poses, report)
-    detected, outside = _read_detections(detections, by_car, sensor, classes, report)
+    detected, outside = _read_detections(
+        detections, by_car, sensor=sensor, classes=classes, report=report
+    )
     files = [poses, detections] if truth is None else [poses, detections, truth]
-    digests = {path.name: hashlib.sha256(read_bytes(path)).hexdigest() for path in files}
+    digests = {path.name: sha256_of(path) for path in files}
     if len(digests) < len(files):
         raise UserError(f"{files[-1]}: has the name of another of the tables; rename it")
     first_s = min(rows[0].time_s for rows in by_car.values())
@@ -318,6 +321,7 @@ def _apart_rad(heading: Array, course: Array) -> float:
 def _read_detections(
     path: Path,
     by_car: Mapping[str, Sequence[_Pose]],
+    *,
     sensor: Sensor,
     classes: Mapping[str, str],
     report: ImportReport,
@@ -413,21 +417,16 @@ def _frame(
     key : tells this frame from every other: no two are the same picture
     sensor : that took it
     """
-    digest = hashlib.sha256(key.encode()).hexdigest()
     microseconds = round((row.time_s - first_s) * NS_PER_S / NS_PER_US)
-    return TraceFrame(
+    return scan_frame(
         camera=RECORDING,
         index=index,
         stamp_ns=microseconds * NS_PER_US,
-        width=0,
-        height=0,
         size_bytes=sensor.size_bytes,
-        digest=digest,
-        dhash=int(digest[:16], 16),
+        key=key,
         pose=row.pose,
-        horizontal_fov_rad=round(sensor.fov_rad, ANGLE_DECIMALS),
-        detections=tuple(detections),
-        kind="lidar",
+        horizontal_fov_rad=sensor.fov_rad,
+        detections=detections,
     )
 
 
@@ -436,12 +435,12 @@ def _read_truth(
     by_car: Mapping[str, Sequence[_Pose]],
     classes: Mapping[str, str],
     report: ImportReport,
-) -> dict[str | None, list[_Track]]:
+) -> dict[str | None, list[_ObjectRows]]:
     """The objects by the car for which they count, in the order in which they come first; ``None``:
     for all cars.
     """
     numbers: dict[str, int] = {}
-    tracks: dict[str | None, dict[str, _Track]] = {}
+    tracks: dict[str | None, dict[str, _ObjectRows]] = {}
     for where, (name, time_s, item, label, *place, moving, visible, up_m) in read_rows(path, TRUTH):
         label = classes.get(label, label)
         if label == NO_CLASS:
@@ -454,7 +453,7 @@ def _read_truth(
         if tracks and (None in tracks) != (car is None):
             raise UserError(f"{where}: car: must be given in every row or in none")
         number = numbers.setdefault(item, len(numbers) + 1)
-        track = tracks.setdefault(car, {}).setdefault(item, _Track(number, CANONICAL[label]))
+        track = tracks.setdefault(car, {}).setdefault(item, _ObjectRows(number, CANONICAL[label]))
         if track.label != CANONICAL[label]:
             raise UserError(
                 f"{where}: label: object {short_repr(item)} was a {track.label}, not a "
@@ -476,7 +475,12 @@ def _read_truth(
 
 
 def _truth_table(
-    path: Path, trace: Trace, poses: Sequence[_Pose], tracks: Sequence[_Track], *, sensor: Sensor
+    path: Path,
+    trace: Trace,
+    poses: Sequence[_Pose],
+    tracks: Sequence[_ObjectRows],
+    *,
+    sensor: Sensor,
 ) -> TruthTable:
     """What is there at each frame of a car. Raises UserError for a frame of whose time the table
     tells nothing.
@@ -517,7 +521,7 @@ def _truth_table(
     return TruthTable(trace.digest, trace.origin, tuple(rows), provenance, range_m=sensor.range_m)
 
 
-def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Track]) -> None:
+def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_ObjectRows]) -> None:
     own_s = np.array(sorted(time_s for track in tracks for time_s in track.times_s))
     own_s = np.concatenate([[-np.inf], own_s, [np.inf]])
     after = np.searchsorted(own_s, times_s)

@@ -216,6 +216,43 @@ def trace_frame(
     )
 
 
+def scan_frame(
+    *,
+    camera: str,
+    index: int,
+    stamp_ns: int,
+    size_bytes: int,
+    key: str,
+    pose: CameraPose,
+    horizontal_fov_rad: float,
+    detections: Iterable[Detection],
+) -> TraceFrame:
+    """A frame of a lidar as a trace keeps it: it has no picture, and numbers are rounded.
+
+    Parameters
+    ----------
+    size_bytes : of the scan
+    key : tells this frame from every other: no two are the same picture
+    camera, index, stamp_ns, pose, horizontal_fov_rad, detections : as in ``TraceFrame``
+    """
+    digest = hashlib.sha256(key.encode()).hexdigest()
+    east_m, north_m, up_m = _rounded(pose[:3], POSITION_DECIMALS)
+    return TraceFrame(
+        camera=camera,
+        index=index,
+        stamp_ns=stamp_ns,
+        width=0,
+        height=0,
+        size_bytes=size_bytes,
+        digest=digest,
+        dhash=int(digest[:16], 16),
+        pose=CameraPose(east_m, north_m, up_m, round(pose.heading_rad, ANGLE_DECIMALS)),
+        horizontal_fov_rad=round(horizontal_fov_rad, ANGLE_DECIMALS),
+        detections=tuple(detections),
+        kind="lidar",
+    )
+
+
 def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
     """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by
     camera.

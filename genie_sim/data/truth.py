@@ -73,12 +73,12 @@ def read_truth(root: str | Path, drive: str, trace: Trace) -> PictureLabels:
     }
     for label in read_labels(Path(root), drive, trace):
         if label.kind in GROUPS or label.kind in IGNORED:
-            pictures[label.camera, label.frame].append(_judged(label))
+            pictures[label.camera, label.frame].append(_as_object(label))
     source = f"label_02 of {drive}" if drive.startswith(TRACKING) else f"tracklets of {drive}"
     return PictureLabels(source, pictures, _moving(pictures, trace))
 
 
-def _judged(label: KittiLabel) -> ObjectLabel:
+def _as_object(label: KittiLabel) -> ObjectLabel:
     """A label with what it counts for in KITTI's benchmark."""
     if label.kind in IGNORED:
         return ObjectLabel(label.track, IGNORED[label.kind], label.box, counts=False, centre=None)

@@ -5,7 +5,6 @@ and object, with the digests of the trace and of the labels in the schema's meta
 themselves are not in it.
 """
 
-import hashlib
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.paths import remembered
+from genie_sim.base.paths import remembered, sha256_of
 from genie_sim.core.classes import CANONICAL, GROUPS
 from genie_sim.core.geometry import Array, Geodetic, transform
 from genie_sim.core.matching import SAME_M
@@ -187,7 +186,7 @@ def make_truth(root: str | Path, drive: str, trace: Trace) -> TruthTable:
     provenance = {
         "drive": drive,
         "labels": truth.source,
-        "labels_sha256": hashlib.sha256(label_file(Path(root), drive).read_bytes()).hexdigest(),
+        "labels_sha256": sha256_of(label_file(Path(root), drive)),
     }
     return TruthTable(trace.digest, trace.origin, tuple(rows), {**provenance, "trace": trace.name})
 

@@ -27,7 +27,14 @@ from genie_sim.core.messages import CameraPose
 from genie_sim.data import ego_motion
 from genie_sim.data.ego_motion import EgoMotion, in_world
 from genie_sim.data.files import lines, within
-from genie_sim.data.trace import ANGLE_DECIMALS, POSITION_DECIMALS, Trace, TraceFrame, detection
+from genie_sim.data.trace import (
+    ANGLE_DECIMALS,
+    POSITION_DECIMALS,
+    Trace,
+    TraceFrame,
+    detection,
+    scan_frame,
+)
 from genie_sim.data.trace_report import tell_frames
 from genie_sim.data.truth_table import TruthRow, TruthTable
 
@@ -123,7 +130,6 @@ def recordings(
     *,
     partner: int | None = None,
     min_score: float = LOWEST_SCORE,
-    range_m: float = RANGE_M,
     report: ImportReport | None = None,
 ) -> dict[str, CarRecording]:
     """What both cars of a sequence recorded, by the car's name, on one clock.
@@ -136,7 +142,6 @@ def recordings(
     sequence : such as ``train/0012``
     partner : the label of the other car; ``None``: the one that is known of this sequence
     min_score : the lowest score of a detection that is kept
-    range_m : objects up to this distance are judged
     report : is told what was read
     """
     report = report or ImportReport(root)
@@ -182,7 +187,7 @@ def recordings(
         trace = whole.at_least(min_score)
         others = [row for row in objects if row.object != (EGO_OBJECT if car == "ego" else partner)]
         truth = TruthTable(
-            trace.digest, ORIGIN, tuple(others), {**about, "trace": name}, range_m=range_m
+            trace.digest, ORIGIN, tuple(others), {**about, "trace": name}, range_m=RANGE_M
         )
         made[car] = CarRecording(trace, truth)
     return made
@@ -252,7 +257,7 @@ def _rows(
 def _box(place: str, fields: Sequence[str], score: str = "1") -> Box:
     """Of h, w, l, x, y, z and the turn about y."""
     _, _, _, x_m, up_m, z_m, heading_rad = (float(text) for text in fields)
-    return Box(x_m, z_m, up_m, heading_rad, float(score))
+    return Box(x_m, z_m, up_m=up_m, heading_rad=heading_rad, score=float(score))
 
 
 def candidates(files: SequenceFiles) -> list[int]:
@@ -348,22 +353,16 @@ def _frame(
             centre = np.array([*place, box.up_m])
             detections.append(detection("car", box.score, None, centre, method=SENSOR))
     detections.sort(key=lambda item: (-item.score, item.location or ()))
-    digest = hashlib.sha256(f"v2v4real/{files.name}/{car}/{number}".encode()).hexdigest()
-    east_m, north_m = (round(float(x), POSITION_DECIMALS) for x in own[:2])
-    heading_rad = round(math.remainder(float(own[2]), math.tau), ANGLE_DECIMALS)
-    return TraceFrame(
+    east_m, north_m, heading_rad = own.tolist()
+    return scan_frame(
         camera=SENSOR,
         index=number,
         stamp_ns=stamp * FRAME_NS,
-        width=0,
-        height=0,
         size_bytes=SIZE_BYTES,
-        digest=digest,
-        dhash=int(digest[:16], 16),
-        pose=CameraPose(east_m, north_m, 0.0, heading_rad),
+        key=f"v2v4real/{files.name}/{car}/{number}",
+        pose=CameraPose(east_m, north_m, 0.0, math.remainder(heading_rad, math.tau)),
         horizontal_fov_rad=FOV_RAD,
-        detections=tuple(detections),
-        kind="lidar",
+        detections=detections,
     )
 
 

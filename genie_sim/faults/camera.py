@@ -1,19 +1,18 @@
 """Cameras that fail: they show nothing, or the same picture again and again."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Literal
 
 from genie_sim.core.messages import CameraPose, Detection, Image
-from genie_sim.faults.targets import check_targets
+from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import bent
-from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.sim.fault import AffectedNetwork
 
 
 @dataclass
-class CameraFault:
+class CameraFault(FaultOfHost):
     """The cameras of the car ``target`` fail.
 
     A frozen camera repeats the first picture of the fault. The car believes the picture to be new,
@@ -28,11 +27,8 @@ class CameraFault:
 
     _pictures: dict[str, Image] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "camera"
+    befalls = "car"
+    dropped_by = "camera"
 
     def begin(self, network: AffectedNetwork) -> None:
         self._pictures.clear()
@@ -53,13 +49,6 @@ class CameraFault:
             pose=image.pose,
             content=bent(picture.content, partial(_moved_all, picture.pose, image.pose)),
         )
-
-    @staticmethod
-    def check(
-        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
-    ) -> Iterator[tuple[int, str, str]]:
-        """Yields each problem of the scenario's faults of this kind."""
-        yield from check_targets(faults, "car", edge_of)
 
 
 def _moved_all(

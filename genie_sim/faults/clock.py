@@ -1,6 +1,5 @@
 """A clock that is off: what a host sends bears wrong times."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated
@@ -8,16 +7,16 @@ from typing import Annotated
 from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Header, Message
-from genie_sim.faults.targets import check_targets
+from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import Bend, Restamped, restamped
-from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.sim.fault import AffectedNetwork
 
 LARGEST_NS = 3600 * NS_PER_S
 LARGEST_PPM = 1000.0
 
 
 @dataclass
-class ClockFault:
+class ClockFault(FaultOfHost):
     """The clock of ``target`` is off. All times of what the host sends are later by the error, and
     to it all times of what others send are earlier by as much. Its own frames come back to it under
     their own stamps, and the results of a run are in true time.
@@ -38,11 +37,7 @@ class ClockFault:
     _end_ns: int | None = field(default=None, init=False, repr=False, compare=False)
     _bend: Bend | None = field(default=None, init=False, repr=False, compare=False)
 
-    duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "clock"  # it drops nothing
+    dropped_by = "clock"  # it drops nothing
 
     def begin(self, network: AffectedNetwork) -> None:
         self._begin_ns, self._end_ns = network.clock.now, None
@@ -81,10 +76,3 @@ class ClockFault:
         if error_ns == 0:
             return header
         return Restamped(header, header.stamp_ns + sign * error_ns, self.target)
-
-    @staticmethod
-    def check(
-        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
-    ) -> Iterator[tuple[int, str, str]]:
-        """Yields each problem of the scenario's faults of this kind."""
-        yield from check_targets(faults, "car or edge", [*edge_of, *edges])

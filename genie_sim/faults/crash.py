@@ -1,15 +1,14 @@
 """A crash: a host is away, and may forget everything."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from genie_sim.faults.targets import check_targets
-from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.faults.targets import FaultOfHost
+from genie_sim.sim.fault import AffectedNetwork
 
 
 @dataclass(frozen=True)
-class Crash:
+class Crash(FaultOfHost):
     """The host ``target`` crashes, and is back at the end. Meanwhile its links are down. What is
     queued and in service there is lost.
     """
@@ -21,11 +20,7 @@ class Crash:
     """Whether caches, maps and pending requests are lost (`cold`), or are there again after the
     restart (`warm`)."""
 
-    duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "crash"
+    dropped_by = "crash"
 
     def begin(self, network: AffectedNetwork) -> None:
         network.take_down(self.target, self.dropped_by)
@@ -40,10 +35,3 @@ class Crash:
         for processor in network.processors(self.target):
             processor.go_on()
         network.put_up(self.target, self.dropped_by)
-
-    @staticmethod
-    def check(
-        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
-    ) -> Iterator[tuple[int, str, str]]:
-        """Yields each problem of the scenario's faults of this kind."""
-        yield from check_targets(faults, "car or edge", [*edge_of, *edges])

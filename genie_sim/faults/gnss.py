@@ -1,7 +1,6 @@
 """Wrong positions: a car's satellite navigation is off."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -9,9 +8,9 @@ import numpy as np
 
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Message
-from genie_sim.faults.targets import check_targets
+from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import Bend, shifted
-from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.sim.fault import AffectedNetwork
 
 STEPS = 20  # of the noise, in each of its correlation times
 
@@ -56,7 +55,7 @@ class PositionError:
 
 
 @dataclass
-class Gnss:
+class Gnss(FaultOfHost):
     """The car ``target`` takes itself to be elsewhere. What it tells others is displaced, and so is
     to it what others tell; what it sees itself is where it should be, as the car drives in a frame
     of its own.
@@ -77,11 +76,8 @@ class Gnss:
 
     _bend: Bend | None = field(default=None, init=False, repr=False, compare=False)
 
-    duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "gnss"  # it drops nothing
+    befalls = "car"
+    dropped_by = "gnss"  # it drops nothing
 
     def begin(self, network: AffectedNetwork) -> None:
         if self._bend is None:
@@ -99,13 +95,6 @@ class Gnss:
     def end(self, network: AffectedNetwork) -> None:
         assert self._bend is not None, "it has begun"
         network.unbend(self.target, self._bend)
-
-    @staticmethod
-    def check(
-        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
-    ) -> Iterator[tuple[int, str, str]]:
-        """Yields each problem of the scenario's faults of this kind."""
-        yield from check_targets(faults, "car", edge_of)
 
 
 def _displaced(

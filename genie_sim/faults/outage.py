@@ -20,10 +20,7 @@ class Outage:
     """A car, an edge, `edges` for the network between them, or one link such as `car1->edge1`."""
 
     duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "outage"
+    dropped_by = "outage"
 
     def begin(self, network: AffectedNetwork) -> None:
         network.take_down(self.target, self.dropped_by)

@@ -19,10 +19,7 @@ class Partition:
     """The cars and edges of one part."""
 
     duration_ns = None  # for good, if nothing says when it ends
-
-    @property
-    def dropped_by(self) -> str:
-        return "partition"
+    dropped_by = "partition"
 
     def begin(self, network: AffectedNetwork) -> None:
         for host in self.target:

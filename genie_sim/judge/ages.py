@@ -22,7 +22,7 @@ class Given(NamedTuple):
     answer: Detections
 
 
-class _Stamps(NamedTuple):
+class _HeldSince(NamedTuple):
     """Since when [ns] the consumers of some cars hold objects: of a label at a place, east, north
     and up [m]. ``turn`` is the first scene of the car in the window at which this counts.
     """
@@ -35,9 +35,9 @@ class _Stamps(NamedTuple):
     turn: Array
     stamp_ns: Array
 
-    def rows(self, selection: Array) -> "_Stamps":
+    def rows(self, selection: Array) -> "_HeldSince":
         """Those of a mask or of indices."""
-        return _Stamps(*(column[selection] for column in self))
+        return _HeldSince(*(column[selection] for column in self))
 
 
 class FirstSeen:
@@ -46,7 +46,8 @@ class FirstSeen:
     """
 
     def __init__(self) -> None:
-        self._known = _Stamps(*(np.zeros(0, dtype=code) for code in "qqdddqq"))  # before the window
+        # before the window
+        self._known = _HeldSince(*(np.zeros(0, dtype=code) for code in "qqdddqq"))
 
     def seen_ns(
         self,
@@ -103,7 +104,7 @@ class FirstSeen:
         pending = np.flatnonzero(told.turn == scenes_of[told.car])
         keys = np.append(held_key[stays] // steps, told_key[pending] // steps)
         still = known.rows(number[stays])
-        held_on = _Stamps(
+        held_on = _HeldSince(
             car=car[of_scene[stays]],
             label=still.label,
             east_m=still.east_m,
@@ -114,11 +115,13 @@ class FirstSeen:
         )
         both = zip(held_on, told.rows(pending), strict=True)
         _, first = np.unique(keys, return_index=True)
-        self._known = _Stamps(*map(np.concatenate, both)).rows(first)
+        self._known = _HeldSince(*map(np.concatenate, both)).rows(first)
         self._known.turn[:] = 0
         return result
 
-    def _told(self, objects: Objects, given: Sequence[Given], index: Array, car: Array) -> _Stamps:
+    def _told(
+        self, objects: Objects, given: Sequence[Given], index: Array, car: Array
+    ) -> _HeldSince:
         """What is known from before the window, and what its answers show, in their order."""
         number, counts = objects.numbers([of.answer.objects for of in given])
         rows = [(of.scenes, of.car, of.answer.header.stamp_ns) for of in given]
@@ -127,7 +130,7 @@ class FirstSeen:
         keys = np.sort(car * most + index)
         turn = np.searchsorted(keys, of_car * most + before) - np.searchsorted(keys, of_car * most)
         shown = objects.columns().rows(number)
-        answers = _Stamps(
+        answers = _HeldSince(
             car=np.repeat(of_car, counts),
             label=shown.label,
             east_m=shown.east_m,
@@ -136,7 +139,7 @@ class FirstSeen:
             turn=np.repeat(turn, counts),
             stamp_ns=np.repeat(stamp_ns, counts),
         )
-        return _Stamps(*map(np.concatenate, zip(self._known, answers, strict=True)))
+        return _HeldSince(*map(np.concatenate, zip(self._known, answers, strict=True)))
 
 
 def _codes(columns: Sequence[Array]) -> tuple[Array, int]:

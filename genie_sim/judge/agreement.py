@@ -8,8 +8,8 @@ import numpy as np
 
 from genie_sim.core.matching import SAME_M
 from genie_sim.judge.joins import GroupedPlaces, matches, near
-from genie_sim.judge.objects import Codes, Objects
-from genie_sim.record.columns import Columns, Text
+from genie_sim.judge.objects import Objects
+from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.log import ComparedAnswer
 from genie_sim.record.tables import Table
 

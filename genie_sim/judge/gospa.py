@@ -9,22 +9,22 @@ from genie_sim.core.matching import Near
 from genie_sim.judge.joins import Array, Pairs
 
 GOSPA_CUT_M = 5.0
+CUT_M2 = GOSPA_CUT_M**2
 
 
-def gospa_m(pairs: Pairs, row: Array, objects: Array, cut_m: float = GOSPA_CUT_M) -> Array:
+def gospa_m(pairs: Pairs, row: Array, objects: Array) -> Array:
     """Returns the GOSPA distances [m] of order 2 with alpha 2 between many pairs of lists, row by
-    row: the root of the squared distances of the best pairs, and of ``cut_m`` squared / 2 for each
-    object without one.
+    row: the root of the squared distances of the best pairs, and of ``GOSPA_CUT_M`` squared / 2 for
+    each object without one.
 
-    ``pairs`` are those of objects within ``cut_m``, row by row and nearest first; each object has
-    an index of its own. ``row`` is the row of each pair, ``objects`` the number of objects in each
-    row, of both lists.
+    ``pairs`` are those of objects within ``GOSPA_CUT_M``, row by row and nearest first; each object
+    has an index of its own. ``row`` is the row of each pair, ``objects`` the number of objects in
+    each row, of both lists.
 
     Source: A. S. Rahmathullah, A. F. Garcia-Fernandez, L. Svensson, "Generalized optimal
     sub-pattern assignment metric", FUSION 2017, Proposition 1.
     """
-    cut_m2 = cut_m * cut_m
-    gains = cut_m2 - pairs.distance_m2
+    gains = CUT_M2 - pairs.distance_m2
     # How many pairs our and their object of each pair are in.
     ours, theirs = (np.bincount(side)[side] for side in pairs[:2])
     is_star = np.zeros(len(row), dtype=bool)
@@ -42,9 +42,9 @@ def gospa_m(pairs: Pairs, row: Array, objects: Array, cut_m: float = GOSPA_CUT_M
     columns = (column[others].tolist() for column in (pairs.distance_m2, pairs.ours, pairs.theirs))
     candidates = list(zip(*columns, strict=True))
     for group in _groups(candidates):
-        gains[others[group[0]]] = _max_gain([candidates[place] for place in group], cut_m2)
+        gains[others[group[0]]] = _max_gain([candidates[place] for place in group])
     gained = np.bincount(row, weights=gains, minlength=len(objects))
-    distances_m: Array = np.sqrt(np.maximum(cut_m2 / 2 * objects - gained, 0.0))
+    distances_m: Array = np.sqrt(np.maximum(CUT_M2 / 2 * objects - gained, 0.0))
     return distances_m
 
 
@@ -65,11 +65,11 @@ def _groups(candidates: Sequence[Near]) -> Iterable[list[int]]:
     return groups.values()
 
 
-def _max_gain(group: Sequence[Near], cut_m2: float) -> float:
+def _max_gain(group: Sequence[Near]) -> float:
     """The most that pairing the objects of a group takes off, each paired at most once."""
     rows, columns = ({one[side]: None for one in group} for side in (1, 2))
     if len(rows) == 1 or len(columns) == 1:
-        return cut_m2 - min(distance_m2 for distance_m2, _, _ in group)
+        return CUT_M2 - min(distance_m2 for distance_m2, _, _ in group)
     if len(rows) > len(columns):
         rows, columns, group = columns, rows, [(one[0], one[2], one[1]) for one in group]
     row, column = (
@@ -77,7 +77,7 @@ def _max_gain(group: Sequence[Near], cut_m2: float) -> float:
     )
     gains = [[0.0] * len(columns) for _ in rows]
     for distance_m2, i, j in group:
-        gains[row[i]][column[j]] = cut_m2 - distance_m2
+        gains[row[i]][column[j]] = CUT_M2 - distance_m2
     return math.fsum(gains[i][j] for i, j in enumerate(assigned(gains)))
 
 

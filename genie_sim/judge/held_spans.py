@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.judge.joins import Array
-from genie_sim.judge.objects import Codes
-from genie_sim.record.columns import Columns, Text
+from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.tables import Table
 
 

@@ -21,10 +21,10 @@ from genie_sim.judge.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.judge.held import Held, held
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
 from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
-from genie_sim.judge.objects import UNKNOWN, Codes, Objects, ShownColumns
+from genie_sim.judge.objects import UNKNOWN, Objects, ShownColumns
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
-from genie_sim.record.columns import Columns, Text
+from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.records import CONSUMER, ZERO_DELAY
 from genie_sim.record.tables import Table
 
@@ -107,7 +107,6 @@ class MapAccuracy:
         self._cars.update((car, number) for number, car in enumerate(truths))
         self._first_seen = FirstSeen()
         self._recent_places = RecentPlaces()
-        self._judged = 0  # how many scenes are
         self._spans: HeldSpans | None = None
         if objects is not None:
             self._spans = HeldSpans(
@@ -159,7 +158,6 @@ class MapAccuracy:
         self._count(views, visible, compared)
         if self._spans is not None:
             self._follow(self._spans, views, visible, compared)
-        self._judged += len(self._scenes)
         self._scenes, self._given = [], []
 
     def _compare(self, views: SceneViews, visible: Visible) -> _Compared:

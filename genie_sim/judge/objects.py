@@ -4,27 +4,20 @@ from array import array
 from collections.abc import Sequence
 from itertools import chain
 from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.core.classes import class_of
 from genie_sim.core.messages import Detection
 from genie_sim.judge.joins import Array
+from genie_sim.record.columns import Codes
 
 UNKNOWN = -1
 MAX_KEPT = 100_000  # objects and lists of them, at the begin of a window
 _label = attrgetter("label")
 _location = attrgetter("location")
 _motion = attrgetter("motion")
-
-
-class Codes(dict[Any, int]):
-    """A number for each key, in the order in which they are first asked for."""
-
-    def __missing__(self, key: Any) -> int:
-        self[key] = code = len(self)
-        return code
 
 
 class ShownColumns(NamedTuple):

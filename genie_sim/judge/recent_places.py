@@ -6,7 +6,7 @@ import numpy as np
 
 from genie_sim.base.units import NS_PER_S
 from genie_sim.judge.joins import Array, GroupedPlaces, near
-from genie_sim.judge.objects import Codes
+from genie_sim.record.columns import Codes
 
 REMEMBERED_NS = 10 * NS_PER_S  # what was there so long ago counts as moved away
 _NEVER_NS = -(2**62)

@@ -9,7 +9,8 @@ import numpy as np
 from genie_sim.core.consumer import Shown
 from genie_sim.core.messages import Frame, Image, Location
 from genie_sim.judge.joins import Array
-from genie_sim.judge.objects import Codes, Objects
+from genie_sim.judge.objects import Objects
+from genie_sim.record.columns import Codes
 
 BORDER_RAD = 1e-12  # what stands on the border of a picture is in view, however that is rounded
 

@@ -17,6 +17,18 @@ Floats = np.ndarray[Any, np.dtype[np.float64]]
 NO_TEXT = -1  # the code of a row without a text
 
 
+class Codes(dict[Any, int]):
+    """A number for each key, such as a text, in the order in which they are first asked for; none
+    for ``None``.
+    """
+
+    def __missing__(self, key: Any) -> int:
+        if key is None:
+            raise TypeError("None has no code")
+        self[key] = code = len(self)
+        return code
+
+
 class Text:
     """A column of text, as a code for each row: the position of its text in the sorted ``names``,
     or ``NO_TEXT``.

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
+from itertools import takewhile
 from typing import NamedTuple, Protocol
 
 from genie_sim.core.header import Header
@@ -23,6 +24,8 @@ from genie_sim.core.monitor import FaultSpan, Forgery, HostUsage, Placement, Res
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import AttackRow, FaultRow, HostRow, LookRow, Tables
 from genie_sim.record.tables import Value
+
+SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
 # What an answer is called in the table of steps, by whether it is the first and the fresh one.
 _WHICH = {
@@ -69,17 +72,18 @@ class Judge(Protocol):
     def close(self) -> None: ...
 
 
-SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
-
-
 class Log:
     """Writes the rows of one method's run; a ``monitor.Monitor``.
 
-    Rows of which there are many are plain tuples in the order of the columns (``records``): naming
-    the columns of each takes ten times as long.
+    A frame's row is *open* while the frame moves on: it is found by the frame's header and
+    completed with what becomes known (``OpenFrame``). Some seconds later it *settles*, that is, it
+    goes into the table, which is compact. If more becomes known after all, it is taken out again.
 
-    A frame's row is found by its header and completed as the frame moves on. Then it goes into the
-    table, which is compact; if more becomes known after all, it is taken out again.
+    Rows of which there are many are plain tuples in the order of the columns (``records``), and go
+    into their table many at once: naming the columns of each takes ten times as long.
+
+    The calls of a ``monitor.Monitor`` come first, in the order in which they happen to a frame;
+    then those at the end of a run; then the rows that ``observe`` writes.
 
     Parameters
     ----------
@@ -129,8 +133,8 @@ class Log:
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
         self._open: dict[Header, OpenFrame] = {}  # in order of their stamps
-        self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map
-        self._object_counts: Counter[str] = Counter()  # by Genie
+        self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map: ours
+        self._object_counts: Counter[str] = Counter()  # by Genie, forgotten ones included
         self.published_frames = 0
 
     def published(self, image: Image, number: int, lap: int) -> None:
@@ -158,48 +162,6 @@ class Log:
             )
             self._poses.append(row)
 
-    def failed(self, spans: Sequence[FaultSpan]) -> None:
-        """Writes the faults that there were."""
-        for span in spans:
-            self._faults.append(FaultRow(self.method, *span))
-
-    def attacked(self, forgeries: Iterable[Forgery]) -> None:
-        """Writes what attackers added and left out."""
-        for forgery in forgeries:
-            self._attacks.append(AttackRow(self.method, *forgery))
-
-    def close(self, before_ns: int | None = None) -> None:
-        """Frames taken before this go into the table; ``None``: all do."""
-        settled: list[Header] = []
-        for header in self._open:
-            if before_ns is not None and header.stamp_ns >= before_ns:
-                break
-            settled.append(header)
-        values: list[Value] = []  # all rows at once
-        for header in settled:
-            frame = self._open.pop(header)
-            values += frame.values()
-        self._frames.extend(values)
-        if before_ns is None:
-            if self._judge is not None:
-                self._judge.close()
-            if self._agreement is not None:
-                self._agreement.close()
-
-    def _frame(self, header: Header) -> OpenFrame | None:
-        """The row of a frame, taken out of the table if it is there already; ``None`` for what is
-        no frame, and for one of the warm-up.
-        """
-        if type(header) is not Header:  # of a car whose clock is wrong
-            header = header.original
-        frame = self._open.get(header)
-        if frame is None:
-            stamp_ns, stream, car = header
-            row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
-            if row is not None:
-                self._open[header] = frame = OpenFrame(self.method, header).update(row)
-        return frame
-
     def received(self, header: Header, now_ns: int) -> None:
         """The frame is in the queue of the first node that handles it."""
         frame = self._frame(header)
@@ -216,6 +178,14 @@ class Log:
                 frame.bytes_up += message.size_bytes
             else:
                 frame.bytes_down += message.size_bytes
+
+    def dropped(self, message: Message, where: str) -> None:
+        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no
+        result.
+        """
+        frame = self._frame(message.header)
+        if frame is not None and frame.result_answer_ns is None:
+            frame.drop = where
 
     def answered(
         self, answer: Detections, source: str, now_ns: int, path: Span | None = None
@@ -259,36 +229,6 @@ class Log:
             frame.fresh_answer_ns = now_ns
             frame.objects_fresh = len(answer.objects)
 
-    def _note_steps(
-        self, path: Span | None, frame: OpenFrame, is_first: bool, is_fresh: bool
-    ) -> None:
-        """Writes the steps from when the frame was received until the answer was there."""
-        if self._steps is None or path is None or frame.received_ns is None:
-            return
-        which = _WHICH[is_first, is_fresh]
-        values: list[Value] = []  # all rows at once
-        for (part, place), begin_ns, end_ns in path.since(frame.received_ns):
-            values += (
-                self.method,
-                frame.car,
-                frame.stream,
-                frame.stamp_ns,
-                which,
-                part,
-                place,
-                begin_ns,
-                end_ns,
-            )
-        self._steps.extend(values)
-
-    def dropped(self, message: Message, where: str) -> None:
-        """A copy of a frame, or an answer to it, was lost. It counts as long as the frame has no
-        result.
-        """
-        frame = self._frame(message.header)
-        if frame is not None and frame.result_answer_ns is None:
-            frame.drop = where
-
     def observe(self, placement: Placement, node: str, record: Observation, now_ns: int) -> None:
         """Writes what a Genie tells of its cache or map."""
         if isinstance(record, ImageLookup):
@@ -307,24 +247,93 @@ class Log:
         else:
             self._note_expired(node, record)
 
-    def _note_look(
-        self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
-    ) -> None:
-        if self._looks is not None:
-            stamp_ns, stream, car = event.header.original
-            row = LookRow(
-                method=self.method,
-                t_ns=now_ns,
-                genie=genie,
-                car=car,
-                stream=stream,
-                stamp_ns=stamp_ns,
-                way=event.way,
-                outcome=event.outcome,
-                looked_ns=looked_ns,
-                gap_ns=event.gap_ns,
+    def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
+        """Writes the state of every device, link and queue at this instant."""
+        old = takewhile(lambda header: header.stamp_ns < now_ns - SETTLED_NS, self._open)
+        self._settle(list(old))
+        values: list[Value] = []
+        for resource in resources:
+            values += (
+                self.method,
+                now_ns,
+                resource.name,
+                resource.kind,
+                resource.capacity,
+                resource.busy_ns,
+                resource.queued,
+                resource.completed,
+                resource.drops,
+                resource.sent_bytes,
+                resource.occupancy.total_ns,
+                resource.occupancy.most,
             )
-            self._looks.append(row)
+        self._resources.extend(values)
+
+    def used(self, usage: Iterable[HostUsage]) -> None:
+        """Writes what each host has used until the end of the run."""
+        for host in usage:
+            self._hosts.append(HostRow(self.method, **host._asdict()))
+
+    def failed(self, spans: Sequence[FaultSpan]) -> None:
+        """Writes the faults that there were."""
+        for span in spans:
+            self._faults.append(FaultRow(self.method, *span))
+
+    def attacked(self, forgeries: Iterable[Forgery]) -> None:
+        """Writes what attackers added and left out."""
+        for forgery in forgeries:
+            self._attacks.append(AttackRow(self.method, *forgery))
+
+    def close(self) -> None:
+        """The run is over: every frame goes into the table."""
+        self._settle(list(self._open))
+        if self._judge is not None:
+            self._judge.close()
+        if self._agreement is not None:
+            self._agreement.close()
+
+    def _frame(self, header: Header) -> OpenFrame | None:
+        """The row of a frame, taken out of the table if it is there already; ``None`` for what is
+        no frame, and for one of the warm-up.
+        """
+        if type(header) is not Header:  # of a car whose clock is wrong
+            header = header.original
+        frame = self._open.get(header)
+        if frame is None:
+            stamp_ns, stream, car = header
+            row = self._frames.take(method=self.method, car=car, stream=stream, stamp_ns=stamp_ns)
+            if row is not None:
+                self._open[header] = frame = OpenFrame(self.method, header).update(row)
+        return frame
+
+    def _settle(self, headers: Iterable[Header]) -> None:
+        """These open frames go into the table."""
+        values: list[Value] = []
+        for header in headers:
+            values += self._open.pop(header).values()
+        self._frames.extend(values)
+
+    def _note_steps(
+        self, path: Span | None, frame: OpenFrame, is_first: bool, is_fresh: bool
+    ) -> None:
+        """Writes the steps from when the frame was received until the answer was there."""
+        if self._steps is None or path is None or frame.received_ns is None:
+            return
+        which = _WHICH[is_first, is_fresh]
+        values: list[Value] = []
+        for (part, place), begin_ns, end_ns in path.since(frame.received_ns):
+            values += (
+                self.method,
+                frame.car,
+                frame.stream,
+                frame.stamp_ns,
+                which,
+                part,
+                place,
+                begin_ns,
+                end_ns,
+            )
+        self._steps.extend(values)
 
     def _note_image_lookup(
         self, placement: Placement, genie: str, lookup: ImageLookup, now_ns: int
@@ -388,7 +397,7 @@ class Log:
         if self._objects is None:
             return
         numbers = self._open_objects
-        values: list[Value] = []  # all rows at once
+        values: list[Value] = []
         for change in changes:
             # A Genie that lost its state counts its objects from 0 again; the table goes on.
             key = genie, change.number
@@ -411,34 +420,27 @@ class Log:
                 del numbers[key]
         self._objects.extend(values)
 
+    def _note_look(
+        self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
+    ) -> None:
+        if self._looks is not None:
+            stamp_ns, stream, car = event.header.original
+            row = LookRow(
+                method=self.method,
+                t_ns=now_ns,
+                genie=genie,
+                car=car,
+                stream=stream,
+                stamp_ns=stamp_ns,
+                way=event.way,
+                outcome=event.outcome,
+                looked_ns=looked_ns,
+                gap_ns=event.gap_ns,
+            )
+            self._looks.append(row)
+
     def _note_expired(self, genie: str, request: Expired) -> None:
         """A client's request was forgotten before anybody answered it."""
         frame = self._frame(request.header)
         if frame is not None and frame.drop is None and frame.result_answer_ns is None:
             frame.drop = f"{genie}:expired"
-
-    def used(self, usage: Iterable[HostUsage]) -> None:
-        """Writes what each host has used until the end of the run."""
-        for host in usage:
-            self._hosts.append(HostRow(self.method, **host._asdict()))
-
-    def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
-        """Writes the state of every device, link and queue at this instant."""
-        self.close(now_ns - SETTLED_NS)
-        values: list[Value] = []  # all rows at once: a fleet has thousands of resources
-        for resource in resources:
-            values += (
-                self.method,
-                now_ns,
-                resource.name,
-                resource.kind,
-                resource.capacity,
-                resource.busy_ns,
-                resource.queued,
-                resource.completed,
-                resource.drops,
-                resource.sent_bytes,
-                resource.occupancy.total_ns,
-                resource.occupancy.most,
-            )
-        self._resources.extend(values)

@@ -1,10 +1,14 @@
 """The row of a frame while more about it becomes known."""
 
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Any
 
 from genie_sim.core.messages import Header, Image
+from genie_sim.record.records import FrameRow
 from genie_sim.record.tables import Value
+
+_values_of = attrgetter(*FrameRow._fields)
 
 
 class OpenFrame:
@@ -21,31 +25,7 @@ class OpenFrame:
         The frame's running number in the stream, and how often the car had driven its route before.
     """
 
-    __slots__ = (
-        "bytes_down",
-        "bytes_up",
-        "car",
-        "coalesced",
-        "drop",
-        "first_answer_ns",
-        "first_looked_ns",
-        "frame",
-        "fresh_answer_ns",
-        "image",
-        "image_hit",
-        "lap",
-        "looked_ns",
-        "method",
-        "objects_fresh",
-        "objects_result",
-        "objects_served",
-        "received_ns",
-        "result_answer_ns",
-        "served_by",
-        "source",
-        "stamp_ns",
-        "stream",
-    )
+    __slots__ = (*FrameRow._fields, "image")
 
     def __init__(self, method: str, header: Header, number: int = 0, lap: int = 0) -> None:
         self.method = method
@@ -80,27 +60,4 @@ class OpenFrame:
 
     def values(self) -> tuple[Value, ...]:
         """The values of the columns, in their order."""
-        return (
-            self.method,
-            self.car,
-            self.stream,
-            self.frame,
-            self.lap,
-            self.stamp_ns,
-            self.received_ns,
-            self.first_answer_ns,
-            self.fresh_answer_ns,
-            self.result_answer_ns,
-            self.source,
-            self.served_by,
-            self.image_hit,
-            self.coalesced,
-            self.first_looked_ns,
-            self.looked_ns,
-            self.objects_fresh,
-            self.objects_result,
-            self.objects_served,
-            self.bytes_up,
-            self.bytes_down,
-            self.drop,
-        )
+        return _values_of(self)

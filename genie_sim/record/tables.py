@@ -17,7 +17,7 @@ import numpy as np
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.record.columns import NO_TEXT, Array, Columns, Text
+from genie_sim.record.columns import NO_TEXT, Array, Codes, Columns, Text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -117,16 +117,6 @@ def _column(name: str, hint: Any) -> Column:
     return Column(name, kind, unit, description, nullable=NoneType in alternatives)
 
 
-class _Codes(dict[str, int]):
-    """A code for each text; a new text gets the next one."""
-
-    def __missing__(self, text: str) -> int:
-        if text is None:
-            raise TypeError
-        self[text] = code = len(self)
-        return code
-
-
 class _Buffer:
     """The values of one column; text is kept as small integers."""
 
@@ -134,7 +124,7 @@ class _Buffer:
         typecode, self._none = _BUFFERS[column.kind]
         self.about = column
         self.values = array(typecode)
-        self.codes = _Codes()
+        self.codes = Codes()
         self._is_text = column.kind == "text"
 
     def extend(self, values: Sequence[Any], first: int, step: int) -> None:

@@ -155,7 +155,7 @@ def perceive_bag(
             path, selected, around, place_of=place_of, detector=detector, report=report
         )
         frames: dict[str, list[TraceFrame]] = {}
-        shown = _pictures(path, reader, selected, scan, stamps)
+        shown = _pictures(path, reader, selected, scan=scan, stamps=stamps)
         for done, one in enumerate(shown, start=1):
             frame = perception.frame(one, min_score)
             if frame is None:
@@ -186,7 +186,7 @@ def perceive_bag(
     return Trace(path.stem, origin, by_camera, provenance)
 
 
-class _Shown(NamedTuple):
+class _BagPicture(NamedTuple):
     """One picture of a bag: its camera, when it was taken, the message, and the scan taken with
     it, or ``None``.
     """
@@ -210,7 +210,7 @@ class _Perception:
     first_ns: int = 0
     last_ns: int = 0
 
-    def frame(self, shown: _Shown, min_score: float) -> TraceFrame | None:
+    def frame(self, shown: _BagPicture, min_score: float) -> TraceFrame | None:
         """One picture perceived; ``None`` if nobody knows where it was taken. Its stamp is still
         the bag's, and it has no number yet.
         """
@@ -252,7 +252,7 @@ class _Perception:
         return array.objects
 
     def _placement(
-        self, shown: _Shown, intrinsics: Array, size: tuple[int, int]
+        self, shown: _BagPicture, intrinsics: Array, size: tuple[int, int]
     ) -> Placement | None:
         """Places the objects of a picture by the scan taken with it; ``None`` without one.
         ``intrinsics`` and ``size`` are the camera's matrix and the picture's width and height [px].
@@ -465,13 +465,13 @@ def _check_topic(path: Path, topic: str, topics: Mapping[str, str], kinds: Seque
 
 
 def _pictures(
-    path: Path, reader: Any, selected: Topics, scan: str | None, stamps: Stamps
-) -> Iterator[_Shown]:
+    path: Path, reader: Any, selected: Topics, *, scan: str | None, stamps: Stamps
+) -> Iterator[_BagPicture]:
     """Each image with its camera's name and the scan nearest in time (``None``: there is none
     near).
     """
     names = {topic: name for name, topic in selected.items()}
-    waiting: deque[tuple[int, _Shown]] = deque()
+    waiting: deque[tuple[int, _BagPicture]] = deque()
     recent: deque[tuple[int, Any]] = deque(maxlen=8)
     chosen = [
         connection
@@ -479,7 +479,7 @@ def _pictures(
         if connection.topic in names or connection.topic == scan
     ]
 
-    def with_scan(shown: _Shown) -> _Shown:
+    def with_scan(shown: _BagPicture) -> _BagPicture:
         by_distance = sorted(recent, key=lambda scan: abs(scan[0] - shown.stamp_ns))
         for scan_ns, cloud in by_distance[:1]:
             if abs(scan_ns - shown.stamp_ns) <= SCAN_WITHIN_NS:
@@ -490,7 +490,7 @@ def _pictures(
         topic = connection.topic
         stamp_ns = stamps.of(topic, message.header, at_ns)
         if topic in names:
-            waiting.append((at_ns, _Shown(names[topic], stamp_ns, message, None)))
+            waiting.append((at_ns, _BagPicture(names[topic], stamp_ns, message, None)))
         else:
             recent.append((stamp_ns, message))
         newest_ns = recent[-1][0] if recent else 0

@@ -164,8 +164,8 @@ def read_surroundings(
         if kind in TRANSFORMS:
             is_static = topic.endswith("static")
             for entry in message.transforms:
-                stamp_ns = 0 if is_static else stamps.of(topic, entry.header, at_ns)
-                _add_transform(where, around.frames, entry, stamp_ns, is_static)
+                stamp_ns = None if is_static else stamps.of(topic, entry.header, at_ns)
+                _add_transform(where, around.frames, entry, stamp_ns)
         elif kind == CAMERA_INFO:
             around.cameras[topic] = _camera(where, message)
         elif kind == FIX:
@@ -188,23 +188,23 @@ def read_surroundings(
             objects = tuple(_known(where, _objects(message, kind), classes, report))
             stamp_ns = stamps.of(topic, message.header, at_ns)
             around.detections[stamp_ns] = BagDetections(message.header.frame_id, objects)
-    fix = _chosen("fix", fix, fixes, "--fix", report)
+    fix = _chosen("fix", fix, fixes, report)
     around.fixes = _with_altitudes(fixes.get(fix, []), report)
     around.fixes_ns = sorted(entry[0] for entry in around.fixes)
     around.lost_ns = sorted(lost_ns.get(fix, []))
-    around.turns = turns.get(_chosen("imu", imu, turns, "--imu", report), [])
+    around.turns = turns.get(_chosen("imu", imu, turns, report), [])
     report.gaps("fixes", [stamp_ns / NS_PER_S for stamp_ns in around.fixes_ns])
     return around
 
 
-def _chosen(
-    what: str, topic: str | None, topics: Collection[str], option: str, report: ImportReport
-) -> str:
-    """The topic that was asked for, or the first of those that have what is needed."""
+def _chosen(what: str, topic: str | None, topics: Collection[str], report: ImportReport) -> str:
+    """The topic that was asked for by the option of this name, or the first of those that have what
+    is needed.
+    """
     if topic is not None or not topics:
         return topic or ""
     first = min(topics)
-    report.choose(what, first, sorted(topics), option)
+    report.choose(what, first, sorted(topics), f"--{what}")
     return first
 
 
@@ -257,17 +257,17 @@ def _beside(images_ns: Sequence[int], stamp_ns: int) -> Sequence[int]:
     return images_ns[max(after - 1, 0) : after + 1]
 
 
-def _add_transform(
-    where: str, frames: TransformTree, entry: Any, stamp_ns: int, is_static: bool
-) -> None:
-    """Adds a transform of the bag. Raises UserError for one that is no place and turn."""
+def _add_transform(where: str, frames: TransformTree, entry: Any, stamp_ns: int | None) -> None:
+    """Adds a transform of the bag; without a stamp it always holds. Raises UserError for one that
+    is no place and turn.
+    """
     translation = entry.transform.translation
     place = (translation.x, translation.y, translation.z)
     turn = rotation(entry.transform.rotation)
     parent, child = entry.header.frame_id, entry.child_frame_id
     if turn is None or not in_range(place):
         raise UserError(f"{where}: a transform to {child!r} that is no place and turn")
-    if is_static:
+    if stamp_ns is None:
         frames.add_static(parent, child, rigid(turn, place))
     else:
         frames.add_moving(parent, child, stamp_ns, rigid(turn, place))
@@ -284,11 +284,11 @@ def _camera(where: str, message: Any) -> BagCamera:
     roi = message.roi
     return BagCamera(
         matrix,
-        int(message.width),
-        int(message.height),
-        int(roi.x_offset),
-        int(roi.y_offset),
-        int(roi.width),
+        width=int(message.width),
+        height=int(message.height),
+        left=int(roi.x_offset),
+        top=int(roi.y_offset),
+        roi_width=int(roi.width),
     )
 
 

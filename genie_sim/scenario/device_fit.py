@@ -25,7 +25,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import atomic_write
 from genie_sim.base.progress import Progress
-from genie_sim.base.tables import UNITS, FileColumn, Table, is_number, title_of, with_point
+from genie_sim.base.tables import UNITS, FileColumn, FileTable, is_number, title_of, with_point
 from genie_sim.scenario import benchmark_logs
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
@@ -99,9 +99,9 @@ def measure(
     model : the name in the profile; ``None``: the detector's
     progress : is told the runs done and all runs
     """
-    from genie_sim.data.detector import make_detector
+    from genie_sim.data.detector import DetectorSettings
 
-    detector = make_detector(detector_name, weights)
+    detector = DetectorSettings(detector_name, weights).opened()
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)
     latencies = []
     for run in range(WARM_UP + runs):
@@ -145,7 +145,7 @@ def from_table(
         title, latencies = benchmark_logs.trtexec_times(path, column, report)
         own = "ms"
     else:
-        table = Table(path)
+        table = FileTable(path)
         index = _column_of(table, column)
         title = table.titles[index] if table.titles else ""
         kind = title_of(title).unit
@@ -176,7 +176,7 @@ def from_table(
     )
 
 
-def _latencies(table: Table, index: int) -> list[float]:
+def _latencies(table: FileTable, index: int) -> list[float]:
     """The numbers of a column. Raises UserError for one that is no time."""
     number, latencies = FileColumn("latency", highest=1e15), []
     for where, (cell,) in table.cells([index]):
@@ -190,7 +190,7 @@ def _latencies(table: Table, index: int) -> list[float]:
     return latencies
 
 
-def _column_of(table: Table, name: str | None) -> int:
+def _column_of(table: FileTable, name: str | None) -> int:
     """Which column holds the latencies. Raises UserError where that is not clear."""
     titles = list(table.titles)
     _, first = next(table.cells(list(range(table.columns))), ("", []))

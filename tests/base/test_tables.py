@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.base import tables
 from genie_sim.base.errors import UserError
-from genie_sim.base.tables import FileColumn, Table, read_rows, title_of
+from genie_sim.base.tables import FileColumn, FileTable, read_rows, title_of
 
 COLUMNS = (
     FileColumn("time_s"),
@@ -90,7 +90,7 @@ def test_what_unpacks_to_too_much_is_refused_before_it_is_parsed(tmp_path, monke
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"time_s,up_mbps\n" + b"0,1\n" * 300_000, mtime=0))
     with pytest.raises(UserError, match=r"a.csv.gz: unpacks to more than 1,000,000 bytes"):
-        Table(path)
+        FileTable(path)
 
 
 @pytest.mark.parametrize(
@@ -114,16 +114,16 @@ def test_a_title_is_a_name_and_a_unit(text, stem, unit):
 def test_a_column_that_nobody_asked_for_is_known(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("n,time_ms,up_mbps,rest\n1,2,3,4\n")
-    assert Table(path).unused(COLUMNS) == ["n", "rest"]
+    assert FileTable(path).unused(COLUMNS) == ["n", "rest"]
 
 
 def test_rows_of_a_known_format_may_be_uneven(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("time_s up_mbps note\n0 12.5 a b c\n0.5 1\n")
-    assert [row.values for row in Table(path, uneven=True).rows(COLUMNS)] == [
+    assert [row.values for row in FileTable(path, uneven=True).rows(COLUMNS)] == [
         (0.0, 12.5, "a"),
         (0.5, 1.0, None),
     ]
     path.write_text("time_s up_mbps note\n0\n")
     with pytest.raises(UserError, match="line 2: up_mbps: is empty"):
-        list(Table(path, uneven=True).rows(COLUMNS))
+        list(FileTable(path, uneven=True).rows(COLUMNS))

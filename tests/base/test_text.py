@@ -37,7 +37,7 @@ def test_number_has_its_digits_and_no_exponent_when_it_is_large(value, digits, s
 def test_share_as_percentage():
     assert percent_text(0.0713, digits=2) == "7.1 %"
     assert percent_text(1.0, digits=2) == "100 %"
-    assert percent_text(-0.1234, sign="+") == "-12.3 %"
+    assert percent_text(-0.1234) == "-12.3 %"
 
 
 def test_rounded_numbers_keep_their_significant_digits():

@@ -73,7 +73,7 @@ def test_a_drive_with_what_holds_unless_it_is_said(asked, capsys):
     assert (selection.drive, selection.cameras) == ("2011_09_26/0005", ["02", "03"])
     assert selection.origin is None and not selection.allow_missing_scans
     assert (settings.name, settings.weights, settings.size) == ("yolox_nano", None, None)
-    assert (settings.min_score, settings.threads, settings.batch) == (0.3, 1, 1)
+    assert (settings.min_score, settings.threads) == (0.3, 1)
     assert settings.providers == ["CPUExecutionProvider"] and settings.encoding == "raw"
     (((path, written), _),) = asked["write"]
     assert path == Path("t.parquet") and written.from_score == 0.3
@@ -85,7 +85,7 @@ def test_every_option_of_a_drive_is_heard(asked):
     line = (
         "--out t.parquet --kitti /k --cameras 02 --detector nanodet_m_416 --weights /w --size 8x4"
     )
-    line += " --providers CUDAExecutionProvider,CPUExecutionProvider --threads 4 --batch 2"
+    line += " --providers CUDAExecutionProvider,CPUExecutionProvider --threads 4"
     line += " --min-score 0.2 --origin 49,8,112 --allow-missing-scans --encoding jpeg-q75"
     encodings = cli_perceive.get_args(cli_perceive.Encoding)
     line = line.replace("jpeg-q75", encodings[-1])
@@ -94,7 +94,7 @@ def test_every_option_of_a_drive_is_heard(asked):
     assert root == Path("/k") and selection.cameras == ["02"]
     assert selection.origin == (49.0, 8.0, 112.0) and selection.allow_missing_scans
     assert (settings.name, settings.weights) == ("nanodet_m_416", Path("/w"))
-    assert (settings.size, settings.threads, settings.batch) == ((8, 4), 4, 2)
+    assert (settings.size, settings.threads) == ((8, 4), 4)
     assert settings.providers == ["CUDAExecutionProvider", "CPUExecutionProvider"]
     assert (settings.min_score, settings.encoding) == (0.2, encodings[-1])
 
@@ -168,7 +168,6 @@ BAG = ["--bag", "b.bag", "--out", "t.parquet"]
         (["--bag", "b.bag"], "say what you want: --out"),
         ([*BAG, "--encoding", "jpeg"], "--encoding is for drives: a bag's pictures are looked at"),
         ([*BAG, "--evaluate"], "--evaluate needs KITTI; with --bag use --out only"),
-        ([*BAG, "--batch", "2"], "a bag's pictures go one at a time"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):

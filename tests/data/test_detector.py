@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.classes import ROAD_LABELS
-from genie_sim.data.detector import DETECTORS, YoloxNano, find_weights, make_detector
+from genie_sim.data.detector import DetectorSettings, YoloxNano, find_weights
 from genie_sim.data.onnx_detector import COCO_LABELS, best_boxes, letterbox
 from tests.kitti_folder import DATE, make_network
 
@@ -34,7 +34,7 @@ def scores_of(*rows):
 
 @pytest.mark.parametrize("size", [(640, 192), (832, 256), (416, 416)])
 def test_a_network_exported_square_sees_a_rectangle(network, size):
-    found = make_detector("yolox_nano", network, size).detect(picture(*size, (20, 12)))
+    found = DetectorSettings("yolox_nano", network, size).opened().detect(picture(*size, (20, 12)))
     assert [f.label for f in found] == ["car"]
     assert found[0].score == pytest.approx(1.0)
     assert found[0].box == pytest.approx(
@@ -42,34 +42,9 @@ def test_a_network_exported_square_sees_a_rectangle(network, size):
     )
 
 
-def test_boxes_are_in_pixels_of_the_picture_not_of_the_network(network):
-    detector = make_detector("yolox_nano", network)
-    small = detector.detect(picture(640, 192, (40, 12)))[0].box
-    large = detector.detect(np.kron(picture(640, 192, (40, 12)), np.ones((2, 2, 1), np.uint8)))[
-        0
-    ].box
-    assert large == pytest.approx([2 * x for x in small], abs=0.01)
-
-
-def test_boxes_end_at_the_picture_s_border(network):
-    (found,) = make_detector("yolox_nano", network).detect(picture(640, 192, (0, 0)))
-    assert found.box == pytest.approx((0, 0, 44, 24), abs=1e-3)
-
-
-def test_the_same_picture_gives_the_same_detections(network):
-    image = picture(640, 192, (10, 5), (40, 12), (70, 20))
-    first, second = (make_detector("yolox_nano", network).detect(image) for _ in range(2))
-    assert first == second
-    assert len(first) == 3
-
-
-def test_a_dark_picture_shows_nothing(network):
-    assert make_detector("yolox_nano", network).detect(picture(640, 192)) == []
-
-
 def test_decoding_follows_the_network_s_contract(network):
     """xy = (p + cell) * stride, wh = exp(p) * stride, score = objectness * class."""
-    detector = make_detector("yolox_nano", network)
+    detector = DetectorSettings("yolox_nano", network).opened()
     output = np.zeros((80 * 24 + 40 * 12 + 20 * 6, 85), np.float32)
     second_row_of_stride_16 = 80 * 24 + 40 + 3
     output[second_row_of_stride_16, [0, 1, 2, 3, 4, 5 + 2]] = (
@@ -113,15 +88,6 @@ def test_a_van_found_as_a_car_and_as_a_truck_is_one_object():
     assert [f.label for f in found] == ["car"]
 
 
-def test_which_classes_are_one_object_can_be_said():
-    boxes, scores = (
-        np.array([[0, 0, 100, 100], [5, 0, 105, 100]]),
-        scores_of(("car", 0.6), ("truck", 0.5)),
-    )
-    assert len(best_boxes(boxes, scores, min_score=0.3, same_object={})) == 2
-    assert len(best_boxes(boxes, scores, min_score=0.3, iou=0.95)) == 2
-
-
 def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
     boxes = np.array([[0, 0, 9, 9], [100, 0, 109, 9], [200, 0, 209, 9]], float)
     assert (
@@ -129,12 +95,6 @@ def test_weak_objects_and_what_is_not_of_the_road_are_dropped():
     )
     assert len(COCO_LABELS) == 80
     assert set(COCO_LABELS) >= ROAD_LABELS
-
-
-def test_every_detector_is_listed_under_its_name():
-    assert {name: kind.name for name, kind in DETECTORS.items()} == {
-        name: name for name in DETECTORS
-    }
 
 
 def test_weights_are_found_by_path_folder_and_environment(network, monkeypatch, tmp_path):
@@ -153,17 +113,11 @@ def test_wrong_names_sizes_and_scores_are_refused(network):
     with pytest.raises(
         UserError, match=r"unknown detector 'yolox_nanno' \(did you mean 'yolox_nano'\?\); known:"
     ):
-        make_detector("yolox_nanno", network)
-    with pytest.raises(UserError, match="multiples of 32"):
-        make_detector("yolox_nano", network, size=(640, 200))
+        DetectorSettings("yolox_nanno", network).opened()
     with pytest.raises(UserError, match="size 20000x20000: more than 33,554,432 pixels"):
-        make_detector("yolox_nano", network, size=(20_000, 20_000))
-    with pytest.raises(
-        UserError, match="size 640x192, 1000 at a time: more than 33,554,432 pixels"
-    ):
-        make_detector("yolox_nano", network, size=(640, 192), batch=1000)
+        DetectorSettings("yolox_nano", network, size=(20_000, 20_000)).opened()
     with pytest.raises(UserError, match=r"min_score 1\.5"):
-        make_detector("yolox_nano", network, min_score=1.5)
+        DetectorSettings("yolox_nano", network, min_score=1.5).opened()
 
 
 class Plain:
@@ -178,14 +132,12 @@ class Plain:
         return []
 
 
-def test_threads_and_batches_of_what_has_none_are_refused(network):
-    assert make_detector("tests.data.test_detector:Plain", network).path == network
-    for more in ({"threads": 2}, {"batch": 4}):
-        with pytest.raises(
-            UserError,
-            match=r"^tests\.data\.test_detector:Plain: is no OnnxDetector, which alone can",
-        ):
-            make_detector("tests.data.test_detector:Plain", network, **more)
+def test_threads_of_what_has_none_are_refused(network):
+    assert DetectorSettings("tests.data.test_detector:Plain", network).opened().path == network
+    with pytest.raises(
+        UserError, match=r"^tests\.data\.test_detector:Plain: is no OnnxDetector, which alone can"
+    ):
+        DetectorSettings("tests.data.test_detector:Plain", network, threads=2).opened()
 
 
 @pytest.mark.parametrize(
@@ -195,7 +147,7 @@ def test_a_file_that_is_no_network_is_refused(tmp_path, content):
     path = tmp_path / "yolox_nano.onnx"
     path.write_bytes(content)
     with pytest.raises(UserError, match=r"yolox_nano.onnx: not an ONNX network") as error:
-        make_detector("yolox_nano", path)
+        DetectorSettings("yolox_nano", path).opened()
     assert "\n" not in str(error.value)
 
 
@@ -205,7 +157,7 @@ def test_a_truncated_network_is_refused(network, tmp_path):
     for share in (0.1, 0.5, 0.9, 0.999):
         path.write_bytes(whole[: int(share * len(whole))])
         with pytest.raises(UserError, match=r"yolox_nano.onnx: "):
-            make_detector("yolox_nano", path)
+            DetectorSettings("yolox_nano", path).opened()
 
 
 def test_a_network_for_other_classes_is_refused(tmp_path):
@@ -214,7 +166,7 @@ def test_a_network_for_other_classes_is_refused(tmp_path):
         UserError,
         match=r"is no yolox_nano network: its output is \(2520, 25\), expected \(2520, 85\)",
     ):
-        make_detector("yolox_nano", path)
+        DetectorSettings("yolox_nano", path).opened()
 
 
 @pytest.mark.data
@@ -229,7 +181,9 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
     from genie_sim.data.kitti import open_drive, read_image
 
     drive = open_drive(os.environ["GENIE_SIM_KITTI"], f"{DATE}/0005", ["02"])
-    found = make_detector("yolox_nano").detect(read_image(drive.frames["02"][0].image_path))
+    found = (
+        DetectorSettings("yolox_nano").opened().detect(read_image(drive.frames["02"][0].image_path))
+    )
     for label, (x, y) in {"car": (370, 225), "person": (830, 230), "bicycle": (830, 330)}.items():
         assert any(
             f.label == label and f.box[0] < x < f.box[2] and f.box[1] < y < f.box[3] for f in found

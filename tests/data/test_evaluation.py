@@ -111,25 +111,10 @@ def test_location_error_is_taken_in_the_ground_plane():
     assert one.range_m == pytest.approx(20.0)
 
 
-def test_a_steady_vehicle_stays_where_it_is_and_another_does_not():
-    frames = [
-        frame(car(0.9), car(0.8, ELSEWHERE, (20.0, i % 2 * 3.0, 0.0)), index=i) for i in range(6)
-    ]
-    e = judged(frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)})
-    steady, unsteady = e.steadiness()
-    assert (steady.radius_m, steady.label_radius_m) == (0.0, 0.0)
-    assert unsteady.radius_m == pytest.approx(1.5)
-    assert "Of 2 parked vehicles seen 5 times or more within 30 m, 1 stay within 1 m" in table(e)
-    driving = judged(
-        frames, {i: [label(), label(ELSEWHERE, track=2)] for i in range(6)}, moving=(2,)
-    )
-    assert [one.track for one in driving.steadiness()] == [1]
-
-
 def test_detections_below_the_threshold_count_for_average_precision_only():
     e = judged([frame(car(0.9), car(0.1, ELSEWHERE))], {0: [label(), label(ELSEWHERE)]})
     assert e.groups["vehicles"].average_precision() == 1.0
-    assert len(e.right()) == 1
+    assert len(e.right("vehicles")) == 1
 
 
 def test_an_empty_trace_is_judged_too():

@@ -19,8 +19,8 @@ from tests.kitti_folder import (
     FOCAL,
     HEIGHT,
     WIDTH,
-    make_drive,
     make_network,
+    make_street,
 )
 
 FRAMES = 3
@@ -44,11 +44,7 @@ PROJECTION = text([[FOCAL, 0, CENTRE_X], [0, FOCAL, CENTRE_Y], [0, 0, 1]])
 def raw(tmp_path_factory):
     """A raw drive that goes east a metre a frame, with a car 15 m ahead."""
     root = tmp_path_factory.mktemp("raw")
-    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    image[96:104, 320:328] = 255
-    across, up = np.meshgrid(np.arange(-0.8, 0.8, 0.1), np.arange(-1.0, 0.5, 0.1))
-    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
-    folder = make_drive(root, frames=FRAMES, image=image, scan=surface)
+    folder = make_street(root, FRAMES)
     return root, folder, make_network(root / "yolox_nano.onnx")
 
 

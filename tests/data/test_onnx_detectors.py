@@ -11,7 +11,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.core.classes import ROAD_LABELS
 from genie_sim.data import onnx_detector
-from genie_sim.data.detector import DETECTORS, Yolov8, make_detector
+from genie_sim.data.detector import DETECTORS, DetectorSettings, Yolov8
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
     make_nanodet,
@@ -37,7 +37,9 @@ class Conformance:
 
     @pytest.fixture
     def detector(self, tmp_path):
-        return make_detector(self.name, self.network(tmp_path), self.size, min_score=0.05)
+        return DetectorSettings(
+            self.name, self.network(tmp_path), self.size, min_score=0.05
+        ).opened()
 
     def picture(self, *cells, scale=1):
         image = np.zeros((self.size[1] // 8, self.size[0] // 8, 3), np.uint8)
@@ -79,7 +81,9 @@ class Conformance:
 
     def test_the_same_picture_gives_the_same_answer(self, detector, tmp_path):
         noise = np.random.default_rng(5).integers(0, 255, (96, 320, 3), dtype=np.uint8)
-        again = make_detector(self.name, self.network(tmp_path), self.size, min_score=0.05)
+        again = DetectorSettings(
+            self.name, self.network(tmp_path), self.size, min_score=0.05
+        ).opened()
         assert detector.detect(noise) == detector.detect(noise) == again.detect(noise)
 
     def test_it_says_which_weights_it_has(self, detector):
@@ -87,34 +91,18 @@ class Conformance:
         assert detector.size == self.size
 
     def test_more_threads_find_the_same(self, detector, tmp_path):
-        threaded = make_detector(self.name, self.network(tmp_path), self.size, 0.05, threads=2)
+        threaded = DetectorSettings(
+            self.name, self.network(tmp_path), self.size, 0.05, threads=2
+        ).opened()
         image = self.picture((20, 12))
         assert threaded.detect(image)[0].box == pytest.approx(
             detector.detect(image)[0].box, abs=0.01
         )
 
-    def test_several_pictures_at_a_time_give_the_same(self, detector, tmp_path):
-        """Three at a time, and two of three."""
-        together = make_detector(self.name, self.network(tmp_path), self.size, 0.05, batch=3)
-        images = [self.picture((20, 12)), self.picture(), self.picture((5, 6))]
-        blobs, scales = zip(*map(together.prepare, images), strict=True)
-        for count in (3, 2):
-            outputs = together.infer_many(blobs[:count])
-            assert len(outputs) == count
-            for image, output, scale in zip(images, outputs, scales, strict=False):
-                found, alone = (
-                    together.found(output, scale, image.shape[1::-1]),
-                    detector.detect(image),
-                )
-                assert [one.label for one in found] == [one.label for one in alone]
-                assert [one.box for one in found] == [
-                    pytest.approx(one.box, abs=0.01) for one in alone
-                ]
-
     @pytest.mark.parametrize("size", [(640, 100), (0, 0), (-32, 32)])
     def test_an_impossible_size_is_refused(self, tmp_path, size):
         with pytest.raises(UserError, match="multiples of 32"):
-            make_detector(self.name, self.network(tmp_path), size)
+            DetectorSettings(self.name, self.network(tmp_path), size).opened()
 
     def test_the_weights_of_another_network_are_refused(self, tmp_path):
         others = [
@@ -124,7 +112,7 @@ class Conformance:
         ]
         for path in others:
             with pytest.raises(UserError, match=rf"{path.name}: ") as error:
-                make_detector(self.name, path, self.size)
+                DetectorSettings(self.name, path, self.size).opened()
             assert "\n" not in str(error.value)
 
 
@@ -167,17 +155,17 @@ class TestYolov8(Conformance):
         return make_yolov8(folder / "yolov8.onnx")
 
     def test_the_file_says_its_size_and_classes(self, tmp_path):
-        detector = make_detector(
+        detector = DetectorSettings(
             "yolov8", make_yolov8(tmp_path / "own.onnx", labels=("person", "car", "wheel"))
-        )
+        ).opened()
         assert detector.size == (320, 320)
         assert detector.labels == ("person", "car", "wheel")
 
     def test_an_open_size_must_be_given(self, tmp_path):
         path = make_yolov8(tmp_path / "open.onnx", side=None)
-        assert make_detector("yolov8", path, (320, 320)).size == (320, 320)
+        assert DetectorSettings("yolov8", path, (320, 320)).opened().size == (320, 320)
         with pytest.raises(UserError, match=r"open.onnx: leaves its input's size open"):
-            make_detector("yolov8", path)
+            DetectorSettings("yolov8", path).opened()
 
     @pytest.mark.parametrize(
         "names", ["", "{0: 'car'", "[]", "__import__('os')", "{1: 'car'}", "7"]
@@ -217,7 +205,9 @@ class TestYolov7(Conformance):
         return make_yolov7(folder / "yolov7.onnx")
 
     def test_networks_without_suppression_see_the_same(self, detector, tmp_path):
-        plain = make_detector("yolov7", make_yolov5(tmp_path / "plain.onnx"), self.size, 0.05)
+        plain = DetectorSettings(
+            "yolov7", make_yolov5(tmp_path / "plain.onnx"), self.size, 0.05
+        ).opened()
         (car,), (same,) = (one.detect(self.picture((20, 11))) for one in (detector, plain))
         assert car.box == pytest.approx(same.box, abs=0.5)
         assert detector.notes == ["yolov7: the network suppresses boxes itself"]
@@ -231,7 +221,9 @@ class TestSizedRtDetr(Conformance):
         return make_sized_rtdetr(folder / "sized.onnx")
 
     def test_it_finds_what_rtdetr_finds(self, detector, tmp_path):
-        other = make_detector("rtdetr", make_rtdetr(tmp_path / "other.onnx"), self.size, 0.05)
+        other = DetectorSettings(
+            "rtdetr", make_rtdetr(tmp_path / "other.onnx"), self.size, 0.05
+        ).opened()
         for scale in (1, 2):
             (car,), (same,) = (
                 one.detect(self.picture((20, 11), scale=scale)) for one in (detector, other)
@@ -263,10 +255,10 @@ def test_another_layout_is_named(tmp_path):
     for name, path in (("yolov5", yolov5), ("yolov7", yolov7), ("yolov10", yolov10)):
         message = f"is no yolov8 network: .*; --detector {name} has such an output"
         with pytest.raises(UserError, match=message):
-            make_detector("yolov8", path)
+            DetectorSettings("yolov8", path).opened()
     sized = make_sized_rtdetr(tmp_path / "d.onnx")
     with pytest.raises(UserError, match=r"has 2 inputs and 3 outputs, expected 1 and 1"):
-        make_detector("yolov8", sized)
+        DetectorSettings("yolov8", sized).opened()
 
 
 def external(path: Path, folder: Path) -> Path:
@@ -291,22 +283,27 @@ def test_tensors_in_a_file_beside_the_network_are_read(tmp_path):
     folder.mkdir()
     whole = make_yolov8(tmp_path / "yolov8.onnx")
     path = external(whole, folder)
-    split, same = make_detector("yolov8", path), make_detector("yolov8", whole)
+    split, same = (
+        DetectorSettings("yolov8", path).opened(),
+        DetectorSettings("yolov8", whole).opened(),
+    )
     assert split.detect(white_cell()) == same.detect(white_cell()) != []
     data = folder / "yolov8.onnx.data"
     before, content = split.sha256, bytearray(data.read_bytes())
     content[-1] ^= 1
     data.write_bytes(content)
-    assert make_detector("yolov8", path).sha256 != before, "the tensors decide what it sees"
+    assert DetectorSettings("yolov8", path).opened().sha256 != before, (
+        "the tensors decide what it sees"
+    )
     data.write_bytes(content[:100])
     with pytest.raises(UserError, match=r"yolov8.onnx: tensor .* are not in .*yolov8.onnx.data"):
-        make_detector("yolov8", path)
+        DetectorSettings("yolov8", path).opened()
     data.unlink()
     with pytest.raises(UserError, match=r"yolov8.onnx.data, which is not there: copy it, too"):
-        make_detector("yolov8", path)
+        DetectorSettings("yolov8", path).opened()
     data.symlink_to("/etc/hostname")
     with pytest.raises(UserError, match="must lie beside the network"):
-        make_detector("yolov8", path)
+        DetectorSettings("yolov8", path).opened()
 
 
 @pytest.mark.parametrize("location", ["/etc/hostname", "../a.data", "", "b/c"])
@@ -322,7 +319,7 @@ def test_tensors_elsewhere_are_refused(tmp_path, location):
             entry.value = location
     path.write_bytes(model.SerializeToString())
     with pytest.raises(UserError, match="must lie beside the network"):
-        make_detector("yolov8", path)
+        DetectorSettings("yolov8", path).opened()
 
 
 def test_a_network_of_half_precision_sees_the_same(tmp_path):
@@ -338,8 +335,8 @@ def test_a_network_of_half_precision_sees_the_same(tmp_path):
     for value in (*model.graph.input, *model.graph.output):
         value.type.tensor_type.elem_type = TensorProto.FLOAT16
     onnx.save(model, str(tmp_path / "half.onnx"))
-    (car,) = make_detector("yolov8", tmp_path / "half.onnx").detect(white_cell())
-    (same,) = make_detector("yolov8", whole).detect(white_cell())
+    (car,) = DetectorSettings("yolov8", tmp_path / "half.onnx").opened().detect(white_cell())
+    (same,) = DetectorSettings("yolov8", whole).opened().detect(white_cell())
     assert car.label == same.label and car.score == pytest.approx(same.score, abs=0.01)
     assert car.box == pytest.approx(same.box, abs=1)
 
@@ -350,7 +347,7 @@ def test_a_yolox_that_decodes_itself_is_recognised(tmp_path):
     from onnx import helper, numpy_helper
 
     raw = make_network(tmp_path / "yolox_nano.onnx")
-    plain = make_detector("yolox_nano", raw, (416, 416))
+    plain = DetectorSettings("yolox_nano", raw, (416, 416)).opened()
     model = onnx.load(str(raw))
     scale, shift = np.ones((2, 1, len(plain.cells), 85), np.float32)
     scale[..., :4], shift[:] = plain.cell_strides, 0
@@ -370,7 +367,7 @@ def test_a_yolox_that_decodes_itself_is_recognised(tmp_path):
     nodes.append(helper.make_node("Concat", ["xy", "sides", "rest"], ["decoded"], axis=2))
     nodes.append(helper.make_node("Mul", ["decoded", "scale"], ["output"]))
     onnx.save(model, str(tmp_path / "decoded.onnx"))
-    decoded = make_detector("yolox_nano", tmp_path / "decoded.onnx", (416, 416))
+    decoded = DetectorSettings("yolox_nano", tmp_path / "decoded.onnx", (416, 416)).opened()
     found, same = decoded.detect(white_cell()), plain.detect(white_cell())
     assert [one.label for one in found] == [one.label for one in same] == ["car"]
     assert found[0].box == pytest.approx(same[0].box, abs=0.01)
@@ -382,14 +379,14 @@ def test_labels_of_a_network_are_counted_and_mapped(tmp_path):
     path = make_yolov8(tmp_path / "a.onnx", labels=("car", "truck"))
     model = path.read_bytes().replace(b"'car'", b"'van'")
     path.write_bytes(model)
-    detector = make_detector("yolov8", path)
+    detector = DetectorSettings("yolov8", path).opened()
     assert detector.unused == {"van": 0}
     assert detector.detect(white_cell()) == [] and detector.unused == {"van": 1}
-    mapped = make_detector("yolov8", path, classes={"van": "car"})
+    mapped = DetectorSettings("yolov8", path, classes={"van": "car"}).opened()
     assert [one.label for one in mapped.detect(white_cell())] == ["car"]
     path.write_bytes(model.replace(b"'truck'", b"'lorry'"))
     with pytest.raises(UserError, match=r"none of the network's classes \(van, lorry\) is of a ro"):
-        make_detector("yolov8", path)
+        DetectorSettings("yolov8", path).opened()
 
 
 def bomb(path: Path, kind: str) -> Path:
@@ -439,30 +436,14 @@ def test_a_network_that_takes_too_much_memory_is_refused(tmp_path, monkeypatch, 
     monkeypatch.setattr(onnx_detector, "FIRST_BYTES", 5 * 10**8)
     before = resource.getrlimit(resource.RLIMIT_AS)
     with pytest.raises(UserError, match=r"a.onnx: needs more than 0.6 GB for a picture of 320x320"):
-        make_detector("yolov8", bomb(tmp_path / "a.onnx", kind))
+        DetectorSettings("yolov8", bomb(tmp_path / "a.onnx", kind)).opened()
     assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
 def test_a_network_that_never_ends_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(onnx_detector, "FIRST_S", 0.5)
     with pytest.raises(UserError, match=r"a.onnx: has no answer to its first picture after 0.5 s"):
-        make_detector("yolov8", bomb(tmp_path / "a.onnx", "loop"))
-
-
-def test_a_network_for_one_picture_only_says_so(tmp_path):
-    """Its shapes go through a node of their own, so they cannot be told from other numbers."""
-    import onnx
-    from onnx import helper
-
-    network = onnx.load(make_network(tmp_path / "yolox_nano.onnx"))
-    for node in network.graph.node:
-        if node.op_type == "Reshape":
-            node.input[1] = "copied"
-    network.graph.node.insert(0, helper.make_node("Identity", ["shape"], ["copied"]))
-    onnx.save(network, tmp_path / "one.onnx")
-    assert make_detector("yolox_nano", tmp_path / "one.onnx").batch == 1
-    with pytest.raises(UserError, match=r"one.onnx: does not support batch size 2"):
-        make_detector("yolox_nano", tmp_path / "one.onnx", batch=2)
+        DetectorSettings("yolov8", bomb(tmp_path / "a.onnx", "loop")).opened()
 
 
 def test_every_detector_is_tested():
@@ -472,7 +453,7 @@ def test_every_detector_is_tested():
 def test_an_unknown_provider_names_those_that_exist(tmp_path):
     path = make_network(tmp_path / "yolox_nano.onnx")
     with pytest.raises(UserError, match=r"unknown provider 'CUDAProvider'.*CPUExecutionProvider"):
-        make_detector("yolox_nano", path, providers=["CUDAProvider"])
+        DetectorSettings("yolox_nano", path, providers=["CUDAProvider"]).opened()
 
 
 @pytest.mark.parametrize(
@@ -485,7 +466,7 @@ def test_an_unknown_provider_names_those_that_exist(tmp_path):
 )
 def test_a_detector_of_one_s_own_that_is_none(name, message):
     with pytest.raises(UserError, match=message):
-        make_detector(name)
+        DetectorSettings(name).opened()
 
 
 @pytest.mark.slow

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from genie_sim.cli.main import main
 from genie_sim.data.trace import read_trace
-from tests.kitti_folder import DATE, HEIGHT, WIDTH, make_drive, make_network
+from tests.kitti_folder import DATE, make_network, make_street
 
 
 @pytest.fixture
 def street(tmp_path):
     """One car 15 m ahead, as in the tests of ``perceive``, and its tracklet."""
-    image = np.zeros((HEIGHT, WIDTH, 3), np.uint8)
-    image[96:104, 320:328] = 255
-    across, up = np.meshgrid(np.arange(-0.8, 0.8, 0.1), np.arange(-1.0, 0.5, 0.1))
-    surface = np.column_stack([np.full(across.size, 15.0), across.ravel(), up.ravel()])
-    folder = make_drive(tmp_path / "kitti", image=image, scan=surface)
+    folder = make_street(tmp_path / "kitti")
     values = {"ty": 0, "tz": -0.8, "rz": 0, "occlusion": 0, "truncation": 0}
     pose = "".join(f"<{name}>{value}</{name}>" for name, value in values.items())
     poses = f"<item><tx>17</tx>{pose}</item>" * 3

@@ -155,13 +155,6 @@ def test_ghosts_have_one_cause_each():
     )
 
 
-def test_what_was_there_long_ago_was_never_there():
-    here, gone = Frame([thing("car", 10.0, moving=True)]), Frame([])
-    rows = judged((here, [one("car", 10.0)]), *[(gone, None)] * 110)
-    assert (rows[99]["moved_away"], rows[99]["never_there"]) == (1, 0)
-    assert (rows[-1]["moved_away"], rows[-1]["never_there"]) == (0, 1)
-
-
 def objects_of(*steps: Step) -> list[tuple[Any, ...]]:
     """Label, metres east, judgement, first and last tenth of a second of each object; none: to the
     end.

@@ -1,5 +1,5 @@
-"""How held objects are judged: scenes by hand with distinct counts, and a brute-force judge of the
-causes of ghosts.
+"""How held objects are judged: scenes by hand with distinct counts, and a judge that looks at one
+object after the other.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from genie_sim.core.consumer import Consumer, Shown
 from genie_sim.core.messages import (
     CameraPose,
     Detection,
@@ -34,24 +33,10 @@ from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.tables import Table
-from tests.judge.judging import POSE, SECOND, Frame, Street, Thing, judged, last, one, thing
+from tests.judge.judging import SECOND, Frame, Street, Thing, judged, last, one, thing
 from tests.judge.scalar_judge import ScalarJudge
 
 NOTHING = Frame([])
-
-
-class AsAnswered(Consumer):
-    """Holds the objects of the newest answer, all of them."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.objects: tuple[Detection, ...] = ()
-
-    def on_answer(self, answer: Detections, now_ns: int) -> None:
-        self.objects = answer.objects
-
-    def shown(self, now_ns: int) -> Sequence[Shown]:
-        return [Shown(self.objects)]
 
 
 def test_a_parked_car_that_is_answered_again_ages_since_its_first_answer():
@@ -147,61 +132,6 @@ def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
         )
         assert there.tolist() == [True, window[0] > 0], "at an instant before"
     assert len(places) < 30
-
-
-def brute_force(
-    now_ns: int, held: Sequence[Detection], frame: Frame, visible: Sequence[tuple[int, Thing]]
-) -> tuple[int, int]:
-    """How many held objects moved away and how many never were there, by a look at everything that
-    was ever visible.
-    """
-    street, causes = Street(), {"moved_away": 0, "never_there": 0}
-    for detection in held:
-        assert detection.location is not None
-        label, (east_m, north_m, _) = detection.label, detection.location
-
-        def near(other: Thing, label: str = label, at: tuple[float, float] = (east_m, north_m)):
-            return other.label == label and math.dist(other.location[:2], at) <= street.reach_m
-
-        if any(map(near, frame.visible)) or street.is_there(frame, label, east_m, north_m):
-            continue
-        was_there = any(
-            near(other) for t_ns, other in visible if now_ns - 10 * SECOND <= t_ns < now_ns
-        )
-        causes["moved_away" if was_there else "never_there"] += 1
-    return causes["moved_away"], causes["never_there"]
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_causes_of_ghosts_are_those_of_a_brute_force_judge(seed: int):
-    """Things and detections at random in a strip of 30 m by 12 m, for 40 s."""
-    rng = random.Random(seed)
-
-    def somewhere() -> tuple[str, float, float]:
-        return rng.choice(["car", "person"]), rng.uniform(5.0, 35.0), rng.uniform(-3.0, 3.0)
-
-    table = Table(HELD)
-    judge = MapAccuracy("genie", {"car1": Street()}, table, ("car1",), AsAnswered)
-    visible: list[tuple[int, Thing]] = []
-    answer = Detections(Header(0, "camera_02", "car1"), ())
-    expected = []
-    for number in range(80):
-        now_ns = number * SECOND // 2
-        things = [thing(*somewhere()) for _ in range(rng.randrange(3))]
-        hidden = [thing(*somewhere()) for _ in range(rng.randrange(2))]
-        frame = Frame(things, hidden)
-        header = Header(now_ns, "camera_02", "car1")
-        in_view = [it for it in things if abs(math.atan2(*it.location[1::-1])) <= 0.7]
-        judge.published(Image(header, 1000, "", 0, POSE, 1.4, frame))
-        seen = [it for it in answer.objects if abs(math.atan2(*it.location[1::-1])) <= 0.7]
-        expected.append(brute_force(now_ns, seen, Frame(in_view, [*things, *hidden]), visible))
-        visible += [(now_ns, it) for it in in_view]
-        answer = Detections(header, tuple(one(*somewhere()) for _ in range(rng.randrange(5))))
-        judge.answered(answer, now_ns)
-    judge.close()
-    rows = table.to_frame()
-    assert list(zip(rows["moved_away"], rows["never_there"], strict=True)) == expected
-    assert rows["moved_away"].sum() > 10 < rows["never_there"].sum()
 
 
 class Town(Street):

@@ -254,7 +254,7 @@ def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
 def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     kind: str, kitti_root: Path, weights_dir: Path, tmp_path: Path
 ):
-    from genie_sim.data.detector import DetectorSettings, make_detector
+    from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.kitti import open_drive, read_image
     from genie_sim.data.perceive import DriveFrames, perceive
 
@@ -286,7 +286,7 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
         bag.scan(frame.stamp_ns + 5_000_000, drive.scan(frame.index))
     found: Trace = perceive_bag(
         bag.write(),
-        detector=make_detector("yolox_nano", weights_dir),
+        detector=DetectorSettings("yolox_nano", weights_dir).opened(),
         cameras=(f"02={IMAGE}",),
         origin=expected.origin,
     )

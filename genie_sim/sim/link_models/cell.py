@@ -269,7 +269,13 @@ class CellDirection:
         rate_bps = sender.alone_bps()
         uncovered_ns = None if rate_bps else self.clock.now
         self._sent_by.append(
-            Transmission(sender, size_bytes, size_bytes * 8 * NS_PER_S, rate_bps, uncovered_ns)
+            Transmission(
+                sender,
+                size_bytes,
+                left=size_bytes * 8 * NS_PER_S,
+                rate_bps=rate_bps,
+                uncovered_ns=uncovered_ns,
+            )
         )
         self.occupancy.enter()
         self._replan()

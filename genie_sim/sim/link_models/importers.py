@@ -10,7 +10,7 @@ from typing import Any, Literal
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_text
-from genie_sim.base.tables import FileColumn, Table
+from genie_sim.base.tables import FileColumn, FileTable
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 
 Direction = Literal["up", "down"]
@@ -37,7 +37,7 @@ def _read(
     path: Path, columns: Sequence[FileColumn], uneven: bool = False
 ) -> tuple[list[str], list[tuple[Any, ...]]]:
     """Where each row stands, and the values of each column. Raises ``UserError``."""
-    rows = list(Table(path, uneven=uneven).rows(columns))
+    rows = list(FileTable(path, uneven=uneven).rows(columns))
     values = list(zip(*(row.values for row in rows), strict=True)) or [()] * len(columns)
     return [row.where for row in rows], values
 
@@ -61,7 +61,7 @@ def _times_ns(where: Sequence[str], texts: Sequence[str], format: str) -> list[i
 
 def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
     """``time_s`` and any of ``up_mbps``, ``down_mbps``, ``rtt_ms``, ``east_m`` and ``north_m``."""
-    table = Table(path)
+    table = FileTable(path)
     given = [column for column in (*CSV, *PLACES) if table.place(column) is not None]
     where, (times_s, *values) = _read(path, [FileColumn("time_s"), *given])
     for place, (before, time_s) in zip(where[1:], pairwise(times_s), strict=True):

@@ -12,7 +12,7 @@ from typing import Any
 from genie_sim.base import files, parquet
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import sha256_of
+from genie_sim.base.paths import remembered, sha256_of
 from genie_sim.base.units import NS_PER_S
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
@@ -107,13 +107,11 @@ def find(name: str) -> Path:
 
 def read(name: str) -> LinkRecording:
     """A recording by name or path. Raises ``UserError``."""
-    path = find(name)
-    stat = path.stat()
-    return _read(path, stat.st_mtime_ns, stat.st_size)
+    return _read(find(name))
 
 
-@functools.lru_cache(maxsize=16)
-def _read(path: Path, mtime_ns: int, size_bytes: int) -> LinkRecording:
+@remembered
+def _read(path: Path) -> LinkRecording:
     table, about = parquet.read(path, "recorded link")
     columns = {}
     for name in table.column_names:

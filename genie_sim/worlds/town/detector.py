@@ -47,7 +47,7 @@ class DetectedObjects(NamedTuple):
         ]
 
 
-class _Looks(NamedTuple):
+class _LookColumns(NamedTuple):
     """On what the random numbers depend of each object that is seen from a pose, as columns: the
     group of its laws, its range in whole metres, the step of its view, and 64 bits of its own.
     """
@@ -79,9 +79,13 @@ class SyntheticDetector:
         found = np.flatnonzero(score)
         pose, row = visible.pose[found], visible.row[found]
         range_m = visible.range_m[found]
-        looks = _Looks._make(column[found] for column in looks)
-        along = _Looks(looks.group, looks.range_m, looks.step + ALONG, looks.bits >> ALONG_BITS)
-        across = _Looks(looks.group, looks.range_m, looks.step + ACROSS, looks.bits >> ACROSS_BITS)
+        looks = _LookColumns._make(column[found] for column in looks)
+        along = _LookColumns(
+            looks.group, looks.range_m, looks.step + ALONG, looks.bits >> ALONG_BITS
+        )
+        across = _LookColumns(
+            looks.group, looks.range_m, looks.step + ACROSS, looks.bits >> ACROSS_BITS
+        )
         # Errors as shares of the range, so that the line of sight need not be of length 1.
         behind = self._drawn(laws.along, objects.along_z[row], along) / range_m
         left = self._drawn(laws.across, objects.across_z[row], across) / range_m
@@ -95,7 +99,7 @@ class SyntheticDetector:
         begins = np.searchsorted(pose, np.arange(len(poses.key) + 1)).tolist()
         return DetectedObjects(begins, self._labels(row, looks), placed)
 
-    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _Looks:
+    def _looks(self, visible: VisibleObjects, poses: ViewPoses) -> _LookColumns:
         objects, pose, row = self._objects, visible.pose, visible.row
         if self._on_grid:
             gone_m, quarter = _gone(poses)
@@ -111,9 +115,9 @@ class SyntheticDetector:
         bits = (objects.key[row] ^ poses.key[pose]) * np.uint64(0xBF58476D1CE4E5B9)
         bits ^= bits >> np.uint64(32)
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
-        return _Looks(group=objects.group[row], range_m=rounded_m, step=step, bits=bits)
+        return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, bits=bits)
 
-    def _drawn(self, copula: Copula, lasting_z: Array, looks: _Looks) -> Array:
+    def _drawn(self, copula: Copula, lasting_z: Array, looks: _LookColumns) -> Array:
         """The values of a copula's table for the sum of what stays with each object, of its view
         and of its look.
         """
@@ -125,7 +129,7 @@ class SyntheticDetector:
         values: Array = copula.table[group, looks.range_m, column]
         return values
 
-    def _labels(self, row: Ints, looks: _Looks) -> Any:
+    def _labels(self, row: Ints, looks: _LookColumns) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
         share = (self._objects.key[row] >> np.uint64(52)).astype(np.int64)

@@ -3,15 +3,18 @@ finds of what is in view.
 """
 
 import functools
+import hashlib
+import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, Protocol
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection
+from genie_sim.data.source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.town.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.town.laws import FittedLaws
@@ -35,9 +38,18 @@ class SceneVisibility(Protocol):
 
 
 class Scene(Protocol):
-    """Objects, where they are, and how a detector sees them. ``seed`` is that of the surrogates of
-    features.
+    """Objects, where they are, and how a detector sees them. ``digest`` is that of all that decides
+    what cameras see, ``seed`` that of the surrogates of features.
     """
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def digest(self) -> str: ...
+
+    @property
+    def provenance(self) -> Mapping[str, object]: ...
 
     @property
     def seed(self) -> int: ...
@@ -57,30 +69,61 @@ class Scene(Protocol):
         """
 
 
-class SceneDrive(Protocol):
-    """One car's drive through a scene; ``start_ns`` is of the scene's clock, the rest as in
-    ``TownDrive``. ``is_judged``: what is really in view will be asked for, frame by frame.
-    """
-
-    name: str
-    start_ns: int
-    interval_ns: int
-    picture_prefix: str
-    car_key: int
-    is_judged: bool
-
-    @property
-    def scene(self) -> Scene: ...
-
-    @property
-    def course(self) -> "CarMotion": ...
-
-
 class CarMotion(Protocol):
     """Where a car is at any time of its drive."""
 
     def at(self, t_s: float) -> tuple[float, ...]:
         """East and north [m], heading [rad], its cosine and sine, and the speed [m/s]."""
+
+
+class SceneFrames(Frames):
+    """Frames of cars that drive through a scene."""
+
+    seeded = True
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+
+    def digests(self) -> Mapping[str, str]:
+        return {self.scene.name: self.scene.digest}
+
+    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
+        return {self.scene.name: dict(self.scene.provenance)}
+
+
+class SceneDrive(Drive):
+    """What the cameras of one car see in a scene, from ``start_ns`` of the scene's clock on. It has
+    the frames of a ``Trace``.
+
+    ``frames`` are made when they are looked at; they keep what is in view where the drive
+    ``is_judged``: what is really there will be asked for, frame by frame.
+    """
+
+    is_judged = False
+    origin: Geodetic
+
+    def __init__(
+        self, scene: Scene, car: str, *, duration_ns: int, interval_ns: int, start_ns: int
+    ) -> None:
+        self.scene, self.car = scene, car
+        self.duration_ns, self.interval_ns, self.start_ns = duration_ns, interval_ns, start_ns
+        self.name = f"{scene.name}_{car}"
+        text = json.dumps([scene.digest, car, start_ns, interval_ns])
+        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
+        self.car_key = int(self.picture_prefix[:16], 16)
+        count = math.ceil(duration_ns / interval_ns)
+        self.frames: Mapping[str, Sequence[TownFrame]] = {
+            name: TownFrames(self, name, count) for name in BASELINES_M
+        }
+
+    @functools.cached_property
+    def course(self) -> CarMotion:
+        """Where the car is, at any time of the drive."""
+        raise NotImplementedError
+
+    def position(self, t_ns: int) -> tuple[float, float]:
+        east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
+        return east_m, north_m
 
 
 class FrameBatch:

@@ -4,7 +4,7 @@ known.
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,8 @@ import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 from genie_sim.core.geometry import Array, Geodetic
-from genie_sim.data.source import Frames, FrameSource
+from genie_sim.data.source import FrameSource
+from genie_sim.worlds.town.frames import SceneFrames
 from genie_sim.worlds.town.objects import TownObject
 from genie_sim.worlds.town.rules import TownRules
 
@@ -87,14 +88,13 @@ class InTown(FrameSource):
         return TownDrives(Town(self.town, seed), self)
 
 
-class TownDrives(Frames):
+class TownDrives(SceneFrames):
     """A town with the drives through it. A car sees the town at the time that the simulation has
     then, but for the phases of its cameras.
     """
 
-    seeded = True
-
     def __init__(self, town: "Town", settings: InTown) -> None:
+        super().__init__(town)
         self.town, self.settings = town, settings
         self.extent_m = 0.0, 0.0, *town.size_m
 
@@ -109,12 +109,6 @@ class TownDrives(Frames):
     def _truth(self) -> "TownTruth":
         """One for all drives, so that it is asked about objects of many cars at once."""
         return TownTruth(self.town, self.settings.tolerance_m, self.settings.range_m)
-
-    def digests(self) -> Mapping[str, str]:
-        return {self.town.name: self.town.digest}
-
-    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        return {self.town.name: dict(self.town.provenance)}
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,15 @@ through it.
 import functools
 import hashlib
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
 from genie_sim.core.geometry import Array, Geodetic
-from genie_sim.data.source import Drive
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import BASELINES_M, TownFrame, TownFrames
+from genie_sim.worlds.town.frames import SceneDrive
 from genie_sim.worlds.town.laws import FittedLaws, detector_laws
 from genie_sim.worlds.town.objects import ObjectColumns, TownObject
 from genie_sim.worlds.town.real_places import RealPlaces
@@ -140,14 +138,14 @@ class Town:
         return routes.drive(self._commuting, random, start_ns * 1e-9, end_ns * 1e-9)
 
 
-class TownDrive(Drive):
-    """What the cameras of one car see in a town: has the frames of a ``Trace``.
+class TownDrive(SceneDrive):
+    """What the cameras of one car see in a town.
 
-    ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``frames`` are made when they are
-    looked at; they keep what is in view where the drive ``is_judged``.
+    ``origin`` is latitude [deg], longitude [deg], altitude [m].
     """
 
-    is_judged = False
+    origin = ORIGIN
+    scene: Town
 
     def __init__(
         self, town: Town, car: str, *, duration_ns: int, interval_ns: int, start_ns: int
@@ -157,24 +155,10 @@ class TownDrive(Drive):
                 f"town: drive of {car}: duration {duration_ns} ns and interval {interval_ns} ns "
                 f"must be positive, start {start_ns} ns not negative"
             )
-        self.town, self.car, self.duration_ns = town, car, duration_ns
-        self.scene = town
-        self.interval_ns, self.start_ns = interval_ns, start_ns
-        self.name = f"town_{car}"
-        self.origin: Geodetic = ORIGIN
-        text = json.dumps([town.digest, car, start_ns, interval_ns])
-        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
-        self.car_key = int(self.picture_prefix[:16], 16)
-        count = math.ceil(duration_ns / interval_ns)
-        self.frames: Mapping[str, Sequence[TownFrame]] = {
-            name: TownFrames(self, name, count) for name in BASELINES_M
-        }
+        super().__init__(
+            town, car, duration_ns=duration_ns, interval_ns=interval_ns, start_ns=start_ns
+        )
 
     @functools.cached_property
     def course(self) -> routes.Course:
-        """Where the car is, at any time of the drive."""
-        return self.town.course(self.car, self.start_ns, self.start_ns + self.duration_ns)
-
-    def position(self, t_ns: int) -> tuple[float, float]:
-        east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
-        return east_m, north_m
+        return self.scene.course(self.car, self.start_ns, self.start_ns + self.duration_ns)

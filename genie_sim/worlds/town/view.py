@@ -46,7 +46,7 @@ class VisibleObjects(NamedTuple):
     range_m: Array
 
 
-class _Direction(NamedTuple):
+class _StreetSpans(NamedTuple):
     """The streets of one direction, and of each pose: where it is along and across them [m], what
     may be seen of them from it, and on which of them it is, if on any.
     """
@@ -87,13 +87,13 @@ class Visibility:
             *,
             ahead: Array,
             borders: tuple[Array, Array],
-        ) -> _Direction:
+        ) -> _StreetSpans:
             """``ahead`` and ``borders`` are parts of directions along the streets, from -1 to 1."""
             lowest = np.where(-ahead >= HALF_C, -1.0, np.minimum(0.0, np.minimum(*borders)))
             highest = np.where(ahead >= HALF_C, 1.0, np.maximum(0.0, np.maximum(*borders)))
             number = np.rint(across_m / block_m)
             on_street = np.abs(across_m - number * block_m) <= half_m
-            return _Direction(
+            return _StreetSpans(
                 streets=streets,
                 along_m=along_m,
                 across_m=across_m,
@@ -150,7 +150,7 @@ class Visibility:
 
 def _through_gap(
     street: Street,
-    direction: _Direction,
+    direction: _StreetSpans,
     rows: Ints,
     *,
     t_s: Array,

@@ -10,7 +10,6 @@ import math
 import zlib
 from array import array
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple, cast
@@ -20,7 +19,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.import_report import FAST_SHARE, ImportReport
-from genie_sim.base.tables import FileColumn, Table, is_gzip
+from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.core.geometry import Array
 from genie_sim.data.world_table import MAX_M
@@ -216,7 +215,9 @@ class _Xml:
         def where() -> str:
             return f"{path}: line {self._parser.CurrentLineNumber}"
 
-        self.content = _Content(path, begin_s, duration_s, where, report)
+        self.content = _Content(
+            path, begin_s=begin_s, duration_s=duration_s, where=where, report=report
+        )
 
     def read(self, file: IO[bytes]) -> None:
         """The whole file, or until there is enough."""
@@ -252,8 +253,10 @@ class _Xml:
         self._is_root = False
 
 
-def _read_table(table: Table, content: _Content) -> None:
-    """Hands the rows of SUMO's CSV or Parquet to the content."""
+def _read_table(
+    table: FileTable, begin_s: float | None, duration_s: float, report: ImportReport
+) -> _Content:
+    """The content of SUMO's CSV or Parquet."""
     prefixes = ("vehicle_", "person_") if "timestep_time" in table.titles else ("",)
     columns = [FileColumn("timestep_time" if prefixes[0] else "time", highest=MAX_TIME_S)]
     for prefix in prefixes:
@@ -262,11 +265,15 @@ def _read_table(table: Table, content: _Content) -> None:
     needed = [f"{prefixes[0]}{name}" for name in ("id", "x", "y", "angle")]
     missing = ", ".join(name for name in needed if name not in table.titles)
     if missing:
-        raise UserError(
-            f"{content.path}: is no floating-car data of SUMO: has no columns {missing}"
-        )
-    where = str(content.path)
-    content.where = lambda: where
+        raise UserError(f"{table.path}: is no floating-car data of SUMO: has no columns {missing}")
+    where = str(table.path)
+    content = _Content(
+        table.path,
+        begin_s=begin_s,
+        duration_s=duration_s,
+        where=lambda: where,
+        report=report,
+    )
     names = (*TEXTS, *NUMBERS)
     try:
         for row in table.rows(columns):
@@ -282,6 +289,7 @@ def _read_table(table: Table, content: _Content) -> None:
                     content.road_user(attributes, is_person, attributes["type"] or UNKNOWN_TYPE)
     except _Enough:
         pass
+    return content
 
 
 def _speed(value: Any) -> float:
@@ -304,22 +312,15 @@ def read_fcd(
     report = ImportReport(path, accept, "perception.accept: true")
     if not path.is_file():
         raise UserError(f"{path}: no such file")
-    with ExitStack() as stack:
-        stack.enter_context(as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error))
-        file = _opened(path, stack)
+    with as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error):
         if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
-            content = _Content(path, begin_s, duration_s, lambda: str(path), report)
-            _read_table(Table(path), content)
+            content = _read_table(FileTable(path), begin_s, duration_s, report)
         else:
             reader = _Xml(path, begin_s, duration_s, report)
-            reader.read(file)
+            with gzip.open(path) if is_gzip(path) else path.open("rb") as file:
+                reader.read(cast(IO[bytes], file))
             content = reader.content
     return _rows(content)
-
-
-def _opened(path: Path, stack: ExitStack) -> IO[bytes]:
-    file: IO[bytes] = stack.enter_context(path.open("rb"))
-    return cast(IO[bytes], stack.enter_context(gzip.open(file))) if is_gzip(path) else file
 
 
 def _rows(content: _Content) -> VehicleRows:

@@ -19,9 +19,8 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.core.geometry import Array, Geodetic
-from genie_sim.data.source import Drive, Frames
 from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import BASELINES_M, BATCH_FRAMES, TownFrame, TownFrames
+from genie_sim.worlds.town.frames import BATCH_FRAMES, SceneDrive, SceneFrames
 from genie_sim.worlds.town.laws import detector_laws
 from genie_sim.worlds.town.objects import ObjectColumns, TownObject, town_object
 from genie_sim.worlds.town.surrogate import LAWS
@@ -164,7 +163,7 @@ class Traffic:
         }
 
 
-class _Way:
+class _Course:
     """Where one vehicle is during one stretch."""
 
     def __init__(self, vehicles: Vehicles, stretch: int) -> None:
@@ -193,33 +192,26 @@ class _Way:
         )
 
 
-class TrafficDrive(Drive):
-    """What the cameras of one vehicle see from ``start_ns`` of the scene's clock until it leaves:
-    has the frames of a ``Trace``.
-    """
+class TrafficDrive(SceneDrive):
+    """What the cameras of one vehicle see until it leaves."""
 
-    is_judged = False
+    origin = ORIGIN
 
     def __init__(
         self, traffic: Traffic, car: str, stretch: int, *, start_ns: int, end_ns: int
     ) -> None:
-        self.scene, self.car, self.start_ns = traffic, car, start_ns
-        self.interval_ns = traffic.settings.interval_ns
-        self.duration_ns = end_ns - start_ns
-        self.name = f"traffic_{car}"
-        self.origin: Geodetic = ORIGIN
-        text = json.dumps([traffic.digest, car, start_ns, self.interval_ns])
-        self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
-        self.car_key = int(self.picture_prefix[:16], 16)
-        self.course = _Way(traffic.vehicles, stretch)
-        count = math.ceil(self.duration_ns / self.interval_ns)
-        self.frames: Mapping[str, Sequence[TownFrame]] = {
-            name: TownFrames(self, name, count) for name in BASELINES_M
-        }
+        super().__init__(
+            traffic,
+            car,
+            duration_ns=end_ns - start_ns,
+            interval_ns=traffic.settings.interval_ns,
+            start_ns=start_ns,
+        )
+        self._vehicles, self._stretch = traffic.vehicles, stretch
 
-    def position(self, t_ns: int) -> tuple[float, float]:
-        east_m, north_m, *_ = self.course.at((self.start_ns + t_ns) * 1e-9)
-        return east_m, north_m
+    @functools.cached_property
+    def course(self) -> _Course:
+        return _Course(self._vehicles, self._stretch)
 
 
 def car_names(path: Path, ids: Sequence[str]) -> list[str]:
@@ -239,12 +231,11 @@ def car_names(path: Path, ids: Sequence[str]) -> list[str]:
     return list(names)
 
 
-class TrafficDrives(Frames):
+class TrafficDrives(SceneFrames):
     """Traffic with the drives of its equipped vehicles."""
 
-    seeded = True
-
     def __init__(self, traffic: Traffic) -> None:
+        super().__init__(traffic)
         self.traffic = traffic
         self.extent_m = traffic.vehicles.extent_m
         vehicles, end_s = traffic.vehicles, traffic.end_s
@@ -313,12 +304,6 @@ class TrafficDrives(Frames):
     def truth_of(self, drive: TrafficDrive) -> "TrafficTruth":
         drive.is_judged = True
         return TrafficTruth(self.traffic, drive)
-
-    def digests(self) -> Mapping[str, str]:
-        return {self.traffic.name: self.traffic.digest}
-
-    def provenance(self) -> Mapping[str, Mapping[str, Any]]:
-        return {self.traffic.name: dict(self.traffic.provenance)}
 
 
 class TrafficTruth:
