@@ -51,7 +51,7 @@ def named_rows(path: Path) -> dict[str, list[str]]:
     return {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
 
 
-def size_of(rows: Mapping[str, Sequence[str]], name: str) -> tuple[int, int] | None:
+def size_of(rows: Mapping[str, Iterable[str | float]], name: str) -> tuple[int, int] | None:
     """Width and height [px] in a row of a calibration file; ``None`` where it tells no size."""
     try:
         width, height = (round(float(text)) for text in rows.get(name, ()))

@@ -1,10 +1,11 @@
 """KITTI raw drives: frames, camera poses and laser scans of one drive, all in one east-north-up
 world.
 
-The loaders of pykitti do not fit a simulator: here positions come from WGS 84 around one origin for
-all drives (pykitti: Mercator around each drive's first fix), every camera has its own time stamps
-in nanoseconds (pykitti: those of the OXTS unit, cut to microseconds), and files are looked up by
-frame number (pykitti: by position in a list, which shifts after the first missing file).
+pykitti reads the calibration files. Its loaders of drives do not fit a simulator: here positions
+come from WGS 84 around one origin for all drives (pykitti: Mercator around each drive's first fix),
+every camera has its own time stamps in nanoseconds (pykitti: those of the OXTS unit, cut to
+microseconds), and files are looked up by frame number (pykitti: by position in a list, which shifts
+after the first missing file).
 """
 
 import functools
@@ -17,11 +18,11 @@ from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, sha256_of
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, named_rows, numbers, size_of, within
+from genie_sim.data.files import matrices, numbers, size_of, within
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -368,7 +369,7 @@ def day_calibration(folder: Path) -> SensorCalibration:
     cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
     names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
     names += [((f"R_rect_{camera}",), 3) for camera in CAMERAS]
-    rows = named_rows(cameras)
+    rows = _calibration_rows(cameras)
     camera_matrices = matrices(cameras, rows, names)
     projections = camera_matrices[: len(CAMERAS)]
     rectification = camera_matrices[len(CAMERAS)]
@@ -396,8 +397,20 @@ def day_calibration(folder: Path) -> SensorCalibration:
 
 def _rigid_of(path: Path) -> Array:
     """The transform in a calibration file of a rotation R and a translation T."""
-    rotation, translation = matrices(path, named_rows(path), [(("R",), 3), (("T",), 1)])
+    rotation, translation = matrices(path, _calibration_rows(path), [(("R",), 3), (("T",), 1)])
     return rigid(rotation, translation[:, 0])
+
+
+def _calibration_rows(path: Path) -> Mapping[str, Array]:
+    """The numbers in a calibration file, by name. Raises UserError for anything else."""
+    from pykitti.utils import read_calib_file
+
+    read_text(path)  # refuses what is missing or no regular text file
+    try:
+        rows: Mapping[str, Array] = read_calib_file(str(path))
+    except (OSError, ValueError) as error:
+        raise UserError(f"{path}: is no calibration file: {short_repr(str(error))}") from error
+    return rows
 
 
 def drive_frames(
