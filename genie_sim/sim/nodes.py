@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 
 import simpy
 
+from genie_sim.base.errors import short_repr
 from genie_sim.core.messages import (
     Detections,
     Effect,
@@ -117,6 +118,8 @@ class InterceptorNode(Node):
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
         effects = self.pure.on_message(topic, message, self.clock.now, sender)
+        if not isinstance(effects, (list, tuple)):
+            raise TypeError(f"on_message() is {short_repr(effects)}, but must be a list of effects")
         path = self.clock.path
         if path is not None and isinstance(message, Image):
             self._paths[message.header] = path

@@ -9,7 +9,7 @@ import numpy as np
 import simpy
 
 from genie_sim.base import seeds
-from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
@@ -201,7 +201,7 @@ class World:
         for edge in setup.edges:
             name = edge.name
             context = self._contexts.edge(edge, name not in blind_edges, neighbours_of[name])
-            config = self._method.on_edge(context)
+            config = _checked("on_edge", self._method.on_edge(context))
             graph = network.add_host(name, setup.devices[edge.device])
             servers[name] = EdgeServer(graph, config)
             if config.detector:
@@ -219,6 +219,7 @@ class World:
         config = self._method.on_car(self._contexts.car(car))
         if config is None:
             return
+        _checked("on_car", config)
         graph = self.network.add_host(car.name, setup.devices[car.device])
         if config.detector:
             self._add_detector(graph)
@@ -320,6 +321,13 @@ class World:
         if graph.name in self.network.edges and self.network.site(graph.name) is None:
             raise UserError(f"{who}, but has no place: give the edge its 'at'")
         self.network.add_broadcast(graph, config.broadcast, self._broadcast, f"{graph.name}->{ALL}")
+
+
+def _checked(field: str, config: HostConfig) -> HostConfig:
+    """What a method has returned, where it is of the right type."""
+    if not isinstance(config, HostConfig):
+        raise TypeError(f"{field}() is {short_repr(config)}, but must be a HostConfig")
+    return config
 
 
 class Contexts(NamedTuple):

@@ -30,8 +30,19 @@ def test_what_comes_out_wrong_in_the_middle_of_a_run_names_the_class(
         run_in_memory(small.scenario(methods=["local", f"{OWN}:Again"]))
     text = str(error.value)
     assert text.startswith("the run failed with ") and f"method {OWN}:Again" in text
-    assert "AttributeError: 'str' object" in text and "tests/conformance" in text
+    assert "on_car() is 'x', but must be a HostConfig" in text and "tests/conformance" in text
     assert "\n" not in text
+
+
+@pytest.mark.parametrize("returned", [None, "x", 7])
+def test_a_node_that_returns_no_effects_says_so(returned: object, monkeypatch: pytest.MonkeyPatch):
+    from genie_sim.methods.paced_remote import PacedSender
+
+    monkeypatch.setattr(PacedSender, "on_message", lambda *_: returned)
+    monkeypatch.setattr("genie_sim.runs.simulate.plugin_names", lambda _: ["method 'x:Y'"])
+    with pytest.raises(UserError) as error:
+        run_in_memory(small.scenario(methods=["paced_remote"]))
+    assert f"on_message() is {returned!r}, but must be a list of effects" in str(error.value)
 
 
 def test_what_an_own_class_raises_itself_is_not_renamed(monkeypatch: pytest.MonkeyPatch):
