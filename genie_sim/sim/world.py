@@ -33,7 +33,7 @@ DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something
 MAX_DRAIN_NS = 600 * NS_PER_S
 ONE_BY_ONE = Serving()
 # Of what a host has used, the counts that only grow.
-COUNTS = (
+GROWING_COUNTS = (
     "accelerator_ns",
     "cpu_ns",
     "pictures",
@@ -43,7 +43,7 @@ COUNTS = (
     "transfer_ns",
     "tail_ns",
 )
-Told = Callable[[int, int], None]  # the time now and at the end [ns]
+OnTime = Callable[[int, int], None]  # the time now and at the end [ns]
 
 
 class World:
@@ -67,7 +67,7 @@ class World:
             places=setup.places,
             sites={edge.name: edge.at_m for edge in setup.edges},
         )
-        self._contexts = Contexts(
+        self._contexts = HostContexts(
             setup,
             self.network.stream,
             tuple(edge.name for edge in setup.edges),
@@ -83,7 +83,7 @@ class World:
         self._broadcast = None if setup.broadcast is None else setup.broadcast.radio(self.network)
         self._used_before: dict[str, HostUsage] = {}  # the end of the warm-up
         self._build_edges()
-        edge_resources = list(self.network.resources)
+        edge_resources = list(self.network.resources)  # those of cars are not built yet
         for car in setup.cars:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
@@ -93,105 +93,6 @@ class World:
             self._faults.append(self.clock.process(steps))
         for camera in self._cameras:
             self.clock.process(camera.run())
-
-    def run(self, progress: Told | None = None) -> None:
-        """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
-        minutes after the last one was taken.
-        """
-        self.clock.process(self._sample(progress))
-        for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
-            self.clock.run(until=self.last_frame_ns + drained_ns)
-            may_go_on = any(one.is_alive for one in self._faults)
-            if not self.network.is_busy(stalled_too=may_go_on):
-                break
-        self.monitor.sample(self._sampled, self.clock.now)
-        self.monitor.used(map(self._since_warm_up, self._usage()))
-        self.monitor.failed(self._fault_spans)
-        self.monitor.attacked(self.network.forgeries)
-        self.monitor.close()
-
-    def dismantle(self) -> None:
-        """Takes everything apart after the run, so that it is freed at once and not by Python's
-        garbage collector.
-        """
-        for uplink in self._uplinks:
-            uplink.clear()
-        self.network.clear()
-        self.edges.clear()
-        self._uplinks.clear()
-        self._sampled.clear()
-        self._cameras.clear()
-        self._faults.clear()
-
-    def _end_warm_up(self) -> None:
-        """From now on it counts what hosts, links and queues do."""
-        self._used_before = {usage.host: usage for usage in self._usage()}
-        for resource in self._sampled:
-            resource.occupancy.forget_most()
-
-    def _since_warm_up(self, usage: HostUsage) -> HostUsage:
-        """What a host has used, without what it had used before the end of the warm-up."""
-        before = self._used_before.get(usage.host)
-        if before is None:
-            return usage
-        used = {name: getattr(usage, name) - getattr(before, name) for name in COUNTS}
-        begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
-        return usage._replace(**used, begin_ns=begin_ns)
-
-    def _usage(self) -> Iterator[HostUsage]:
-        """What every host has used until now."""
-        setup = self.setup
-        starts_ns, uplinks = {car.name: car.route.start_ns for car in setup.cars}, {}
-        for of_car in self._uplinks:
-            carried = [uplink.bytes_carried() for uplink in of_car.uplinks]
-            used = [uplink.interface for uplink in of_car.uplinks]
-            uplinks[of_car.car] = {
-                "bytes_up": sum(up for up, _ in carried),
-                "bytes_down": sum(down for _, down in carried),
-                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
-                "tail_ns": sum(use.tail_ns for use in used),
-            }
-        for name, graph in self.network.graphs.items():
-            host, interface = graph.host, setup.interfaces.get(name)
-            yield HostUsage(
-                host=name,
-                placement="car" if name in starts_ns else "edge",
-                device=host.device.name,
-                interface=None if interface is None else interface.name,
-                accelerator_ns=host.accelerator.busy_ns,
-                cpu_ns=host.cpu.busy_ns,
-                pictures=host.accelerator.completed,
-                batches=host.accelerator.jobs,
-                **uplinks.get(name, {}),
-                begin_ns=starts_ns.get(name, 0),
-            )
-
-    def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
-        """The resources that the monitor wants to sample."""
-        resources = self.network.resources
-        samples = self.monitor.samples
-        if samples == "all":
-            return resources  # the list itself: a hand-over adds links while time runs
-        if samples == "edges":
-            shared = [resource for resource in resources if resource.kind in ("cell", "channel")]
-            return edge_resources + shared
-        if samples == "processors":
-            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
-        return []
-
-    def _sample(self, progress: Told | None) -> Steps:
-        """The process that samples resources, at the end of the warm-up, too."""
-        warm_up_ns = self.setup.warm_up_ns
-        if warm_up_ns % SAMPLE_NS:
-            yield self.clock.timeout(warm_up_ns % SAMPLE_NS)
-        while True:
-            now_ns = self.clock.now
-            if now_ns == warm_up_ns > 0:
-                self._end_warm_up()
-            self.monitor.sample(self._sampled, now_ns)
-            if progress is not None:
-                progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
-            yield self.clock.timeout(SAMPLE_NS)
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
@@ -322,6 +223,106 @@ class World:
             raise UserError(f"{who}, but has no place: give the edge its 'at'")
         self.network.add_broadcast(graph, config.broadcast, self._broadcast, f"{graph.name}->{ALL}")
 
+    def run(self, progress: OnTime | None = None) -> None:
+        """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
+        minutes after the last one was taken.
+        """
+        self.clock.process(self._sample(progress))
+        for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
+            self.clock.run(until=self.last_frame_ns + drained_ns)
+            may_go_on = any(one.is_alive for one in self._faults)
+            if not self.network.is_busy(stalled_too=may_go_on):
+                break
+        self.monitor.sample(self._sampled, self.clock.now)
+        self.monitor.used(map(self._since_warm_up, self._usage()))
+        self.monitor.failed(self._fault_spans)
+        self.monitor.attacked(self.network.forgeries)
+        self.monitor.close()
+
+    def dismantle(self) -> None:
+        """Takes everything apart after the run, so that it is freed at once and not by Python's
+        garbage collector.
+        """
+        for uplink in self._uplinks:
+            uplink.clear()
+        self.network.clear()
+        self.edges.clear()
+        self._uplinks.clear()
+        self._sampled.clear()
+        self._cameras.clear()
+        self._faults.clear()
+
+    def _end_warm_up(self) -> None:
+        """From now on it counts what hosts, links and queues do."""
+        self._used_before = {usage.host: usage for usage in self._usage()}
+        for resource in self._sampled:
+            resource.occupancy.forget_most()
+
+    def _since_warm_up(self, usage: HostUsage) -> HostUsage:
+        """What a host has used, without what it had used before the end of the warm-up."""
+        before = self._used_before.get(usage.host)
+        if before is None:
+            return usage
+        used = {name: getattr(usage, name) - getattr(before, name) for name in GROWING_COUNTS}
+        begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
+        return usage._replace(**used, begin_ns=begin_ns)
+
+    def _usage(self) -> Iterator[HostUsage]:
+        """What every host has used until now."""
+        setup = self.setup
+        starts_ns = {car.name: car.route.start_ns for car in setup.cars}
+        uplinks = {}
+        for of_car in self._uplinks:
+            carried = [uplink.bytes_carried() for uplink in of_car.uplinks]
+            used = [uplink.interface for uplink in of_car.uplinks]
+            uplinks[of_car.car] = {
+                "bytes_up": sum(up for up, _ in carried),
+                "bytes_down": sum(down for _, down in carried),
+                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
+                "tail_ns": sum(use.tail_ns for use in used),
+            }
+        for name, graph in self.network.graphs.items():
+            host, interface = graph.host, setup.interfaces.get(name)
+            yield HostUsage(
+                host=name,
+                placement="car" if name in starts_ns else "edge",
+                device=host.device.name,
+                interface=None if interface is None else interface.name,
+                accelerator_ns=host.accelerator.busy_ns,
+                cpu_ns=host.cpu.busy_ns,
+                pictures=host.accelerator.completed,
+                batches=host.accelerator.jobs,
+                **uplinks.get(name, {}),
+                begin_ns=starts_ns.get(name, 0),
+            )
+
+    def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
+        """The resources that the monitor wants to sample."""
+        resources = self.network.resources
+        samples = self.monitor.samples
+        if samples == "all":
+            return resources  # the list itself: a hand-over adds links while time runs
+        if samples == "edges":
+            shared = [resource for resource in resources if resource.kind in ("cell", "channel")]
+            return edge_resources + shared
+        if samples == "processors":
+            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
+        return []
+
+    def _sample(self, progress: OnTime | None) -> Steps:
+        """The process that samples resources, at the end of the warm-up, too."""
+        warm_up_ns = self.setup.warm_up_ns
+        if warm_up_ns % SAMPLE_NS:
+            yield self.clock.timeout(warm_up_ns % SAMPLE_NS)
+        while True:
+            now_ns = self.clock.now
+            if now_ns == warm_up_ns > 0:
+                self._end_warm_up()
+            self.monitor.sample(self._sampled, now_ns)
+            if progress is not None:
+                progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
+            yield self.clock.timeout(SAMPLE_NS)
+
 
 def _checked(field: str, config: HostConfig) -> HostConfig:
     """What a method has returned, where it is of the right type."""
@@ -330,7 +331,7 @@ def _checked(field: str, config: HostConfig) -> HostConfig:
     return config
 
 
-class Contexts(NamedTuple):
+class HostContexts(NamedTuple):
     """What a method is told about the hosts of one world."""
 
     setup: Setup
@@ -373,5 +374,5 @@ class Contexts(NamedTuple):
 def answered_cars(setup: Setup, method: Method) -> set[str]:
     """The cars on which a method runs something; it is asked, and no world is built."""
     streams = partial(seeds.stream, setup.seed)
-    told = Contexts(setup, streams, tuple(edge.name for edge in setup.edges))
+    told = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
     return {car.name for car in setup.cars if method.on_car(told.car(car)) is not None}
