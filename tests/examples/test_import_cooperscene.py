@@ -64,9 +64,7 @@ def test_all_agents_are_on_one_clock_and_on_one_map(folder: Path):
     assert times.pop("car2") == [time_s for time_s in clock if time_s != 0.4]
     assert times == dict.fromkeys(("roadside", "car1", "car3"), clock)
     parked = rows("detections").query("time_s == 0 and east_m == -18 and north_m == 6")
-    assert set(parked["car"]) == {"roadside", "car1", "car3"}, (
-        "all that are near enough see it there"
-    )
+    assert set(parked["car"]) == {"roadside", "car1", "car3"}, "all who are near see it there"
     trace = Path("take/car1.parquet")
     assert trace.exists() and trace.with_suffix(".truth.parquet").exists()
 
