@@ -125,8 +125,8 @@ def test_what_is_found_on_board_goes_up_as_a_look():
     assert car.on_message(OBJECTS + REMOTE, new_map, 350 * MS) == [Publish(OBJECTS, new_map)]
 
 
-def server(every_ms: int = 100) -> MapServer:
-    tracks = TrackMap(ObjectMapRules(), MeasuredExistence(p_min=0.1))
+def server(every_ms: int = 100, p_min: float = 0.1) -> MapServer:
+    tracks = TrackMap(ObjectMapRules(), MeasuredExistence(p_min))
     return MapServer("edge1/map", tracks, every_ms * MS, (IMAGES,), (OBJECTS,))
 
 
@@ -175,6 +175,15 @@ def test_a_car_is_not_told_of_itself_and_of_what_is_far():
     maps = look(edge, frame(0, "car2", -40.0), seen(1.0), seen(10), seen(70), now_ms=150)
     (told,) = (one for one in maps if one.source == "map")
     assert places(told) == [(10, 0)]
+
+
+def test_a_car_is_not_told_of_what_is_hardly_there():
+    edge = server(p_min=0.99)
+    (first,) = look(edge, frame(0), seen(20), now_ms=0)
+    assert first.objects == ()
+    for stamp_ms in (100, 200, 300):  # seen again and again
+        (last,) = look(edge, frame(stamp_ms), seen(20), now_ms=stamp_ms)
+    assert places(last) == [(20, 0)]
 
 
 def test_the_map_names_the_other_cars_that_saw_an_object_lately():
