@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
-from cpm import Listening, Objects, Told, away_m, moved, nearest
+from cpm import OLD_NS, Listening, Objects, Told, away_m, moved, nearest, seen_since
 
 from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -48,9 +48,9 @@ class Cast(Told):
 
 
 class Offer(NamedTuple):
-    """An object that a car could send, by its number."""
+    """An object that a car could send."""
 
-    number: int
+    key: tuple[str, int]
     value: float
     size_bytes: int
 
@@ -108,19 +108,19 @@ class Caster(Listening):
         self._others[told.header.origin] = told, now_ns
 
     def tell(self, frame: Image, now_ns: int) -> Cast:
-        own, heard = self.own(now_ns), self._heard.objects(now_ns, self._every_ns)
-        sees = moved(own, now_ns)
+        own = seen_since(self.own(now_ns), now_ns - OLD_NS)
+        sees, heard = moved(own, now_ns), self._heard.objects(now_ns, 2 * self._every_ns)
         others = [cast for cast, told_ns in self._others.values() if now_ns - told_ns <= LATELY_NS]
         offers = []
-        for number, item in sees.items():
+        for key, item in sees.items():
             if nearest(item, heard) is None:
                 size_bytes = points_bytes(item, away_m(item, frame.pose))
                 worth = value(item, others)
                 if self._order == "random":  # the bytes make no difference
-                    worth = self._draws.uniform(f"{frame.header} {number}") * size_bytes
-                offers.append(Offer(number, worth, size_bytes))
+                    worth = self._draws.uniform(f"{frame.header} {key[1]}") * size_bytes
+                offers.append(Offer(key, worth, size_bytes))
         sent = schedule(offers, self._budget_bytes)
-        objects = tuple(own[offer.number] for offer in sent)
+        objects = {offer.key: own[offer.key] for offer in sent}
         size_bytes = BEACON_BYTES + SEEN_BYTES * len(sees) + sum(offer.size_bytes for offer in sent)
         header = Header(frame.header.stamp_ns, TOPIC, frame.header.origin)
         velocity_mps = self._velocity_mps(frame)

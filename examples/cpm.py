@@ -9,14 +9,13 @@ them was told half a second ago. Receivers add what they hear to what they see.
 
 What differs: the car's frames are its clock, so messages leave with them. Sensor containers, the
 split of long messages and congestion control (DCC) are left out. How a receiver combines objects is
-not in the standard: here by place and class, and the sighting that is newest counts.
+not in the standard: here by place and class, and the newest sighting counts.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from genie_sim.analysis.correctness import HeldMean
 from genie_sim.analysis.metric import HIGHER
@@ -44,9 +43,11 @@ TOPIC = "/cpm"
 # container; and one object
 MESSAGE_BYTES, OBJECT_BYTES = 121, 35
 SAME_M, SELF_M = 2.0, 4.0  # one object; the car itself, as others see it: as ``ToldRules``
-KEPT_NS = 1_500 * NS_PER_MS  # an object is told again within a second. Assumed
+OLD_NS = (
+    1_500 * NS_PER_MS
+)  # what was seen longer ago is not told: ``TimeOfMeasurement``, TR 103 562
 FRAMES = 64  # that may wait for the detector's answer
-Objects = dict[int, Detection]  # by number
+Objects = dict[tuple[str, int], Detection]  # by the car that tracks them, and its number for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,40 +56,36 @@ class Told:
 
     header: Header
     size_bytes: int
-    objects: tuple[Detection, ...]
-
-
-class Known(NamedTuple):
-    """An object that others have told, and when it came."""
-
-    item: Detection
-    came_ns: int
+    objects: Objects
 
 
 class HeardObjects:
-    """What a car has heard of others: of the same object the newest sighting."""
+    """What a car has heard of others: what each told last of every object."""
 
     def __init__(self) -> None:
-        self._known: list[Known] = []
+        self._told: Objects = {}
 
-    def add(self, told: Told, now_ns: int) -> None:
-        """A message came. Its objects are different ones, however near."""
-        others = self.objects(now_ns)
-        for item in told.objects:
-            same = nearest(at(item, now_ns), others)
-            if same is None:
-                self._known.append(Known(item, now_ns))
-                continue
-            del others[same]
-            if seen_ns(item) >= seen_ns(self._known[same].item):
-                self._known[same] = Known(item, now_ns)
+    def add(self, told: Told) -> None:
+        """A message came."""
+        self._told |= told.objects
 
-    def objects(self, now_ns: int, within_ns: int = KEPT_NS) -> Objects:
-        """The objects that came within a time, where they are now."""
-        self._known = [known for known in self._known if now_ns - known.came_ns <= KEPT_NS]
-        came = enumerate(self._known)
-        lately = {key: known.item for key, known in came if now_ns - known.came_ns <= within_ns}
-        return moved(lately, now_ns)
+    def objects(self, now_ns: int, within_ns: int = OLD_NS) -> Objects:
+        """The objects that were seen within a time, where they are now; what several cars see is
+        the sighting that is newest.
+        """
+        self._told = seen_since(self._told, now_ns - OLD_NS)
+        told = moved(seen_since(self._told, now_ns - within_ns), now_ns)
+        objects: Objects = {}
+        for key in sorted(told, key=lambda key: (-seen_ns(told[key]), key)):
+            others = {other: objects[other] for other in objects if other[0] != key[0]}
+            if nearest(told[key], others) is None:
+                objects[key] = told[key]
+        return objects
+
+
+def seen_since(objects: Objects, since_ns: int) -> Objects:
+    """Those that were last seen then or later."""
+    return {key: item for key, item in objects.items() if seen_ns(item) >= since_ns}
 
 
 def seen_ns(item: Detection) -> int:
@@ -99,7 +96,7 @@ def seen_ns(item: Detection) -> int:
 
 def moved(objects: Objects, now_ns: int) -> Objects:
     """Objects where they should be now."""
-    return {number: at(item, now_ns) for number, item in objects.items()}
+    return {key: at(item, now_ns) for key, item in objects.items()}
 
 
 def at(item: Detection, now_ns: int) -> Detection:
@@ -117,28 +114,24 @@ def away_m(item: Detection, other: Detection | CameraPose) -> float:
     return math.dist(item.location[:2], place[:2])
 
 
-def nearest(item: Detection, others: Mapping[int, Detection]) -> int | None:
-    """The number of the nearest of other objects that is the same, by place and class."""
+def nearest(item: Detection, others: Objects) -> tuple[str, int] | None:
+    """The key of the nearest of other objects that is the same, by place and class."""
     kind = kind_of(item.label)
     same = [
-        (away_m(item, other), number)
-        for number, other in others.items()
-        if kind_of(other.label) is kind
+        (away_m(item, other), key) for key, other in others.items() if kind_of(other.label) is kind
     ]
-    distance_m, number = min(same, default=(math.inf, None))
-    return number if distance_m <= SAME_M else None
+    distance_m, key = min(same, default=(math.inf, None))
+    return key if distance_m <= SAME_M else None
 
 
 def together(own: Objects, heard: Objects) -> tuple[Detection, ...]:
     """A car's own objects and those that it has heard of; of the same the one seen last."""
-    objects, more = dict(own), []
-    for item in heard.values():
+    objects = dict(own)
+    for key, item in heard.items():
         same = nearest(item, own)
-        if same is None:
-            more.append(item)
-        elif seen_ns(item) > seen_ns(objects[same]):
-            objects[same] = item
-    return (*objects.values(), *more)
+        if same is None or seen_ns(item) > seen_ns(own[same]):
+            objects[same or key] = item
+    return (*objects.values(),)
 
 
 class Listening(Interceptor):
@@ -147,7 +140,7 @@ class Listening(Interceptor):
     """
 
     def __init__(self, host: HostContext, topic: str, every_ns: int, *topics: tuple[str, ...]):
-        self.name = f"{host.name}{topic}"
+        self.name, self._car = f"{host.name}{topic}", host.name
         self._topic, self._every_ns = topic, every_ns
         (self._images,), (self._objects,) = topics
         policy = MeasuredExistence()
@@ -180,13 +173,13 @@ class Listening(Interceptor):
 
     def hear(self, told: Told, now_ns: int) -> None:
         """Another car's message came."""
-        self._heard.add(told, now_ns)
+        self._heard.add(told)
 
     def own(self, now_ns: int) -> Objects:
         """What the car has seen and takes to be there, each where it was seen."""
         existences = {track: self._tracks.existence(track, now_ns) for track in self._tracks}
         return {
-            track.number: track.as_detection(track.seen_ns, existence, existence)
+            (self._car, track.number): track.as_detection(track.seen_ns, existence, existence)
             for track, existence in existences.items()
             if existence >= self._tracks.threshold
         }
@@ -221,22 +214,23 @@ class Inclusion:
     def __init__(self, moved_m: float, faster_mps: float, again_ns: int, persons_ns: int) -> None:
         self._moved_m, self._faster_mps = moved_m, faster_mps
         self._again_ns, self._persons_ns = again_ns, persons_ns
-        self._told: dict[int, tuple[Detection, int]] = {}  # as it was then, and when
+        self._told: dict[tuple[str, int], tuple[Detection, int]] = {}  # as it was, and when
 
-    def due(self, objects: Objects, now_ns: int) -> set[int]:
-        """The numbers of those that are told now, of all that the car could tell."""
-        persons = {number for number, item in objects.items() if kind_of(item.label) is PERSON}
-        due = {number for number, item in objects.items() if self._is_due(number, item, now_ns)}
+    def due(self, objects: Objects, now_ns: int) -> Objects:
+        """Those that are told now, of all that the car could tell, where they are now."""
+        persons = {key for key, item in objects.items() if kind_of(item.label) is PERSON}
+        due = {key for key, item in objects.items() if self._is_due(key, item, now_ns)}
         if due & persons:
             due |= persons
-        self._told = {number: told for number, told in self._told.items() if number in objects}
-        self._told |= {number: (objects[number], now_ns) for number in due}
-        return due
+        found = {key: item for key, item in objects.items() if key in due}
+        self._told = {key: told for key, told in self._told.items() if key in objects}
+        self._told |= {key: (item, now_ns) for key, item in found.items()}
+        return found
 
-    def _is_due(self, number: int, item: Detection, now_ns: int) -> bool:
-        if number not in self._told:
+    def _is_due(self, key: tuple[str, int], item: Detection, now_ns: int) -> bool:
+        if key not in self._told:
             return True
-        told, told_ns = self._told[number]
+        told, told_ns = self._told[key]
         if kind_of(item.label) is PERSON:
             return now_ns - told_ns >= self._persons_ns
         return (
@@ -262,7 +256,7 @@ class Teller(Listening):
         self._sent_ns: int | None = None
 
     def tell(self, frame: Image, now_ns: int) -> Told | None:
-        own = self.own(now_ns)
+        own = seen_since(self.own(now_ns), now_ns - OLD_NS)
         objects = moved(own, now_ns)
         if self._unless_heard_ns:
             heard = self._heard.objects(now_ns, self._unless_heard_ns)
@@ -273,7 +267,7 @@ class Teller(Listening):
         self._sent_ns = now_ns
         header = Header(frame.header.stamp_ns, TOPIC, frame.header.origin)
         size_bytes = MESSAGE_BYTES + OBJECT_BYTES * len(due)
-        return Told(header, size_bytes, tuple(own[number] for number in sorted(due)))
+        return Told(header, size_bytes, {key: own[key] for key in due})
 
 
 class CPM(Method):
@@ -290,11 +284,11 @@ class CPM(Method):
         faster_mps: Annotated[float, Bounds(minimum=0)] = 0.5,
         again_ns: Annotated[int, Bounds(minimum=0)] = NS_PER_S,
         persons_ns: Annotated[int, Bounds(minimum=0)] = NS_PER_S // 2,
-        unless_heard_ns: Annotated[int, Bounds(minimum=0, maximum=KEPT_NS)] = 0,
+        unless_heard_ns: Annotated[int, Bounds(minimum=0, maximum=OLD_NS)] = 0,
     ) -> None:
         """``every`` and ``longest``: the shortest and the longest time between messages. An object
         is told when it has ``moved`` so far, is ``faster_mps`` faster or slower, or was told so
-        long ago (``again``; ``persons``). ``unless_heard``: not if others told it within this time.
+        long ago (``again``; ``persons``). ``unless_heard``: not if others saw it within this time.
         """
         self.every_ns, self.longest_ns, self.unless_heard_ns = every_ns, longest_ns, unless_heard_ns
         self.rules = moved_m, faster_mps, again_ns, persons_ns

@@ -1,4 +1,4 @@
-"""A car on its own for tests of methods that broadcast: its host, its frames, what it sees in them."""
+"""A car on its own for tests of methods that broadcast: its host, its frames, what it sees."""
 
 from __future__ import annotations
 
