@@ -179,6 +179,21 @@ def test_hidden_messages_collide_that_overlap_by_a_nanosecond():
     assert middle.heard_by == ("left", "right")
 
 
+@pytest.mark.parametrize(("down_ns", "on_air"), [(IDLE_NS // 2, False), (IDLE_NS + 3 * US, True)])
+def test_who_goes_down_is_heard_by_nobody(down_ns: int, on_air: bool):
+    """If it waits, it does not begin; what it has begun keeps the channel busy, for nothing."""
+    street = Street(cluster(3))
+    for host, slots in (("car0", 0), ("car1", 5)):
+        street.stations[host].random = Slots([slots])
+        street.offer(host, [0])
+    street.clock.after(down_ns, street.stations["car0"].set_up, (False,))
+    heard_by = {one.host: one.heard_by for one in street.run()}
+    assert heard_by == {"car0": (), "car1": ("car0", "car2")}
+    listener = street.stations["car2"]
+    assert (listener.completed, listener.drops) == (1, int(on_air))
+    assert listener.busy_ns == (1 + on_air) * AIRTIME_NS
+
+
 @pytest.mark.parametrize("order", list(itertools.permutations(HIDDEN)))
 def test_messages_that_touch_do_not_collide(order: Sequence[str]):
     """The one begins at the instant at which the other ends, whoever is first in the scenario."""
