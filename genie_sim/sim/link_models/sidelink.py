@@ -176,6 +176,8 @@ class Station:
             if waited_ns >= wait_ns:  # also if another begins in the same slot
                 break
             slots -= max(waited_ns - IDLE_NS, 0) // SLOT_NS
+        if not self._is_up:  # since it waits
+            return
         broadcasting = Broadcasting(channel.near(self))
         self._begin(broadcasting)
         yield clock.timeout(channel.sidelink.airtime_ns(size_bytes))
@@ -208,7 +210,8 @@ class Station:
             del station._heard[broadcasting]
             station.occupancy.leave()
             station._sense()
-            if station in broadcasting.lost_at or self._is_lost(station, loss_key):
+            is_lost = not self._is_up or station in broadcasting.lost_at
+            if is_lost or self._is_lost(station, loss_key):
                 station.drops += 1
             else:
                 station.completed += 1

@@ -1,0 +1,88 @@
+"""Each frame goes up several uplinks to as many edges, and the first answer counts.
+
+After FogROS2-FT (K. Chen, K. Hari, T. Chung et al., IROS 2024, arXiv:2412.05408), which sends each
+request to replicas of a stateless service on several clouds, and FogROS2-PLR (K. Chen, N. Tian,
+C. Juette et al., 2024, arXiv:2410.05562), which sends it over several network interfaces. Both
+return the first answer and drop the later ones. FT cuts the 99th percentile of the latency of
+object detection by 2.0 under slow networks and contended servers, PLR by up to 3.7 beside one 5G
+provider.
+
+What differs: PLR chooses interfaces and servers so that the fewest deadlines are missed; here the
+scenario's order chooses them, the car's own edge first. Nobody cancels the other copies.
+"""
+
+from functools import partial
+from typing import Any
+
+from genie_sim.analysis.frame_metrics import FrameShare, response_ms
+from genie_sim.analysis.metric import LOWER
+from genie_sim.core.messages import Effect, Header, Message, Publish
+from genie_sim.record.columns import Columns
+from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Interceptor, Method
+
+DEADLINE_MS = 200.0
+REMEMBERED = 100  # answered frames of which later copies are known
+
+
+class Replicated(Method):
+    """Every frame goes to several edges; the consumer gets the first answer."""
+
+    title = "replicated"
+
+    def __init__(self, copies: int = 2) -> None:
+        """``copies``: to how many edges each frame goes, if the car has links to so many."""
+        if copies < 1:
+            raise ValueError(f"copies: must be at least 1, but is {copies}")
+        self._copies = copies
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
+            return None
+        if not host.has_edge:
+            return HostConfig()
+        further = host.further_edges[: self._copies - 1]
+        return HostConfig(
+            interceptor=partial(FirstAnswer, f"{host.name}/replicator"),
+            uplink=REMOTE_UPLINK,
+            further_uplinks=dict.fromkeys(further, REMOTE_UPLINK),
+            costs_nothing=True,
+        )
+
+
+class FirstAnswer(Interceptor):
+    """Sends every frame up, and passes the first answer to each on."""
+
+    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+        self.name = name
+        (self._images,) = subscribed
+        (self._objects,) = published
+        self._answered: dict[Header, None] = {}  # the newest last
+
+    def subscriptions(self) -> tuple[str, ...]:
+        return self._images, self._objects + REMOTE
+
+    def publications(self) -> tuple[str, ...]:
+        return self._objects, self._images + REMOTE
+
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
+        if topic == self._images:
+            return [Publish(self._images + REMOTE, message)]
+        if message.header in self._answered:
+            return []
+        self._answered[message.header] = None
+        if len(self._answered) > REMEMBERED:
+            del self._answered[next(iter(self._answered))]
+        return [Publish(self._objects, message)]
+
+
+class MissedDeadline(FrameShare):
+    """Share of all published frames without an answer within 200 ms: what PLR makes small."""
+
+    title = "deadline missed"
+    better = LOWER
+    reads = "frames: received_ns, first_answer_ns"
+
+    def flags(self, frames: Columns) -> Any:
+        return ~(response_ms(frames, "first") <= DEADLINE_MS)

@@ -1,0 +1,136 @@
+"""Replicated requests: the first answer counts, whatever becomes of the other copies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from genie_sim.base.errors import UserError
+from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
+from tests.conformance import small
+from tests.conformance.methods import MethodConformance
+
+REPLICATED = "replicated:Replicated"
+FLAT = {"model": "wire", "rate_up": "1 Gbit/s", "rate_down": "1 Gbit/s", "delay": "10 ms"}
+ONE_CAMERA = [{"name": "camera_0", "recording": "left"}]
+
+
+@pytest.mark.parametrize("method", [REPLICATED])
+class TestReplicated(MethodConformance):
+    pass
+
+
+def image(number: int) -> Image:
+    return Image(Header(number, "front", "car1"), 1, "", 0, CameraPose(0.0, 0.0, 0.0, 0.0), 1.0)
+
+
+def first_answer() -> Any:
+    from replicated import FirstAnswer
+
+    return FirstAnswer("car1/replicator", ("images",), ("objects",))
+
+
+def test_the_first_answer_to_each_frame_passes_and_later_ones_do_not():
+    node = first_answer()
+    for number in (1, 2):
+        assert node.on_message("images", image(number), 0) == [
+            Publish("images-remote", image(number))
+        ]
+    early, late = (Detections(Header(number, "front", "car1"), ()) for number in (1, 2))
+    told = [node.on_message("objects-remote", one, 0) for one in (late, early, late, early, early)]
+    assert told == [[Publish("objects", late)], [Publish("objects", early)], [], [], []]
+
+
+def test_it_remembers_a_bounded_number_of_frames():
+    from replicated import REMEMBERED
+
+    node = first_answer()
+    for number in range(3 * REMEMBERED):
+        assert node.on_message("objects-remote", Detections(image(number).header, ()), 0)
+    assert len(node._answered) == REMEMBERED
+    assert not node.on_message("objects-remote", Detections(image(number).header, ()), 0)
+
+
+def world(methods: list[Any], *further: dict[str, Any], **settings: Any) -> Any:
+    """One car with one camera, at an edge, and links to edge2, edge3 and so on."""
+    edges = [{"name": f"edge{i + 1}", "device": "quadro_rtx_4000"} for i in range(len(further) + 1)]
+    uplinks = [{"edge": f"edge{i + 2}", "link": link} for i, link in enumerate(further)]
+    own = settings.pop("link", FLAT)
+    usual = {"cameras": ONE_CAMERA, "edges": edges}
+    cars = [small.car(1, link=own, further_uplinks=uplinks)]
+    return small.scenario(methods, **usual, cars=cars, **settings)
+
+
+def entries(*copies: int) -> list[dict[str, Any]]:
+    return [{"name": f"x{count}", "method": REPLICATED, "copies": count} for count in copies]
+
+
+def by_method(scenario: Any) -> dict[str, pd.DataFrame]:
+    rows = small.frames(scenario)
+    return {name: of.reset_index() for name, of in rows.groupby("method", observed=True)}
+
+
+def test_the_first_answer_is_that_of_the_faster_edge():
+    """The second link is 7 ms shorter each way, so every answer comes 14 ms sooner."""
+    nearer = FLAT | {"delay": "3 ms"}
+    found = by_method(world(entries(1, 2), nearer, spread="isolated"))
+    assert set(found["x1"]["served_by"].dropna()) == {"edge1/vision_darknet_detect"}
+    assert "edge2/vision_darknet_detect" in set(found["x2"]["served_by"])
+    gained = found["x1"]["first_answer_ns"] - found["x2"]["first_answer_ns"]
+    assert (gained.dropna() >= 0).all()
+    assert gained.max() >= 14e6
+
+
+@pytest.mark.parametrize(("copies", "expected"), [(1, 1), (2, 2), (3, 3), (9, 3)])
+def test_each_copy_goes_up_its_own_link(copies: int, expected: int):
+    """Nothing is dropped on these links: so many times the bytes of one copy go up."""
+    found = by_method(world(["remote", *entries(copies)], FLAT, FLAT))
+    ours, theirs = found[f"x{copies}"], found["remote"]
+    assert (ours["bytes_up"] == expected * theirs["bytes_up"]).all()
+
+
+def test_an_outage_of_one_link_loses_no_frame_of_two_copies():
+    faults = [{"fault": "outage", "target": "car1->edge1", "begin": "500 ms", "end": "1500 ms"}]
+    found = by_method(world(["remote", *entries(2)], FLAT, faults=faults))
+    lost = {name: rows["drop"].notna().sum() for name, rows in found.items()}
+    assert lost == {"remote": 10, "x2": 0}
+    assert found["x2"]["first_answer_ns"].notna().all()
+    assert found["x2"].loc[10, "served_by"] == "edge2/vision_darknet_detect"
+
+
+@pytest.mark.slow
+def test_lost_copies_of_independent_links_multiply():
+    """Of 30 % lost up and 30 % down, 51 % of one copy and 26 % of both get no answer: within three
+    standard deviations.
+    """
+    lossy = FLAT | {"loss": 0.3}
+    setting = world(entries(1, 2), lossy, link=lossy)
+    runs = [by_method(replace(setting, seed=seed)) for seed in range(15)]
+    for name, expected in (("x1", 1 - 0.7**2), ("x2", (1 - 0.7**2) ** 2)):
+        unanswered = np.concatenate([run[name]["first_answer_ns"].isna() for run in runs])
+        sigma = math.sqrt(expected * (1 - expected) / len(unanswered))
+        assert unanswered.mean() == pytest.approx(expected, abs=3 * sigma)
+
+
+@pytest.mark.slow
+def test_the_tail_is_shorter_than_that_of_one_uplink():
+    """As published: the 99th percentile falls, and so does the share of missed deadlines."""
+    import genie_sim as gs
+
+    run = gs.run("replicated.yaml", {"cars[0].route.laps": 2, "record": []})
+    found = run.metrics[run.metrics["placement"] == "all"].set_index(["metric", "method"])["value"]
+    for metric in ("first_answer_p99", "replicated:MissedDeadline"):
+        assert found[metric, "two"] < found[metric, "remote"]
+    assert found["first_answer_p99", "three"] <= found["first_answer_p99", "two"]
+
+
+def test_bad_settings_are_told_in_one_line():
+    for copies, text in ((0, "copies: must be at least 1, but is 0"), ("a", "copies")):
+        with pytest.raises(UserError, match=text) as told:
+            small.simulated(world([{"method": REPLICATED, "copies": copies}], FLAT))
+        assert "\n" not in str(told.value)

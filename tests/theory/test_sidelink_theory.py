@@ -1,0 +1,325 @@
+"""The broadcast medium against theory: carrier sense, backoff, hidden terminals, busy ratio."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from genie_sim.base.seeds import Draws, stream
+from genie_sim.sim.clock import Clock, Steps
+from genie_sim.sim.link_models.sidelink import IDLE_NS, SLOT_NS, WINDOW, Sidelink, Station
+from tests.theory.replications import equivalent, replicate
+
+SEED, S, US = 7, 1_000_000_000, 1_000
+SIZE = 300  # bytes: 488 us on the air
+SIDELINK = Sidelink(range_m=300.0)
+HIDDEN = {"left": 0.0, "middle": 200.0, "right": 400.0}  # both hear the middle, not each other
+HIDDEN_SENDERS = ("left", "right")
+
+
+class Sent(NamedTuple):
+    """A message: who sent it, when it was on the air [ns], and who received it."""
+
+    host: str
+    begin_ns: int
+    end_ns: int
+    heard_by: tuple[str, ...]
+
+
+@dataclass
+class Street:
+    """The air of these tests: hosts that stand along a street, and what they have sent."""
+
+    places: Mapping[str, float]  # east [m], by the host
+    sidelink: Sidelink = SIDELINK
+    seed: int = SEED
+    clock: Clock = field(default_factory=Clock)
+    edges: tuple[str, ...] = ()
+    sent: list[Sent] = field(default_factory=list)
+
+    def __post_init__(self):
+        channel = self.sidelink.radio(self)
+        self.stations: dict[str, Station] = {host: channel.sender(host) for host in self.places}
+
+    def draws(self, *names):
+        return Draws(self.seed, *names)
+
+    def place(self, host):
+        return self.places[host], 0.0
+
+    def add_resource(self, resource):
+        pass
+
+    def offer(self, host: str, at_ns: Iterable[int], size_bytes: int = SIZE) -> None:
+        """The host gets messages to send at these instants; they wait in order."""
+        self.clock.process(self._send(host, at_ns, size_bytes))
+
+    def run(self) -> list[Sent]:
+        self.clock.run()
+        return sorted(self.sent)
+
+    def _send(self, host: str, at_ns: Iterable[int], size_bytes: int) -> Steps:
+        station = self.stations[host]
+        airtime_ns = self.sidelink.airtime_ns(size_bytes)
+        for one_ns in at_ns:
+            if one_ns > self.clock.now:
+                yield self.clock.timeout(one_ns - self.clock.now)
+            station.random.begin(None, "")
+            yield station.sent(size_bytes)
+            now_ns = self.clock.now
+            self.sent.append(Sent(host, now_ns - airtime_ns, now_ns, station.heard_by))
+
+
+def cluster(count: int) -> dict[str, float]:
+    """So many hosts, all of which hear each other."""
+    return {f"car{number}": float(number) for number in range(count)}
+
+
+def poisson_ns(rng: np.random.Generator, rate_hz: float, count: int) -> list[int]:
+    return [int(at) for at in np.cumsum(rng.exponential(S / rate_hz, count))]
+
+
+@dataclass
+class Slots:
+    """Random numbers of a station that draw these backoffs."""
+
+    slots: Sequence[int]
+
+    def __post_init__(self):
+        self._next = iter(self.slots)
+
+    def begin(self, message, host):
+        pass
+
+    def integers(self, high):
+        assert high == WINDOW + 1
+        return next(self._next)
+
+
+def by_hand(
+    places: Mapping[str, float], backoffs: Mapping[str, Sequence[int]], at_ns: Mapping[str, int]
+) -> list[Sent]:
+    """What is sent if the hosts draw these backoffs, each for messages that come at once."""
+    street = Street(places)
+    for host, slots in backoffs.items():
+        street.stations[host].random = Slots(slots)
+        street.offer(host, [at_ns.get(host, 0)] * len(slots))
+    return street.run()
+
+
+AIRTIME_NS = SIDELINK.airtime_ns(SIZE)
+
+
+def test_the_airtime_is_preamble_and_bits():
+    """336 bytes at 6 Mbit/s take 448 us, after 40 us."""
+    assert AIRTIME_NS == 488 * US
+
+
+@pytest.mark.slow
+def test_a_lone_sender_waits_for_its_backoff_and_no_more():
+    """AIFS, 0 to 15 slots with equal chances, airtime: the mean is 7.5 slots."""
+    from scipy.stats import chisquare
+
+    street = Street({"car0": 0.0})
+    at_ns = [number * S // 100 for number in range(3000)]
+    street.offer("car0", at_ns)
+    waits = [one.begin_ns - at - IDLE_NS for one, at in zip(street.run(), at_ns, strict=True)]
+    slots, rest = np.divmod(waits, SLOT_NS)
+    assert not rest.any()
+    counts = np.bincount(slots, minlength=WINDOW + 1)
+    assert len(counts) == WINDOW + 1 and chisquare(counts).pvalue > 0.01
+    assert slots.mean() == pytest.approx(7.5, abs=0.25)  # three standard deviations
+
+
+def test_a_backoff_goes_on_where_it_was_interrupted():
+    """Three slots and five: the second waits for the first, for AIFS, and for the two left."""
+    first, second = by_hand(cluster(2), {"car0": [3], "car1": [5]}, {})
+    assert (first.begin_ns, first.heard_by) == (IDLE_NS + 3 * SLOT_NS, ("car1",))
+    assert second.begin_ns == first.end_ns + IDLE_NS + 2 * SLOT_NS
+
+
+def test_a_part_of_a_slot_does_not_count():
+    """The second hears the first 2.5 slots after its AIFS: it has two of its five behind it."""
+    first, second = by_hand(cluster(2), {"car0": [0], "car1": [5]}, {"car0": 5 * SLOT_NS // 2})
+    assert second.begin_ns == first.end_ns + IDLE_NS + 3 * SLOT_NS
+
+
+def test_who_hears_a_message_within_aifs_has_all_slots_before_it():
+    first, second = by_hand(cluster(2), {"car0": [0], "car1": [5]}, {"car1": IDLE_NS // 2})
+    assert second.begin_ns == first.end_ns + IDLE_NS + 5 * SLOT_NS
+
+
+def test_equal_backoffs_collide_and_nobody_hears_anything():
+    """A sender does not hear the other, a third host hears neither; what follows is heard."""
+    sent = by_hand(cluster(3), {"car0": [4, 2], "car1": [4, 9]}, {})
+    assert [one.heard_by for one in sorted(sent, key=lambda one: one.begin_ns)] == [
+        (),
+        (),
+        ("car1", "car2"),
+        ("car0", "car2"),
+    ]
+
+
+def test_hidden_messages_collide_that_overlap_by_a_nanosecond():
+    """Left and right do not hear each other; the middle loses both if they overlap at all, and
+    sends itself only when neither does.
+    """
+    left, middle, right = by_hand(
+        HIDDEN, {"left": [0], "middle": [0], "right": [0]}, {"right": AIRTIME_NS - 1, "middle": 1}
+    )
+    assert left.end_ns - right.begin_ns == 1
+    assert left.heard_by == right.heard_by == ()
+    assert middle.begin_ns == right.end_ns + IDLE_NS
+    assert middle.heard_by == ("left", "right")
+
+
+@pytest.mark.parametrize(("down_ns", "on_air"), [(IDLE_NS // 2, False), (IDLE_NS + 3 * US, True)])
+def test_who_goes_down_is_heard_by_nobody(down_ns: int, on_air: bool):
+    """If it waits, it does not begin; what it has begun keeps the channel busy, for nothing."""
+    street = Street(cluster(3))
+    for host, slots in (("car0", 0), ("car1", 5)):
+        street.stations[host].random = Slots([slots])
+        street.offer(host, [0])
+    street.clock.after(down_ns, street.stations["car0"].set_up, (False,))
+    heard_by = {one.host: one.heard_by for one in street.run()}
+    assert heard_by == {"car0": (), "car1": ("car0", "car2")}
+    listener = street.stations["car2"]
+    assert (listener.completed, listener.drops) == (1, int(on_air))
+    assert listener.busy_ns == (1 + on_air) * AIRTIME_NS
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(HIDDEN)))
+def test_messages_that_touch_do_not_collide(order: Sequence[str]):
+    """The one begins at the instant at which the other ends, whoever is first in the scenario."""
+    places = {host: HIDDEN[host] for host in order}
+    backoffs = {host: [0] for host in order if host != "middle"}
+    left, right = by_hand(places, backoffs, {"right": AIRTIME_NS})
+    assert right.begin_ns == left.end_ns
+    assert left.heard_by == right.heard_by == ("middle",)
+
+
+def crowd(count: int, rate_hz: float, each: int) -> Street:
+    """Hosts that all hear each other, each with Poisson messages."""
+    street = Street(cluster(count))
+    for number in range(count):
+        rng = stream(SEED, "arrivals", number)
+        street.offer(f"car{number}", poisson_ns(rng, rate_hz, each))
+    street.run()
+    return street
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [100, 1000], ids=["heavy", "saturated"])
+def test_who_hears_each_other_overlaps_only_from_the_same_instant_on(rate_hz: float):
+    """Ten hosts, whatever the load; all that does not overlap is received by all others."""
+    sent = sorted(crowd(10, rate_hz, 100).sent, key=lambda one: one.begin_ns)
+    collided = 0
+    for _, together in itertools.groupby(sent, key=lambda one: one.begin_ns):
+        group = list(together)
+        collided += len(group) > 1
+        for one in group:
+            assert len(one.heard_by) == (9 if len(group) == 1 else 0)
+    begins_ns = sorted({one.begin_ns for one in sent})
+    gaps_ns = np.diff(begins_ns)
+    assert gaps_ns.min() >= AIRTIME_NS + IDLE_NS
+    assert collided > 0, "there is something to check"
+
+
+@pytest.mark.slow
+def test_the_busy_ratio_is_the_sum_of_airtimes():
+    """Every host senses the same: each message once, those that collide once together. Ten hosts
+    with 50 messages a second offer 24 %, of which few collide.
+    """
+    street = Street(cluster(10))
+    for host, phase in zip(street.places, stream(SEED, "phases").random(10), strict=True):
+        street.offer(host, [int((number + phase) * S / 50) for number in range(200)])
+    begins = {one.begin_ns for one in street.run()}
+    (busy_ns,) = {station.busy_ns for station in street.stations.values()}
+    assert busy_ns == len(begins) * AIRTIME_NS
+    assert 0.96 * 0.244 < busy_ns / (4 * S) <= 0.244
+
+
+def test_counts_of_receptions_are_those_of_the_messages():
+    street = crowd(6, 300, 50)
+    for host, station in street.stations.items():
+        others = [one for one in street.sent if one.host != host]
+        assert station.completed == sum(host in one.heard_by for one in others)
+        assert station.completed + station.drops == len(others)
+        assert station.queued == 0
+
+
+@pytest.mark.slow
+def test_two_saturated_hosts_collide_once_in_sixteen_times():
+    """Whatever the one has left of its backoff, the other draws one of sixteen anew, and one of
+    these is equal.
+    """
+
+    def share(rng: np.random.Generator) -> float:
+        street = Street(cluster(2), seed=int(rng.integers(2**31)))
+        for host in street.places:
+            street.offer(host, [0] * 1500)
+        sent = street.run()
+        begins = {one.begin_ns for one in sent}
+        return (len(sent) - len(begins)) / len(begins)
+
+    found = replicate(share, replications=10, seed=SEED)
+    assert equivalent(found, expected=1 / 16, margin=0.1)
+
+
+@pytest.mark.slow
+def test_hidden_terminals_lose_what_overlaps():
+    """Two Poisson senders that do not hear each other: a message reaches the host between them if
+    the other sender begins none in the airtime before and in that after its own begin,
+    exp(-2 rate T). The wait before a message is 5 % of its 4 ms on the air.
+    """
+    size_bytes, load = 3000, 0.1
+    airtime_ns = SIDELINK.airtime_ns(size_bytes)
+
+    def received(rng: np.random.Generator) -> float:
+        street = Street(HIDDEN, seed=int(rng.integers(2**31)))
+        for host in HIDDEN_SENDERS:
+            street.offer(host, poisson_ns(rng, load * S / airtime_ns, 1000), size_bytes)
+        sent = street.run()
+        end_ns = min(max(one.end_ns for one in sent if one.host == host) for host in HIDDEN_SENDERS)
+        counted = [one.heard_by == ("middle",) for one in sent if one.end_ns < end_ns]
+        return float(np.mean(counted))
+
+    found = replicate(received, replications=10, seed=SEED)
+    assert equivalent(found, expected=math.exp(-2 * load), margin=0.03)
+
+
+@pytest.mark.slow
+def test_each_reception_is_lost_by_itself():
+    """A lone sender and four hosts: 20 % of the receptions are lost, and of two hosts both lose 4 %
+    of the messages.
+    """
+    street = Street(cluster(5), replace(SIDELINK, loss=0.2))
+    street.offer("car0", [number * S // 100 for number in range(3000)])
+    lost = np.array([[f"car{i}" not in one.heard_by for i in range(1, 5)] for one in street.run()])
+    assert lost.mean() == pytest.approx(0.2, abs=3 * math.sqrt(0.16 / lost.size))
+    both = np.mean([lost[:, i] & lost[:, j] for i, j in itertools.combinations(range(4), 2)])
+    assert both == pytest.approx(0.04, abs=0.006)
+
+
+def test_the_order_of_hosts_changes_nothing():
+    """Hosts in a row of which each hears its neighbours only, all with messages at the same
+    instants: what each sends, when, and who receives it depends on no order.
+    """
+
+    def found(hosts: Sequence[str]) -> list[tuple[str, int, int, set[str]]]:
+        street = Street({host: 200.0 * int(host[3:]) for host in hosts}, seed=3)
+        for host in hosts:
+            street.offer(host, [number * S // 200 for number in range(100)])
+        return [(*one[:3], set(one.heard_by)) for one in street.run()]
+
+    hosts = [f"car{number}" for number in range(8)]
+    expected = found(hosts)
+    assert any(not heard_by for *_, heard_by in expected)
+    for seed in range(3):
+        assert found(list(stream(seed, "order").permutation(hosts))) == expected
