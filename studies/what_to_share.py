@@ -82,7 +82,7 @@ METHODS: list[dict[str, Any]] = [
     },
     {"name": "paced_tracker", "method": "paced_remote", "consumer": TRACKER},
     {"name": GENIE, "method": "genie", "genie": "recommended"},
-    {"name": "cpm", "method": "cpm:Cpm"},
+    {"name": "cpm", "method": "cpm:CPM"},
     {"name": "autocast", "method": "autocast:AutoCast"},
     {"name": "livemap", "method": "livemap:LiveMap"},
     {"name": "track_or_detect", "method": "track_or_detect:TrackOrDetect"},
