@@ -95,8 +95,9 @@ PLACES: dict[str, tuple[str, dict[str, Any], range]] = {
             "perception": {
                 "source": "traffic",
                 "fcd": "sumo_grid",
-                "begin": "5 s",
+                "begin": "60 s",
                 "duration": "8 s",
+                "equipped": 0.2,
             },
             "fleet.cars": None,
         },
