@@ -42,14 +42,13 @@ from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.part_metrics import PART
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import mean_bands, over_seeds, wilson
+from genie_sim.analysis.statistics import mean_bands, over_seeds, thinned, wilson
 from genie_sim.analysis.style import (
     CHARACTER_IN,
     COLUMN_IN,
     PAGE_IN,
     PLACEMENTS,
     percent_tick,
-    thinned,
 )
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.text import natural_key, percent_text
