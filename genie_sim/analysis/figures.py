@@ -147,11 +147,6 @@ def _metadata(figure: Figure, format: str) -> dict[str, str | None]:
     return dict.fromkeys(suppressed) | {name: text for name, text in texts if text}
 
 
-def write(run: Run | SeedRuns, folder: Path, formats: Sequence[str]) -> list[Path]:
-    """Writes every figure of a run into a folder. Raises UserError if it cannot."""
-    return save_all(of_run(run), folder, formats)
-
-
 def save_all(figures: Mapping[str, Figure], folder: Path, formats: Sequence[str]) -> list[Path]:
     """Writes figures by their names into a folder. Raises UserError if it cannot."""
     with usable(folder):
@@ -347,23 +342,6 @@ def resource_use(resources: Table | Sequence[Table], methods: Methods, footer: s
     finish(
         figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat)
     )
-    return figure
-
-
-@in_style()
-def resource_panel(
-    resources: Table | Sequence[Table], kind: str, method: str, *, ax: Axes
-) -> Figure:
-    """One kind of resources under one method, as in ``resource_use``, in the user's own panel."""
-    curves = _used([rows.where(kind=kind, method=method) for rows in seeds_of(resources)])
-    names = sorted(curves, key=natural_key)
-    _draw_use(ax, curves, names, sorted({_host(name) for name in names}, key=natural_key))
-    if kind != "queue":
-        ax.set_ylim(0, 1.05)
-        ax.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-    label_outer([ax], "simulated time [s]", RESOURCE_KINDS[kind])
-    finish_axes(ax)
-    figure, _ = one_panel(PAGE_IN, 0.0, ax)
     return figure
 
 

@@ -101,14 +101,9 @@ table_format_option = click.option(
 jobs_option = click.option(
     "--jobs", type=COUNT, help="Processes on this machine; default: one a core."
 )
-backend_option = click.option(
-    "--backend",
-    type=click.Choice(("joblib", "dask")),
-    default="joblib",
-    help="This machine, or a cluster.",
-)
 scheduler_option = click.option(
-    "--scheduler", help="Address of the Dask scheduler, tcp://host:8786."
+    "--scheduler",
+    help="Many machines instead: address of their Dask scheduler, tcp://host:8786.",
 )
 
 own_code_option = click.option(  # of every command that reads result folders
