@@ -235,7 +235,7 @@ def judge_readings(
     ]
     verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(reading, its_settings, its_evidence, judged, plain)
+        ReadingVerdicts(reading, its_settings, evidence=its_evidence, verdicts=judged, plain=plain)
         for reading, its_settings, its_evidence, (judged, plain) in zip(
             readings, settings, evidence, verdicts, strict=True
         )
