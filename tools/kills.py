@@ -208,7 +208,7 @@ def main(arguments: list[str] | None = None) -> int:
         if "dask" in given.only:
             cluster = Cluster()
             stack.callback(cluster.close)
-            command = ["sweep", "s.yaml", "--backend", "dask", "--scheduler", cluster.address]
+            command = ["sweep", "s.yaml", "--scheduler", cluster.address]
             victims.insert(2, Victim("dask", command, of_sweep, 14, cluster.kill))
         victims = [victim for victim in victims if victim.name in given.only]
         shares = sum(victim.share for victim in victims)

@@ -42,14 +42,13 @@ from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.part_metrics import PART
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import mean_bands, over_seeds, wilson
+from genie_sim.analysis.statistics import mean_bands, over_seeds, thinned, wilson
 from genie_sim.analysis.style import (
     CHARACTER_IN,
     COLUMN_IN,
     PAGE_IN,
     PLACEMENTS,
     percent_tick,
-    thinned,
 )
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.text import natural_key, percent_text
@@ -147,11 +146,6 @@ def _metadata(figure: Figure, format: str) -> dict[str, str | None]:
     title, description, suppressed = FORMATS[format]
     texts = zip((title, description), str(figure.get_label()).split("\n"), strict=False)
     return dict.fromkeys(suppressed) | {name: text for name, text in texts if text}
-
-
-def write(run: Run | SeedRuns, folder: Path, formats: Sequence[str]) -> list[Path]:
-    """Writes every figure of a run into a folder. Raises UserError if it cannot."""
-    return save_all(of_run(run), folder, formats)
 
 
 def save_all(figures: Mapping[str, Figure], folder: Path, formats: Sequence[str]) -> list[Path]:
@@ -349,23 +343,6 @@ def resource_use(resources: Table | Sequence[Table], methods: Methods, footer: s
     finish(
         figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat)
     )
-    return figure
-
-
-@in_style()
-def resource_panel(
-    resources: Table | Sequence[Table], kind: str, method: str, *, ax: Axes
-) -> Figure:
-    """One kind of resources under one method, as in ``resource_use``, in the user's own panel."""
-    curves = _used([rows.where(kind=kind, method=method) for rows in seeds_of(resources)])
-    names = sorted(curves, key=natural_key)
-    _draw_use(ax, curves, names, sorted({_host(name) for name in names}, key=natural_key))
-    if kind != "queue":
-        ax.set_ylim(0, 1.05)
-        ax.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-    label_outer([ax], "simulated time [s]", RESOURCE_KINDS[kind])
-    finish_axes(ax)
-    figure, _ = one_panel(PAGE_IN, 0.0, ax)
     return figure
 
 

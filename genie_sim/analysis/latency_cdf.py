@@ -23,8 +23,8 @@ from genie_sim.analysis.drawing import (
 )
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import DEADLINE_MS
-from genie_sim.analysis.statistics import mean_bands
-from genie_sim.analysis.style import LINE_IN, thinned
+from genie_sim.analysis.statistics import mean_bands, thinned
+from genie_sim.analysis.style import LINE_IN
 from genie_sim.base.text import percent_text
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo

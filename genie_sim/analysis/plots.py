@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import SAME_COLOUR
-from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.errors import UserError
 from genie_sim.record.results import MethodInfo, Run
 
 if TYPE_CHECKING:
@@ -67,28 +67,13 @@ class Plots:
         with self._beside(ax) as methods:
             return self._of_lookups("confidence_boost", methods, ax)
 
-    def resource_use(
-        self,
-        *,
-        ax: "Axes | None" = None,
-        kind: str = "accelerator",
-        method: str | None = None,
-    ) -> "Figure":
-        """Use of devices and links, and queues, over simulated time. Into a panel of yours goes one
-        ``kind`` (accelerator, cpu, link or queue) under one ``method``, by default the last.
+    def resource_use(self) -> "Figure":
+        """Use of devices and links, and queues, over simulated time; it has a panel for each kind
+        and method, and a figure of its own.
         """
         from genie_sim.analysis import figures
 
-        names = [method.name for method in self._run.methods]
-        chosen = names[-1] if method is None else method
-        if chosen not in names:
-            raise UserError(f"resource_use: {unknown('method', chosen, names)}")
-        if kind not in figures.RESOURCE_KINDS:
-            raise UserError(f"resource_use: {unknown('kind', kind, figures.RESOURCE_KINDS)}")
         resources = self._tables("resources")
-        if ax is not None:
-            with self._beside(ax):
-                return figures.resource_panel(resources, kind, chosen, ax=ax)
         return figures.resource_use(resources, self._run.methods, self._run.footer)
 
     def differences(self) -> "Figure":

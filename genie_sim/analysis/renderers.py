@@ -185,6 +185,7 @@ def latex(table: ResultTable, name: str) -> str:
             rf"\begin{{{environment}}}[!t]",
             r"\centering",
             r"\setlength{\tabcolsep}{3pt}",
+            r"\sisetup{group-separator={,},group-minimum-digits=4}",  # as a terminal shows them
             rf"\caption{{{_escaped(table.title + of_parts)}}}",
             rf"\label{{tab:{label}{f'-{number}' if number > 1 else ''}}}",
             r"\footnotesize",
@@ -264,7 +265,10 @@ def _ends(cell: Cell) -> str:
     if cell.low is None or cell.high is None:
         return ""
     low, high = siunitx(cell.low, cell.sign), siunitx(cell.high, cell.sign)
-    return "" if low == high == _value(cell) else rf"{{\scriptsize [{low}, {high}]}}"
+    if low == high == _value(cell):
+        return ""
+    ends = ", ".join(siunitx(end, f"{cell.sign},") for end in (cell.low, cell.high))
+    return rf"{{\scriptsize [{ends}]}}"
 
 
 def _format(cells: Sequence[Cell]) -> str:

@@ -11,6 +11,7 @@ from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.summary import about_seeds, main_table, short_table
 from genie_sim.base.text import number_text, one_line
 from genie_sim.base.units import NS_PER_S
+from genie_sim.record.columns import Columns
 from genie_sim.record.results import Run
 
 
@@ -29,14 +30,18 @@ def header(run: Run | SeedRuns) -> str:
     methods = run.methods
     of_method = frames.where(method=methods[0].name) if methods else frames
     if len(of_method):
-        seconds = float(np.max(of_method.floats("stamp_ns"))) / NS_PER_S
-        parts.append(f"{number_text(seconds)} s simulated")
+        parts.append(f"{number_text(simulated_s(of_method))} s simulated")
     under = f"each of {len(methods)} methods" if len(methods) > 1 else "one method"
     parts.append(f"{_count(len(of_method), 'frame')} under {under}")
     parts += filter(None, [run.runs[0].warm_up])
     parts.append(seeds_text([of_seed.seed for of_seed in run.runs]))
     name = f"{run.label} ({run.name})" if run.label else run.name
     return f"{one_line(name)}: {', '.join(parts)}"
+
+
+def simulated_s(frames: Columns) -> float:
+    """Until when cars take frames [s]; afterwards a run only waits for answers."""
+    return float(np.max(frames["stamp_ns"], initial=0)) / NS_PER_S
 
 
 def _count(number: int, what: str) -> str:

@@ -296,3 +296,10 @@ def percentile(blocks: Blocks, values: Floats, percent: int) -> Measured:
     rank = percent / 100
     low, high = np.quantile(values[known], [max(rank - half, 0.0), min(rank + half, 1.0)]).tolist()
     return Measured(value, low, high, n)
+
+
+def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve
+    through.
+    """
+    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64)) if n else np.arange(0)

@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from itertools import chain, count
 from typing import Any
 
-import numpy as np
-
 from genie_sim.base.text import percent_text
 
 # width of a column and of a page in IEEE's journals and proceedings; ACM's are narrower (sigconf)
@@ -184,13 +182,6 @@ def method_bar(style: int) -> dict[str, Any]:
     """Colour and hatch of a method's bar."""
     hatch = HATCHES[(style + style // len(COLOURS)) % len(HATCHES)]
     return {"facecolor": method_colour(style), "hatch": hatch}
-
-
-def thinned(n: int, most: int = 1000) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """At most ``most`` places of n, evenly spread, both ends among them: enough to draw a curve
-    through.
-    """
-    return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64)) if n else np.arange(0)
 
 
 def percent_tick(share: float, _place: object) -> str:

@@ -83,7 +83,10 @@ OPTIONS: dict[str, str] = {
     "reproduce --drives": "Write 'python studies/drives.py' in a clone of the repository.",
     "compare --labels": "Write --label A --label B, one for each result.",
     "run --workers": "Write --jobs N.",
-    "search --shard": "Write --backend dask --scheduler ADDRESS for many machines.",
+    "search --shard": "Write --scheduler ADDRESS for many machines.",
+    **dict.fromkeys(
+        ("search --backend", "sweep --backend"), "Write --scheduler ADDRESS for Dask, or neither."
+    ),
     "search --storage": "Leave it out; nothing is stored but runs, and points.csv has every point.",
     "ros attach --revoked": (
         "Attach the others again without that name in --car, --edge and --connect."

@@ -8,14 +8,13 @@ from typing import Any
 
 import click
 
+from genie_sim.analysis.style import WIDTHS
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.cli import completion
 
 MAX_COUNT = 1024
-# of style.WIDTHS, which imports numpy
-WIDTHS = {"column": 3.5, "page": 7.16, "acm-column": 3.33, "acm-page": 7.0}
 _DIGITS = re.compile("[0-9]{1,9}")
 _UNPRINTABLE = re.compile(r"[\x00-\x1f\x7f\ud800-\udfff]")
 
@@ -102,14 +101,9 @@ table_format_option = click.option(
 jobs_option = click.option(
     "--jobs", type=COUNT, help="Processes on this machine; default: one a core."
 )
-backend_option = click.option(
-    "--backend",
-    type=click.Choice(("joblib", "dask")),
-    default="joblib",
-    help="This machine, or a cluster.",
-)
 scheduler_option = click.option(
-    "--scheduler", help="Address of the Dask scheduler, tcp://host:8786."
+    "--scheduler",
+    help="Many machines instead: address of their Dask scheduler, tcp://host:8786.",
 )
 
 own_code_option = click.option(  # of every command that reads result folders

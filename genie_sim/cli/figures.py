@@ -4,11 +4,11 @@ from pathlib import Path
 
 import click
 
+from genie_sim.analysis.style import WIDTHS
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import arguments, completion
 from genie_sim.cli.arguments import (
     PATH,
-    WIDTHS,
     changed_option,
     labels_option,
     listed,

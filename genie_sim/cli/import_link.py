@@ -1,6 +1,5 @@
 """The command ``import link``. Everything heavy is imported after the arguments are parsed."""
 
-import hashlib
 from pathlib import Path
 
 import click
@@ -41,8 +40,8 @@ def import_link(
     genie-sim import link drive.csv --out drive.parquet
     genie-sim import link Data5G.csv --format mtu --out cork.parquet
     """
-    from genie_sim.base import paths
     from genie_sim.base.import_report import ImportReport
+    from genie_sim.base.paths import sha256_of
     from genie_sim.sim.link_models import recording
     from genie_sim.sim.link_models.importers import IMPORTERS
 
@@ -51,9 +50,15 @@ def import_link(
     columns = IMPORTERS[format](file, direction or usual, report)  # type: ignore[arg-type]
     recording.check(str(file), columns)
     recording.tell(report, columns)
-    digest = hashlib.sha256(paths.read_bytes(file)).hexdigest()
-    about = {"format": format, "file": file.name, "sha256": digest, "import": report.facts()}
-    recording.write(out, columns, {**about, "source": source, "licence": licence})
+    about = {
+        "format": format,
+        "file": file.name,
+        "sha256": sha256_of(file),
+        "import": report.facts(),
+        "source": source,
+        "licence": licence,
+    }
+    recording.write(out, columns, about)
     t_ns = columns["t_ns"]
     names = ", ".join(name for name in columns if name != "t_ns")
     click.echo(f"{out}: {len(t_ns):,} rows, {(t_ns[-1] - t_ns[0]) / 1e9:,.1f} s: {names}")

@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 @click.option(
     "--no-report",
     is_flag=True,
-    help="Make no report.html; an earlier one of the same run and label is kept, but for --seeds.",
+    help="Make no report.html; an earlier one of the same runs and label is kept.",
 )
 @click.option("--figures", is_flag=True, help="Draw the figures as well, as SVG.")
 @click.option("--all", "all_rows", is_flag=True, help="Print all rows of the table.")

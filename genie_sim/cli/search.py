@@ -10,7 +10,6 @@ from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
     COUNT,
     PATH,
-    backend_option,
     jobs_option,
     scheduler_option,
     set_option,
@@ -42,7 +41,6 @@ from genie_sim.cli.terminal import ProgressBar, resumable
 @click.option("--seed", type=click.IntRange(min=0), help="Root of the search's own random draws.")
 @click.option("--out", type=PATH, default="results", help="The folder that gets the search's.")
 @jobs_option
-@backend_option
 @scheduler_option
 def search(
     *,
@@ -56,7 +54,6 @@ def search(
     seed: int | None,
     out: Path,
     jobs: int | None,
-    backend: str,
     scheduler: str | None,
 ) -> None:
     """Search for the best settings. What has been done is not done again.
@@ -68,8 +65,6 @@ def search(
     genie-sim search where_it_pays --methods genie,sim_lru,remote
     genie-sim search mine.yaml --subject-to 'ghost_share <= 0.3' --points 500
     """
-    if (backend == "dask") != (scheduler is not None):
-        raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     changes: dict[str, Any] = {}
     if set_:
         from genie_sim.study.search_design import fixed_settings

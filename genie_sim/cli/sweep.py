@@ -11,7 +11,6 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments, completion, terminal
 from genie_sim.cli.arguments import (
     PATH,
-    backend_option,
     jobs_option,
     label_option,
     methods_option,
@@ -48,7 +47,6 @@ MAX_NAME = 80  # characters of a sweep's folder, before the digest
     "--out", type=PATH, default="results", help="The folder that gets the sweep's folder."
 )
 @jobs_option
-@backend_option
 @scheduler_option
 @click.option(
     "--shard", default="1/1", metavar="I/N", help="Only this part of the runs, for job arrays."
@@ -63,7 +61,6 @@ def sweep(
     seeds: str | None,
     out: Path,
     jobs: int | None,
-    backend: str,
     scheduler: str | None,
     shard: str,
     label: str,
@@ -76,8 +73,6 @@ def sweep(
     """
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
-    if (backend == "dask") != (scheduler is not None):
-        raise click.BadParameter("--backend dask and --scheduler ADDRESS belong together")
     from genie_sim.analysis.seed_runs import load
     from genie_sim.base import files, parallel
     from genie_sim.record.results import checked_label

@@ -212,7 +212,7 @@ def _c31(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c36(evidence: Evidence, claim: Claim) -> Finding:
     first, second = (Fact("detector_runs", component=lap) for lap in ("lap1", "lap2"))
-    ratios = {s: _over(evidence, s, second, first, "two_laps") for s in ALONE}
+    ratios = {s: _over(evidence, s, second, first, variant="two_laps") for s in ALONE}
     effects = {s: Effect(claim.expect - ratio, ratio) for s, ratio in ratios.items()}
     return all_positive({"": effects}, note="share of runs saved")
 

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis import frame_metrics, genie_metrics, style
+from genie_sim.analysis import frame_metrics, genie_metrics
+from genie_sim.analysis.statistics import thinned
 from genie_sim.paper.checks import CASE
 from genie_sim.paper.definitions import Definitions
 from genie_sim.paper.facts import METHODS
@@ -117,7 +118,7 @@ def _times(seeds: Runs, definitions: Definitions, of_cars: bool) -> Found:
         times_ms = [np.sort(frame_metrics.response_ms(rows, answer)) for answer in ANSWERS]
         answered = [int(np.count_nonzero(~np.isnan(values))) for values in times_ms]  # NaN is last
         n = len(rows)
-        places = style.thinned(n, TIME_POINTS * n // max([*answered, 1]))
+        places = thinned(n, TIME_POINTS * n // max([*answered, 1]))
         places = np.union1d(places, [count - 1 for count in answered if count])
         for answer, values in zip(ANSWERS, times_ms, strict=True):
             yield (answer, of), ((places + 1) / n, values[places].round(4))

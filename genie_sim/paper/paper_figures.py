@@ -81,8 +81,8 @@ def of_evaluation(
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What is drawn, and how.
+class FirstReading:
+    """The runs of an evaluation under its first reading, as figures draw them.
 
     Parameters
     ----------
@@ -159,17 +159,24 @@ def _makers(evaluation: Path, width_in: float | None = None) -> dict[str, Callab
     return makers_of(shown_of(evaluation, width_in or PAGE_IN), worth)
 
 
-def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> Shown:
+def shown_of(evaluation: Path, width_in: float = PAGE_IN) -> FirstReading:
     """The runs of an evaluation's first reading, as it means the metrics. Raises ``UserError``."""
     first = provenance.read_json(evaluation / "readings.json")[0]
     meant = {metric: first["metrics"][metric]["definition"] for metric in CHOICES}
     points = figure_data.read(evaluation)
     seeds = int(points[Key(CASE, "mean", "car1")].x[0])
     parts = [f"genie-sim reproduce, {first['name']}", *first["settings"], f"{seeds} seeds"]
-    return Shown(points, first["name"], Definitions(**meant), ", ".join(parts), seeds, width_in)
+    return FirstReading(
+        points=points,
+        reading=first["name"],
+        definitions=Definitions(**meant),
+        footer=", ".join(parts),
+        seeds=seeds,
+        width_in=width_in,
+    )
 
 
-def makers_of(shown: Shown, worth: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
+def makers_of(shown: FirstReading, worth: Sequence[Row]) -> dict[str, Callable[[], Figure]]:
     """What draws each figure; ``worth``: the answer quality as ``quality`` makes it."""
     return {
         "latency_cdf": partial(_response_times, shown, "answered"),
@@ -182,7 +189,7 @@ def makers_of(shown: Shown, worth: Sequence[Row]) -> dict[str, Callable[[], Figu
     }
 
 
-def _response_times(shown: Shown, of: str) -> Figure:
+def _response_times(shown: FirstReading, of: str) -> Figure:
     """Response times of L, R and DG, a row of panels a cluster (paper: Fig. "cdf-time"). Of the
     answered frames as in the paper; of the published ones with the fresh results, too.
     """
@@ -238,7 +245,7 @@ def _mark_times(axis: Axes, means: Mapping[str, float], is_best: bool) -> None:
         axis.plot(best_ms, 0.75, marker="v", label=label, **HOLLOW)
 
 
-def _reuse(shown: Shown, of_images: bool) -> Figure:
+def _reuse(shown: FirstReading, of_images: bool) -> Figure:
     """Image or object reuse of local and of remote Genies, a panel a cluster (paper: Figs.
     "reuse-img", "reuse-obj"). Bars are means over Genies and seeds; error bars are the lowest and
     the highest ratio, means over seeds.
@@ -293,7 +300,7 @@ def _reuse_marks(axis: Axes, what: str, mean: float, image_mean: float) -> None:
         axis.axhline(y, color="black", linewidth=0.9, linestyle=dashes, label=label)
 
 
-def _mean_bar(shown: Shown, of_images: bool) -> float:
+def _mean_bar(shown: FirstReading, of_images: bool) -> float:
     """The mean of the twelve bars."""
     bars = [shown.bars(scenario, of_images) for scenario in ALL]
     return float(np.mean([mean for places in bars for mean, _, _ in places.values()]))
@@ -310,7 +317,7 @@ def _bar(axis: Axes, x: float, bar: tuple[float, float, float], look: Mapping[st
     axis.annotate(f"{100 * mean:.2g}", (x, max(mean, high)), (0, 2), bbox=box, **above)
 
 
-def _boosts(shown: Shown) -> Figure:
+def _boosts(shown: FirstReading) -> Figure:
     """The confidence boost over the events of the object maps, remote and local, a panel a cluster
     (paper: Fig. "boost"): means over seeds, as far as all of them go.
     """
@@ -334,7 +341,7 @@ def _boosts(shown: Shown) -> Figure:
         return shown.finish(figure, "Confidence boost of remote and local Genies", shows)
 
 
-def _case_study(shown: Shown) -> Figure:
+def _case_study(shown: FirstReading) -> Figure:
     """Vision-assisted driving (paper: Fig. "bs"): response times of both cars, and reuse over
     events, hits / requests so far: means over seeds.
     """
@@ -374,7 +381,7 @@ def _case_study(shown: Shown) -> Figure:
         return shown.finish(figure, "Vision-assisted driving: car2 has no cameras", shows)
 
 
-def _worth(shown: Shown, rows: Sequence[Row]) -> Figure:
+def _worth(shown: FirstReading, rows: Sequence[Row]) -> Figure:
     """Precision, recall and false objects of what the consumer holds, for L, R and DG; ``rows`` as
     ``quality`` makes them.
     """

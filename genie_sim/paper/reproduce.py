@@ -3,7 +3,6 @@
 Nothing here decides anything: assumptions.yaml does, before; claims.yaml says what is tested.
 """
 
-import hashlib
 import logging
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.statistics import NO_SHARES, wilson
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
+from genie_sim.base.paths import sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.paper import figure_data, page, quality, rows, sources, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
@@ -235,7 +235,7 @@ def judge_readings(
     ]
     verdicts = in_parallel(_verdicts, list(zip(evidence, readings, strict=True)), workers)
     return [
-        ReadingVerdicts(reading, its_settings, its_evidence, judged, plain)
+        ReadingVerdicts(reading, its_settings, evidence=its_evidence, verdicts=judged, plain=plain)
         for reading, its_settings, its_evidence, (judged, plain) in zip(
             readings, settings, evidence, verdicts, strict=True
         )
@@ -290,7 +290,7 @@ def _inputs(readings: Sequence[Reading]) -> dict[str, str]:
     paths = [ASSUMPTIONS, package / "claims.yaml", *(reading.path for reading in readings)]
     return {
         str(path.relative_to(package)) if path.is_relative_to(package) else path.name: (
-            hashlib.sha256(path.read_bytes()).hexdigest()
+            sha256_of(path)
         )
         for path in paths
     }

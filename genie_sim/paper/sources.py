@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from genie_sim.base import files
+from genie_sim.base.paths import sha256_of
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.version import PACKAGE_FOLDER
@@ -39,7 +40,7 @@ def digests() -> dict[str, str]:
 
 def _digest(paths: Iterable[Path]) -> str:
     """Of files with their names, whatever their order."""
-    named = sorted((path.name, hashlib.sha256(path.read_bytes()).hexdigest()) for path in paths)
+    named = sorted((path.name, sha256_of(path)) for path in paths)
     return hashlib.sha256(json.dumps(named).encode()).hexdigest()
 
 

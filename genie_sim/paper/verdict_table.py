@@ -30,7 +30,9 @@ def row(verdict: Verdict, reading: Reading, plain: Verdict | None = None) -> dic
     """A verdict as plain data. ``plain``: the verdict by the metrics of a run, where the reading
     means others.
     """
-    finding = verdict.finding or Finding(None, None, None, 0, "1", False, False)
+    finding = verdict.finding or Finding(
+        None, None, None, n=0, unit="1", holds=False, direction=False
+    )
     return {
         "reading": reading.name,
         "column": reading.title_of_column,

@@ -13,12 +13,14 @@ from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
 from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
 from genie_sim.analysis.registry import component_title, definition
 from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
-from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles, thinned
+from genie_sim.analysis.screen import simulated_s
+from genie_sim.analysis.statistics import thinned
+from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles
 from genie_sim.analysis.summary import about_laws, energy_note
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
 from genie_sim.base.units import NS_PER_S
-from genie_sim.report.replay import last_instant_ns, replay_data
+from genie_sim.report.replay import replay_data
 from genie_sim.report.replay_pictures import Pictures
 
 if TYPE_CHECKING:
@@ -145,7 +147,7 @@ def _about(run: "Run") -> dict[str, Any]:
         "genie_sim": run.facts["genie_sim"],
         "seed": scenario["seed"],
         "model": scenario["model"],
-        "seconds": round(last_instant_ns(run) / NS_PER_S, 3),
+        "seconds": round(simulated_s(run.tables["frames"]), 3),
         "warm_up": run.warm_up,
         "cars": cars,
         "edges": edges,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.resource_metrics import running_use
-from genie_sim.analysis.style import thinned
+from genie_sim.analysis.statistics import thinned
 from genie_sim.base.units import NS_PER_S
 from genie_sim.report.streets import ground
 

@@ -38,7 +38,7 @@ class Output:
         if self.figures:
             from genie_sim.analysis import figures  # imports matplotlib
 
-            figures.write(results, folder / "figures", self.figures)
+            figures.save_all(figures.of_run(results), folder / "figures", self.figures)
         if self.page:
             if isinstance(results, SeedRuns):
                 page = comparison.seeds_page(results)

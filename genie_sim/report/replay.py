@@ -68,7 +68,7 @@ def replay_data(
     if not len(poses):
         notes.append("There is no replay: the run holds no poses.")
         return None
-    last_ns = last_instant_ns(run)
+    last_ns = _last_instant_ns(run)
     begin_ns = min(max(start_ns, run.warm_up_ns), int(poses["stamp_ns"].max()))
     end_ns = _end_ns(run, begin_ns)
     if begin_ns > run.warm_up_ns or end_ns < last_ns:
@@ -138,7 +138,7 @@ def _of_method(
     }
 
 
-def last_instant_ns(run: "Run") -> int:
+def _last_instant_ns(run: "Run") -> int:
     """The last instant of frames, answers, look-ups and object maps; 0 for an empty run."""
     instants = {
         "frames": ["stamp_ns", "first_answer_ns", "result_answer_ns", "fresh_answer_ns"],
@@ -165,7 +165,7 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     )
     first = int(np.searchsorted(instants, begin_ns))
     if len(instants) - first <= MAX_ROWS:
-        return last_instant_ns(run)
+        return _last_instant_ns(run)
     return begin_ns + max((int(instants[first + MAX_ROWS]) - begin_ns) // NS_PER_S, 1) * NS_PER_S
 
 

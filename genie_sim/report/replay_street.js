@@ -4,6 +4,7 @@ const HOLD_US = 260000; // how long, of a watcher's time, a look-up flashes
 const LEAST_US = 150000; // how long, of a watcher's time, a message is under way at least
 const TRAIL_US = 12e6;  // how much of the past stays painted on the road
 const OUTERMOST = 0.01; // of what is held, on each side: it may lie outside
+const NAME_PX = 14;     // height of a car's name: of cars close to each other one stands above the other
 const EDGE_BAND = 58;   // pixels above the street for the edges, which have no place on the map
 
 // From where to where the drive reaches along one axis, and all but the outermost of what is held or missed.
@@ -64,7 +65,8 @@ function streetView(run, canvas, tip, options) {
     if (options.views()) for (const { car, at } of cars) if (car.cameras) wedge(pen, look, at);
     flashes(pen, look, t);
     messages(pen, look, t);
-    for (const { car, at } of cars) vehicle(pen, look, car, at);
+    const taken = []; // places of names that are written
+    for (const { car, at } of cars) vehicle(pen, look, car, at, taken);
     edges.forEach((edge) => server(pen, look, edge, width));
     scaleBar(pen, look, width, height);
   }
@@ -148,7 +150,7 @@ function streetView(run, canvas, tip, options) {
     pen.fill();
   }
 
-  function vehicle(pen, look, car, at) {
+  function vehicle(pen, look, car, at, taken) {
     const [x, y] = places[car.name], length = Math.max(4.4 * view.scale, 20), breadth = length * 0.42;
     pen.save();
     pen.globalAlpha = at.there ? 1 : 0.35;
@@ -165,7 +167,10 @@ function streetView(run, canvas, tip, options) {
     pen.moveTo(length * 0.34, 0); pen.lineTo(length * 0.12, -breadth * 0.3); pen.lineTo(length * 0.12, breadth * 0.3);
     pen.fill();
     pen.restore();
-    label(pen, look, car.name, x, y - breadth - 9, at.there ? look.ink : look.muted);
+    const name = { x, y: y - breadth - 9, half: pen.measureText(car.name).width / 2 + 2 };
+    while (taken.some((other) => Math.abs(other.x - name.x) < other.half + name.half && Math.abs(other.y - name.y) < NAME_PX)) name.y -= NAME_PX;
+    taken.push(name);
+    label(pen, look, car.name, name.x, name.y, at.there ? look.ink : look.muted);
   }
 
   function server(pen, look, edge, width) {

@@ -20,8 +20,8 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
 from genie_sim.analysis.registry import definition, is_drawn_logarithmically, spans_much
-from genie_sim.analysis.statistics import across_seeds
-from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick, thinned
+from genie_sim.analysis.statistics import across_seeds, thinned
+from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text, percent_text
 from genie_sim.study.design import PANELS, Axis, Design, Level

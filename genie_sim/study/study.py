@@ -32,7 +32,8 @@ FORMAT = 2
 ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
-RESULTS = ("table.*", "differences.*", "runs.parquet", "figures/*", "report.html", "summary.md")
+RESULTS = ("table.*", "differences.*", "runs.parquet", "summary.md")
+SHOWN = ("figures/*", "report.html")
 
 
 @dataclass(frozen=True)
@@ -112,15 +113,15 @@ class Study:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when
         all others are done.
         """
-        with usable(self.folder):
-            self._parts.parts.mkdir(parents=True, exist_ok=True)
-            self._write_about()
-        for path in itertools.chain.from_iterable(map(self.folder.glob, RESULTS)):
-            path.unlink(missing_ok=True)  # of earlier axes or fewer seeds
         number, shards = shard
         of_shard = set(sorted(self.plan.runs)[number - 1 :: shards])
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
         lost = [run.run_id for run in runs if not run.is_kept(self.folder)]
+        with usable(self.folder):
+            self._parts.parts.mkdir(parents=True, exist_ok=True)
+            is_same = not lost and not self.design.axes and self._is_as_written()
+            self._write_about()
+        self._remove(*RESULTS, *(() if is_same else SHOWN))  # of earlier axes or fewer seeds
         self._parts.run(runs, workers, self.plan.shared, progress, lost=lost)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
@@ -142,6 +143,25 @@ class Study:
     @property
     def _parts(self) -> Parts:
         return Parts(self.folder)
+
+    def _is_as_written(self) -> bool:
+        """Whether the folder has the tables of these very runs, under this label: then its page and
+        its figures show them.
+        """
+        import pandas as pd
+
+        try:
+            about = provenance.read_json(self.folder / ABOUT)
+            known = provenance.digests(self.folder, TABLES)
+            runs = pd.read_parquet(self.folder / "runs.parquet", columns=["run_id"])
+        except (UserError, OSError, ValueError):
+            return False
+        told = about.get("digests"), about.get("label", "")
+        return told == (known, self.label) and {*runs["run_id"]} == self.plan.runs.keys()
+
+    def _remove(self, *patterns: str) -> None:
+        for path in itertools.chain.from_iterable(map(self.folder.glob, patterns)):
+            path.unlink(missing_ok=True)
 
     def _write(self) -> "pd.DataFrame":
         """The tables; returns that of all runs."""

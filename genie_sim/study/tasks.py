@@ -264,7 +264,7 @@ class DaskWorkers:
             from distributed import Client
         except ImportError:
             raise UserError(
-                "--backend dask: dask is not installed: pip install 'genie-sim[dask]'"
+                "--scheduler: dask is not installed: pip install 'genie-sim[dask]'"
             ) from None
         self._where = f"--scheduler {scheduler}"
         try:

@@ -91,3 +91,10 @@ def test_a_column_of_texts_is_no_column_of_numbers():
     )
     assert re.findall(r"^  (l|S.*)$", text, re.MULTILINE) == ["l", "S[table-format=1.0]"]
     assert r"C1 & 50 \% \& up & 3 \\" in text
+
+
+def test_thousands_are_grouped_as_on_a_terminal():
+    table = ResultTable(["a"], [Row("time", [Cell(1234.5, 1200.0, 12345.0)])])
+    text = renderers.latex(table, "times")
+    assert "[1,200, 12,345]" in text and "group-minimum-digits=4" in text
+    assert "1,234 (1,200 to 12,345)" in renderers.terminal(table, 80)

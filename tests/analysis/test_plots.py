@@ -34,17 +34,6 @@ def run() -> Run:
     return Run("0123456789ab", facts, "", tables, ())
 
 
-def test_a_panel_draws_the_last_method_unless_one_is_named(run: Run):
-    def drawn(**chosen: str) -> list[list[float]]:
-        panel = Figure().subplots()
-        figure = Plots(run).resource_use(ax=panel, **chosen)
-        assert figure is panel.get_figure()
-        return [list(line.get_ydata()) for line in panel.lines]
-
-    assert drawn() == drawn(method="genie") != drawn(method="local")
-    assert drawn() == drawn(kind="accelerator") != drawn(kind="link")
-
-
 @pytest.mark.parametrize("name", ["image_reuse", "object_reuse", "confidence_boost", "latency_cdf"])
 def test_a_figure_in_a_panel_of_ones_own_is_that_figure(run: Run, name: str):
     figure = Figure()
@@ -107,16 +96,7 @@ def test_the_curve_is_of_published_frames_unless_of_answered_ones(run: Run):
     assert end() == end(of="published") < end(of="answered") == 1.0
 
 
-@pytest.mark.parametrize(
-    ("chosen", "message"),
-    [
-        ({"method": "genei"}, r"^resource_use: unknown method 'genei' \(did you mean 'genie'\?\)"),
-        ({"kind": "disk"}, "^resource_use: unknown kind 'disk'"),
-    ],
-)
-def test_what_a_run_has_not_is_one_line(run: Run, chosen: dict[str, str], message: str):
-    with pytest.raises(UserError, match=message):
-        Plots(run).resource_use(ax=Figure().subplots(), **chosen)
+def test_what_a_run_has_not_is_one_line(run: Run):
     for name, lacks in (
         ("latency_accuracy", "no accuracy"),
         ("time_parts", "no steps"),

@@ -110,7 +110,6 @@ def test_options_of_several_commands():
         arguments.seeds_option,
         arguments.label_option,
         arguments.jobs_option,
-        arguments.backend_option,
         arguments.scheduler_option,
         arguments.own_code_option,
         arguments.changed_option,
@@ -119,15 +118,13 @@ def test_options_of_several_commands():
         "seeds": None,
         "label": "",
         "jobs": None,
-        "backend": "joblib",
         "scheduler": None,
         "allow_changed": False,
         "own_code": False,
     }
-    chosen = given(asked, "--allow-own-code", "--allow-changed", "--jobs=1", "--backend=dask")
+    chosen = given(asked, "--allow-own-code", "--allow-changed", "--jobs=1")
     assert chosen["own_code"] and chosen["allow_changed"]
-    assert (chosen["jobs"], chosen["backend"]) == (1, "dask")
+    assert chosen["jobs"] == 1
     assert plugins._own_code_allowed, "it ends with the command"
-    for wrong in ("--jobs=0", "--backend=slurm"):
-        with pytest.raises(click.BadParameter):
-            given(asked, wrong)
+    with pytest.raises(click.BadParameter):
+        given(asked, "--jobs=0")

@@ -38,17 +38,20 @@ def refused(capsys: pytest.CaptureFixture[str], *line: str) -> str:
 
 
 @pytest.mark.slow
-def test_a_page_and_figures_outlive_the_same_run_without_them():
-    assert main([*RUN, "--figures"]) == 0
+@pytest.mark.parametrize("seeds", [(), ("--seeds", "2")])
+def test_a_page_and_figures_outlive_the_same_run_without_them(seeds):
+    run = [*RUN, *seeds]
+    assert main([*run, "--figures"]) == 0
     (folder,) = Path("results").iterdir()
     made = {
         path: path.read_bytes() for path in folder.rglob("*") if path.suffix in {".svg", ".html"}
     }
     assert len(made) > 3
-    assert main([*RUN, "--no-report"]) == 0
+    assert main([*run, "--no-report"]) == 0
     assert {path: path.read_bytes() for path in made} == made
-    assert main([*RUN, "--no-report", "--label", "other"]) == 0
-    assert not any(path.exists() for path in made), "they show the earlier label"
+    assert main([*run, "--no-report", "--label", "other"]) == 0
+    shown = [path for path in made if "runs" not in path.parts]  # runs of seeds have no label
+    assert not any(path.exists() for path in shown), "they show the earlier label"
 
 
 @pytest.mark.slow

@@ -35,7 +35,7 @@ from genie_sim.cli.main import app, main
         ("compare x --labels a,b", "which was removed. Write --label A --label B, one for each"),
         ("import tables a b --size 3", "which was removed. Write --frame-size SIZE"),
         ("import linkk", "unknown command 'linkk' (did you mean 'link'?); known: fetch, link"),
-        ("sweep x --backend slurm", "'slurm' is not one of 'joblib', 'dask'"),
+        ("sweep x --backend dask", "'--backend', which was removed. Write --scheduler ADDRESS"),
     ],
 )
 def test_an_option_that_is_not_there_is_answered_with_the_one_to_use(line, message, capsys):

@@ -49,7 +49,7 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module", params=[USUAL, OTHER], ids=["usual", "other"])
-def shown(request) -> paper_figures.Shown:
+def shown(request) -> paper_figures.FirstReading:
     """What is committed, named as if the metrics were what a reading means."""
     return replace(paper_figures.shown_of(PAPER), definitions=request.param)
 

@@ -15,7 +15,7 @@ from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import read_truth
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.facts import Fact
-from genie_sim.paper.quality import JUDGED, UNITS, facts_of, summarise
+from genie_sim.paper.quality import ACCURACY, JUDGED, facts_of, summarise
 from genie_sim.paper.runs import EvaluationRun
 from genie_sim.record.records import HELD
 from genie_sim.record.tables import Table
@@ -43,7 +43,7 @@ def test_every_number_by_hand():
     """
     instants = (6, 2, 3, 0, 1, 3, 1, 4, 1), (2, 1, 1, 0, 0, 1, 1, 1, 0)
     found = facts_of(held(*(("genie", "consumer", *counts) for counts in instants)))
-    assert found.keys() == {Fact(name) for name in UNITS}
+    assert found.keys() == {Fact(name) for name in ACCURACY}
     numbers = {fact.metric: value for fact, value in found.items()}
     assert numbers == {
         "object_precision": 3 / 8,
@@ -93,7 +93,7 @@ def test_only_runs_that_are_shown_are_judged():
         for wanted in (False, True)
     )
     assert not any("ghost" in fact.metric for fact in plain)
-    assert judged.keys() - plain.keys() == {Fact(name, by) for name in UNITS for by in JUDGED}
+    assert judged.keys() - plain.keys() == {Fact(name, by) for name in ACCURACY for by in JUDGED}
     assert all(judged[name] == value or math.isnan(value) for name, value in plain.items())
 
 

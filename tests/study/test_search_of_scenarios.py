@@ -359,7 +359,6 @@ def test_names_that_are_unknown():
         load("street_3car_hetero", ["genies"])
     for wrong in ("image_encoding", "=raw"):
         assert main(["search", "where_it_pays", "--set", wrong]) == 1
-    assert main(["search", "where_it_pays", "--backend", "dask"]) == 2
 
 
 # Spaces and files

@@ -336,9 +336,6 @@ def test_a_mistake_in_a_sweep_gets_one_line_and_status_1(mistake, capsys):
         ["--shard", "3/2"],
         ["--shard", "0/2"],
         ["--shard", "one"],
-        ["--backend", "ray"],
-        ["--backend", "dask"],
-        ["--scheduler", "tcp://here:1"],
         ["--jobs", "0"],
     ],
 )
@@ -893,7 +890,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, host="127.0.0.1"
     ) as cluster:
         victim = next(iter(cluster.workers.values())).process.pid
-        with in_the_middle("--backend", "dask", "--scheduler", cluster.scheduler_address) as run:
+        with in_the_middle("--scheduler", cluster.scheduler_address) as run:
             os.kill(victim, signal.SIGKILL)
             assert len(runs_in_parts()) < 12
             _, error = run.communicate(timeout=120)
@@ -905,9 +902,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
     monkeypatch.setattr("genie_sim.study.tasks.SCHEDULER_TIMEOUT_S", 1)
-    assert (
-        main(["sweep", write(SMALL), "--backend", "dask", "--scheduler", "tcp://127.0.0.1:1"]) == 1
-    )
+    assert main(["sweep", write(SMALL), "--scheduler", "tcp://127.0.0.1:1"]) == 1
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 
 

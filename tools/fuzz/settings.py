@@ -189,7 +189,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--seeds",
         "--jobs",
         "--shard",
-        "--backend",
         "--scheduler",
         "--out",
     ),
