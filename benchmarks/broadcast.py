@@ -35,7 +35,7 @@ RATE_HZ = 10
 SIZE_BYTES = 300
 HELLO = "/hello"
 NOBODY_M, SOME_M, ALL_M = 0.001, 200.0, 1000.0  # ranges
-CARS = (10, 40, 100)
+CARS = (10, 30, 100)
 ROUNDS = 3
 
 

@@ -102,7 +102,7 @@ def test_every_car_in_range_hears_every_other_and_not_itself():
     channel = next(one for one in world.network.resources if one.name == "car1.channel")
     link = world.network.links["car1->*"]
     assert (channel.completed, channel.drops, link.completed, link.drops) == (10, 0, 10, 0)
-    airtime_ns = 40_000 + (26 + 36) * 8 * 1_000_000_000 // 6_000_000 + 1
+    airtime_ns = 40_000 + 12 * 8_000  # (26 + 38) bytes and 22 bits are 12 symbols of 48 bits
     assert channel.busy_ns == 20 * airtime_ns, "of its own messages and the other's"
 
 

@@ -116,9 +116,9 @@ def by_hand(
 AIRTIME_NS = SIDELINK.airtime_ns(SIZE)
 
 
-def test_the_airtime_is_preamble_and_bits():
-    """336 bytes at 6 Mbit/s take 448 us, after 40 us."""
-    assert AIRTIME_NS == 488 * US
+def test_the_airtime_is_preamble_and_symbols():
+    """338 bytes and 22 bits are 57 symbols of 48 bits, each 8 us, after 40 us."""
+    assert AIRTIME_NS == 496 * US
 
 
 @pytest.mark.slow

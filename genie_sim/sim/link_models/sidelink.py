@@ -23,6 +23,8 @@ SLOT_NS = 13_000
 IDLE_NS = 110_000  # that the channel must be idle before anybody sends: best effort, AIFS
 WINDOW = 15  # the most slots of the backoff: best effort, CWmin
 PREAMBLE_NS = 40_000  # with the signal field
+SYMBOL_NS = 8_000  # of OFDM in 10 MHz
+SERVICE_AND_TAIL_BITS = 22
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,9 @@ class Sidelink:
     range_m: Annotated[float, Bounds(above=0)] = 300.0
     """How far a message is received, and the channel sensed. Assumed."""
 
-    overhead_bytes: Annotated[int, Bounds(minimum=0)] = 36
-    """Added to every message: the header and the check sequence of IEEE 802.11, and that of the
-    logical link."""
+    overhead_bytes: Annotated[int, Bounds(minimum=0)] = 38
+    """Added to every message: the header of IEEE 802.11 (26), its check sequence (4), and the
+    headers of the logical link (8)."""
 
     loss: Annotated[float, Bounds(minimum=0, maximum=1)] = 0.0
     """The share of receptions that are lost otherwise, each by itself."""
@@ -52,8 +54,9 @@ class Sidelink:
 
     def airtime_ns(self, size_bytes: int) -> int:
         """How long a message of so many bytes keeps the channel busy [ns]."""
-        bits = (size_bytes + self.overhead_bytes) * 8
-        return PREAMBLE_NS + -(-bits * NS_PER_S // self.rate_bps)
+        bits = (size_bytes + self.overhead_bytes) * 8 + SERVICE_AND_TAIL_BITS
+        symbols = -(-bits * NS_PER_S // (self.rate_bps * SYMBOL_NS))
+        return PREAMBLE_NS + symbols * SYMBOL_NS
 
 
 @dataclass(slots=True, eq=False)
