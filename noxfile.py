@@ -44,7 +44,7 @@ def lint(session: nox.Session) -> None:
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """``mypy --strict`` over the package."""
+    """``mypy --strict`` over the package and the examples."""
     install(session, ".[dev]")
     session.run("mypy")
 

@@ -24,6 +24,11 @@ METHODS = {
     "genie": "Genie",
     "recommended": "recommended Genie",
     "sim_lru": "SimLRU",
+    "genie_recommended": "recommended Genie",
+    "cpm": "CPM (ETSI)",
+    "autocast": "AutoCast",
+    "livemap": "LiveMap",
+    "track_or_detect": "track or detect",
 }
 
 
@@ -253,6 +258,41 @@ def which_cache() -> str:
     return markdown([*header, "bytes", "edge time"], rows, texts=2)
 
 
+def messages() -> str:
+    """docs/what-to-share.md: a sentence for each size of message."""
+    table: Any = pd.read_csv(RESULTS / "what_to_share" / "messages.csv")
+    sentences = []
+    for title, rows in table.groupby("message", sort=False):
+        ways = {row["way"]: row for row in rows.to_dict("records")}
+        link, air = ways["link"], ways["broadcast"]
+        sentences.append(
+            f"- *{title}*: {link['without_queue_ms']:.0f} ms by bytes and rate; with the queue of "
+            f"the link {link['arrived']:.0%} arrive, after {link['delay_ms']:.0f} ms; on one "
+            f"channel {air['arrived']:.0%}, after {air['delay_ms']:.0f} ms, and the channel is "
+            f"busy {air['channel_busy']:.0%} of the time."
+        )
+    return "\n".join(sentences)
+
+
+def sharing() -> str:
+    """docs/what-to-share.md: each method at each place."""
+    table: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
+    rows = [
+        [
+            row["place"],
+            METHODS[row["method"]],
+            f"{row['streaming_f1']:.3f}",
+            "best of these" if row["method"] == row["best"] else gain(row),
+            f"{row['first_answer_ms']:.0f}",
+            f"{row['bytes_up'] / 1000:.1f}",
+            f"{row['channel_busy']:.1%}",
+        ]
+        for row in table.to_dict("records")
+    ]
+    header = ["place", "method", "streaming F1", "difference (95 %)", "first answer [ms]"]
+    return markdown([*header, "up [kB a frame]", "channel busy"], rows, texts=2)
+
+
 TABLES: dict[str, dict[str, Callable[[], str]]] = {
     "docs/batching.md": {"batching": batching},
     "docs/shared-uplink.md": {"shared_uplink": shared_uplink},
@@ -264,6 +304,7 @@ TABLES: dict[str, dict[str, Callable[[], str]]] = {
     },
     "docs/baselines.md": {"baselines": baselines},
     "docs/which-cache.md": {"which_cache": which_cache},
+    "docs/what-to-share.md": {"messages": messages, "sharing": sharing},
 }
 
 
