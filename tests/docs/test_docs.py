@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.checkout import copied
 from tests.docs.blocks import abbreviated
 from tests.run_page import Reader, accepted, blocks
 from tests.test_imports import MAY_IMPORT
@@ -41,6 +42,8 @@ def test_a_page_does_what_it_shows(name: str, tmp_path: Path, as_a_reader: dict[
     """
     work = tmp_path / "work"
     work.mkdir()
+    if name.startswith("examples/"):
+        copied(REPOSITORY / "examples", work / "examples")
     followed = subprocess.run(
         [sys.executable, str(REPOSITORY / "tests" / "run_page.py"), str(PAGES[name])],
         cwd=work,
