@@ -8,8 +8,8 @@ moved by 4 m, are faster or slower by 0.5 m/s, or were told a second ago; and al
 them was told half a second ago. Receivers add what they hear to what they see.
 
 What differs: the car's frames are its clock, so messages leave with them. Sensor containers, the
-split of long messages and congestion control (DCC) are left out. How a receiver combines objects is
-not in the standard: here by place and class, and the newest sighting counts.
+split of long messages, congestion control (DCC) and the rule about directions are left out. How a
+receiver combines objects is not in the standard: here by place and class, and the newest counts.
 """
 
 import math

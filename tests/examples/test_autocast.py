@@ -114,6 +114,15 @@ def test_a_budget_keeps_objects_back():
     assert casts[-1].size_bytes == 121 + 12 * 2 + size_bytes
 
 
+def test_a_random_order_does_not_ask_who_needs_an_object():
+    """Nobody is there, and there is room for one of two."""
+    car = made(AutoCast(budget_bytes=1_100, order="random"), "car1")
+    frames = [image("car1", ms) for ms in range(0, 3_000, 100)]
+    casts, _ = watch(car, frames, (seen("car", 30.0), seen("car", 30.0, 5.0)), TOPIC)
+    sent = [tuple(one.objects) for one in casts if len(one.sees) == 2]
+    assert all(len(keys) == 1 for keys in sent) and len(set(sent)) == 2
+
+
 def test_what_another_has_just_sent_is_left_out():
     """Both see what a third does not."""
     car, parked = made(AutoCast(), "car1"), (seen("car", 30.0),)

@@ -15,6 +15,7 @@ from cpm import CPM, TOPIC, HeardObjects, Inclusion, Told
 import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detection, Header
+from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 from tests.examples.broadcasting import MS, host, image, made, seen, thing, watch
 
@@ -22,6 +23,18 @@ from tests.examples.broadcasting import MS, host, image, made, seen, thing, watc
 @pytest.mark.parametrize("method", ["cpm:CPM"])
 class TestConformance(MethodConformance):
     pass
+
+
+@pytest.mark.parametrize("method", ["cpm:CPM", "autocast:AutoCast"])
+def test_on_the_air_every_frame_is_answered_and_two_runs_are_the_same(method: str):
+    air = small.check_twice_the_same(small.scenario([method], broadcast="sidelink"))
+    alone = small.simulated(small.scenario([method]))
+    name = method.partition(":")[2]
+    small.check_conserved(air["frames"].to_frame(), [name])
+    served, served_alone = (found["frames"].to_frame()["objects_served"] for found in (air, alone))
+    assert served.sum() >= served_alone.sum() > 0
+    channels = air["resources"].to_frame().groupby("resource", observed=True)["completed"].max()
+    assert channels["car1.channel"] > 0 and channels["car2.channel"] > 0
 
 
 @pytest.fixture
@@ -144,6 +157,17 @@ def test_an_answer_has_what_the_car_saw_and_what_it_heard_but_for_itself():
     places = {item.label: item.location[0] for item in answers[-1].objects}
     assert places == pytest.approx({"person": 12.0, "car": -30.0})
     assert answers[-1].valid_ns == 1_450 * MS and answers[-1].is_fresh
+
+
+@pytest.mark.parametrize(("heard_ms", "east_m"), [(500, 20.0), (1_420, 21.5)])
+def test_of_what_the_car_saw_and_heard_of_the_newest_counts(heard_ms: int, east_m: float):
+    """It sees a parked car at 20 m until 1.4 s; another says 21.5 m."""
+    car = made(CPM(), "car1")
+    car.on_message(TOPIC, heard_from(thing("car", (21.5, 0.0), heard_ms)), 600 * MS, "car9")
+    frames = [image("car1", ms) for ms in range(500, 1_500, 100)]
+    _, answers = watch(car, frames, (seen("car", 20.0),), TOPIC)
+    (held,) = answers[-1].objects
+    assert held.location[0] == pytest.approx(east_m)
 
 
 def test_what_others_have_told_is_not_told_again_where_this_is_wanted():
