@@ -267,9 +267,9 @@ def messages() -> str:
         link, air = ways["link"], ways["broadcast"]
         sentences.append(
             f"- *{title}*: {link['without_queue_ms']:.0f} ms by bytes and rate; with the queue of "
-            f"the link {link['arrived']:.0%} arrive, after {link['delay_ms']:.0f} ms; on one "
-            f"channel {air['arrived']:.0%}, after {air['delay_ms']:.0f} ms, and the channel is "
-            f"busy {air['channel_busy']:.0%} of the time."
+            f"the link {100 * link['arrived']:.0f} % arrive, after {link['delay_ms']:.0f} ms; on "
+            f"one channel {100 * air['arrived']:.0f} %, after {air['delay_ms']:.0f} ms, and the "
+            f"channel is busy {100 * air['channel_busy']:.0f} % of the time."
         )
     return "\n".join(sentences)
 
@@ -282,7 +282,9 @@ def sharing() -> str:
             row["place"],
             METHODS[row["method"]],
             f"{row['streaming_f1']:.3f}",
-            "best of these" if row["method"] == row["best"] else gain(row),
+            "best of these"
+            if row["method"] == row["best"]
+            else gain({"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}),
             f"{row['first_answer_ms']:.0f}",
             f"{row['bytes_up'] / 1000:.1f}",
             f"{row['channel_busy']:.1%}",
