@@ -69,7 +69,7 @@ for _command in COMMANDS:
     app.add_command(_command)
 
 
-@plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
+@plugins.own_code(allowed=True)  # puts back, at the end, what a command has forbidden
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130
     Ctrl-C or SIGTERM.
