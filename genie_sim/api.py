@@ -572,9 +572,8 @@ def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """
     from genie_sim.study import tables
 
-    # the axes stand between these columns and what was measured
-    first, behind = runs.columns.get_loc("run_id") + 1, runs.columns.get_loc("metric")
-    return tables.differences(runs, list(runs.columns[first:behind]), along, to)
+    axes = list(runs.columns[len(tables.BEFORE_AXES) : runs.columns.get_loc("metric")])
+    return tables.differences(runs, axes, along, to)
 
 
 def load_scenario(
