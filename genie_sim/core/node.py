@@ -150,6 +150,7 @@ class GenieNode:
                     is_learned=not is_remote or readings.learns_from_others,
                     is_broadcast=not is_remote and rules.share_answers == "broadcast",
                 )
+                # of a topic in both lists, what comes with the remote suffix is a request
                 self._arrivals.setdefault(topic + suffix, arrival)
 
     def subscriptions(self) -> tuple[str, ...]:
