@@ -306,12 +306,13 @@ def _run_seeds(
     jobs: int | None,
     progress: Progress | None,
 ) -> Runs:
-    """Runs what is missing of several seeds, in a scratch folder where there is no ``out``."""
+    """Runs what is missing of several seeds. Without ``out`` it does so in a scratch folder, and
+    the runs stay in memory.
+    """
     from genie_sim.study.seeds import design_of
     from genie_sim.study.study import Study
 
-    kept = out is not None
-    if not kept:
+    if out is None:
         output = Output(page=False)
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
@@ -326,9 +327,9 @@ def _run_seeds(
         status = work.finish(output)
         runs = _in_hand(seed_runs.load(status.folder))
     assert isinstance(runs, Runs)
-    if kept:
-        return runs
-    return Runs([replace(run, folder=None) for run in runs.runs], None, label)
+    if out is None:
+        return Runs([replace(run, folder=None) for run in runs.runs], None, label)
+    return runs
 
 
 def load(folder: str | Path, *, allow_changed: bool = False) -> Run | Runs:
@@ -541,7 +542,7 @@ def search(
     progress : callable, optional
         Called with how many points are done, how many there are, and what is going on.
     """
-    from genie_sim.study.search_design import load
+    from genie_sim.study import search_design
 
     changes: dict[str, Any] = {"set": plain(dict(settings), "settings")} if settings else {}
     if maximize or minimize:
@@ -552,8 +553,8 @@ def search(
         if value not in ((), None)
     }
     names = _names("methods", methods)
-    design = load(search, names, changes)
-    from genie_sim.study.search import Search
+    design = search_design.load(search, names, changes)
+    from genie_sim.study.search import Search  # heavy: a wrong name is reported before
 
     with tempfile.TemporaryDirectory() as scratch:
         workers = _workers(jobs, changes, names, search)
@@ -571,8 +572,8 @@ def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """
     from genie_sim.study import tables
 
-    columns = list(runs.columns[3 : runs.columns.get_loc("metric")])
-    return tables.differences(runs, columns, along, to)
+    axes = list(runs.columns[len(tables.BEFORE_AXES) : runs.columns.get_loc("metric")])
+    return tables.differences(runs, axes, along, to)
 
 
 def load_scenario(
@@ -596,11 +597,12 @@ def load_scenario(
         data = plain_data(source) if isinstance(source, Scenario) else plain(source, "scenario")
         return reading.read_scenario({"name": "scenario", **data}, overrides, seed, methods=methods)
     except UserError as error:
-        # that is how the command line says it
+        # on the command line settings come from --set, in Python they do not
         raise UserError(str(error).removeprefix("--set ")) from error
 
 
 def _in_hand(run: results.Run | SeedRuns) -> Run | Runs:
+    """What was read or simulated, as the class with metrics, figures and a page."""
     if isinstance(run, SeedRuns):
         return Runs([_one_in_hand(of_seed) for of_seed in run.runs], run.folder, run.label)
     return _one_in_hand(run)
@@ -628,16 +630,16 @@ def _names(where: str, given: Any) -> list[str]:
 
 
 def _workers(jobs: int | None, *given: Any) -> "LocalWorkers":
-    """So many processes, by default one a core. A class of a notebook, or of what was typed, is
-    known in this process alone: what names one runs here. Raises ``UserError`` where several are
-    asked for.
+    """So many processes, by default one a core. A class from a notebook or an interactive session
+    is known in this process alone: where ``given`` names one, everything runs here. Raises
+    ``UserError`` where several processes are asked for all the same.
     """
     from genie_sim.base import parallel
     from genie_sim.study.tasks import LocalWorkers
 
-    is_main = '"__main__:' in json.dumps(given, default=str)
+    names_main = '"__main__:' in json.dumps(given, default=str)
     script = getattr(sys.modules["__main__"], "__file__", None)
-    if is_main and (script is None or not Path(script).is_file()):
+    if names_main and (script is None or not Path(script).is_file()):
         if jobs not in (None, 1):
             raise UserError(
                 f"jobs: {jobs} processes do not know a class of this notebook: leave jobs out, or"

@@ -22,7 +22,7 @@ from genie_sim.record.results import MetricValue
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera
 RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
-WINDOW_REQUESTS = 50  # the paper's error bars of reuse
+WINDOW_REQUESTS = 50  # of which the paper's error bars of reuse are made
 ZERO_DELAY = "zero_delay"  # as a component: of the detector's own answers without any delay
 LOWER, HIGHER = "lower", "higher"
 WINDOWS, POWERS = "a", "b"  # marks of intervals that are no 95 % intervals
@@ -168,7 +168,7 @@ class Ratio(Metric):
         raise NotImplementedError
 
     def counts(self, rows: Rows) -> Any:
-        """Which of the chosen rows count."""
+        """Which rows of the whole table are chosen and count."""
         flags = rows.chosen
         for name, value in self.only.items():
             flags = flags & (rows.table[name] == value)
@@ -179,7 +179,8 @@ class Ratio(Metric):
         if not counts.any():
             return None
         above, below = (np.where(counts, part, 0.0) for part in self.terms(view.table))
-        return ratio(view.blocks, np.nan_to_num(above), np.nan_to_num(below), self.unit == "%")
+        is_share = self.unit == "%"
+        return ratio(view.blocks, np.nan_to_num(above), np.nan_to_num(below), is_share)
 
 
 Views = Iterable[tuple[Where, Any]]

@@ -36,7 +36,7 @@ class Cell(NamedTuple):
 
     @property
     def is_known(self) -> bool:
-        """Whether there is anything in it."""
+        """Whether there is anything in it, if only NaN."""
         return self.value is not None or self.low is not None
 
     @property
@@ -118,7 +118,7 @@ class ResultTable:
         return replace(self, columns=self.columns[columns], rows=chosen)
 
     def without_empty_columns(self) -> "ResultTable":
-        """The table with the columns in which anything is known."""
+        """The table without columns in which nothing is known."""
         known = [
             place
             for place in range(len(self.columns))

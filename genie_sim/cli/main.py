@@ -69,7 +69,7 @@ for _command in COMMANDS:
     app.add_command(_command)
 
 
-@plugins.own_code(allowed=True)  # whatever a command forbids, the next one finds as it was
+@plugins.own_code(allowed=True)  # puts back, at the end, what a command has forbidden
 def main(argv: list[str] | None = None) -> int:
     """Runs the command line. Exit status: 0 done, 1 the user's input or environment, 2 usage, 130
     Ctrl-C or SIGTERM.
@@ -89,18 +89,16 @@ def main(argv: list[str] | None = None) -> int:
     except UserError as error:
         print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
         return 1
-    except (
-        OSError,
-        MemoryError,
-    ) as error:  # the machine's; where a file is at fault, it is named before it gets here
+    except (OSError, MemoryError) as error:
+        # the machine's fault; where a file is wrong, a UserError has named it
         terminal.drop_output()
         print(f"genie-sim: {terminal.machine_said(error)}", file=sys.stderr)
         return 1
     except Exception as error:
-        if (
-            "--debug" in (sys.argv if argv is None else argv)
-            or (fault := plugins.own_fault(error)) is None
-        ):
+        fault = plugins.own_fault(error)
+        # looked for here: click keeps the option's value only while the command runs
+        is_debug = "--debug" in (sys.argv if argv is None else argv)
+        if fault is None or is_debug:
             raise
         print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
         return 1

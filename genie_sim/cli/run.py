@@ -87,6 +87,7 @@ def run(
     several = arguments.seeds(seeds)
     if seed is not None and several is not None:
         raise UserError("--seed and --seeds: give one of them")
+    # the metrics that are named; none of them: all; None: a few that the table chooses
     rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
     if rows and all_rows:
         raise UserError("--all and --metrics: give one of them")
@@ -148,9 +149,9 @@ def print_results(
 
         for sentence in verdicts(compared([result], metrics=rows or ())):
             click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
-    if len(result.runs) > 1 and len(result.methods) > 2:
-        others = ",".join(method.name for method in result.methods[1:])
-        click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
+        if len(result.methods) > 2:
+            others = ",".join(method.name for method in result.methods[1:])
+            click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")
     click.echo(f"Figures: {folder / 'figures' if figures else f'genie-sim figures {folder}'}")
     if page:

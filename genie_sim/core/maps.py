@@ -57,6 +57,11 @@ class EnhancedAnswer:
     to_neighbours: Answer
     lookups: LookupCounts | None = None
 
+    @classmethod
+    def of_one(cls, answer: Answer, lookups: LookupCounts | None = None) -> "EnhancedAnswer":
+        """One answer for everybody."""
+        return cls(answer, answer, answer, lookups)
+
 
 class MapObject(Protocol):
     """An object of a map. ``number`` is its own: the map gives each one once."""
@@ -116,7 +121,7 @@ class Map:
         leaves : bool
             Whether the answer is stored or goes on; if not, only the look-ups of the result count.
         """
-        return EnhancedAnswer(answer, answer, answer)
+        return EnhancedAnswer.of_one(answer)
 
     def enhanced_cache_boost_data(
         self, answer: Answer, header: Header, viewer: Viewer | None, now_ns: int
@@ -124,7 +129,7 @@ class Map:
         """Algorithm 2, EnhancedCacheBoostData: what the map adds to a stored answer that is about
         to be replayed for the request with this header.
         """
-        return EnhancedAnswer(answer, answer, answer)
+        return EnhancedAnswer.of_one(answer)
 
     def visible(
         self, viewer: Viewer, range_m: float, now_ns: int

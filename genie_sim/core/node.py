@@ -65,13 +65,13 @@ class Request(Message, Protocol):
 
 @dataclass(slots=True)
 class Arrival:
-    """What arrives on one of a Genie's topics."""
+    """What arrives on one of a Genie's topics. Of requests the last two mean nothing."""
 
     topic: str  # the encapsulated node's own, without a suffix
     is_request: bool
     is_remote: bool  # from another Genie; else from a client, or from the encapsulated node
-    is_learned: bool = False  # an answer that the map learns from and the cache stores
-    is_broadcast: bool = False  # an answer of the encapsulated node that goes to all other Genies
+    is_learned: bool  # the map learns from it, and the cache stores it
+    is_broadcast: bool  # it goes to all other Genies
 
 
 class GenieNode:
@@ -150,6 +150,7 @@ class GenieNode:
                     is_learned=not is_remote or readings.learns_from_others,
                     is_broadcast=not is_remote and rules.share_answers == "broadcast",
                 )
+                # of a topic in both lists, what comes with the remote suffix is a request
                 self._arrivals.setdefault(topic + suffix, arrival)
 
     def subscriptions(self) -> tuple[str, ...]:
@@ -202,29 +203,30 @@ class GenieNode:
         """Lines 7 to 11: the message is an answer, to a pending request if that is here."""
         effects: list[Effect] = []
         pending = self._pending.by_header(message.header)  # line 7
-        answer = self._learn(arrival, message, pending, now_ns)  # line 9
-        if answer.lookups is not None:
-            effects.append(self._object_lookups(message.header, "sighting", answer.lookups))
+        enhanced = self._learn(arrival, message, pending, now_ns)  # line 9
+        if enhanced.lookups is not None:
+            effects.append(self._object_lookups(message.header, "sighting", enhanced.lookups))
         if pending is not None:  # line 8
             if arrival.is_learned:
-                self._store(arrival.topic, answer.answer, pending, now_ns)  # line 10
-            effects += self._release(arrival, answer, pending)
+                self._store(arrival.topic, enhanced.answer, pending, now_ns)  # line 10
+            effects += self._release(arrival, enhanced, pending)
         if arrival.is_broadcast:
-            to_neighbours = self._readings.part_for_neighbours(answer)
+            to_neighbours = self._readings.part_for_neighbours(enhanced)
             effects.append(Publish(arrival.topic + self._remote, to_neighbours))
         return effects  # line 11
 
     def _on_miss(
         self, topic: str, message: Request, key: Hashable, requester: Requester, now_ns: int
     ) -> list[Effect]:
-        """Lines 12 to 15: no stored answer. Neighbours get hits only, so theirs are not run; of
-        equal requests only the first is. A client gets what the map shows until the answer comes.
+        """Lines 12 to 15: no stored answer. The node is given the requests of clients, and of equal
+        ones only the first. Neighbours get hits only, unless a reading has theirs run, too. A
+        client gets what the map shows until the answer comes.
         """
         header = message.header
-        is_run = not requester.neighbour or self._readings.runs_neighbours_misses
-        equal = self._pending.joinable(topic, key) if is_run else None
         if self._pending.by_header(header) is not None:
             return []  # this very request came before, over another way
+        is_run = not requester.neighbour or self._readings.runs_neighbours_misses
+        equal = self._pending.joinable(topic, key) if is_run else None
         if equal is not None and equal.serves(header):
             return []  # likewise, and waits with an equal one
         effects: list[Effect] = []
@@ -238,10 +240,12 @@ class GenieNode:
                 effects.append(Publish(topic + self._local, message))  # line 13
                 if self.rules.share_requests:
                     effects.append(Publish(topic + self._remote, message))  # line 14
+            # One that is not run is noted, too: its neighbour's answer is stored under its key.
+            expiry_ns = self.rules.request_expiry_ns
             pending = PendingRequest(
                 topic,
                 key,
-                deadline_ns=self._deadline_ns(now_ns),
+                deadline_ns=None if expiry_ns is None else now_ns + expiry_ns,
                 forwarded=is_run,
                 requesters=[requester] if is_run else [],
                 answered=set(),
@@ -278,7 +282,7 @@ class GenieNode:
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
         """Expires requests that were not answered in time (dropped by the node or by a link)."""
-        return [*_unanswered(self._pending.expire(now_ns))]
+        return list(_unanswered(self._pending.expire(now_ns)))
 
     def on_void(self) -> list[Observation]:
         """Records of what is lost when a fault wipes this Genie's state: unanswered client requests
@@ -307,17 +311,12 @@ class GenieNode:
             effects += self.on_deadline(now_ns)
         return effects
 
-    def _deadline_ns(self, now_ns: int) -> int | None:
-        """When a request that comes now expires."""
-        expiry_ns = self.rules.request_expiry_ns
-        return None if expiry_ns is None else now_ns + expiry_ns
-
     def _learn(
         self, arrival: Arrival, answer: Answer, pending: PendingRequest | None, now_ns: int
     ) -> EnhancedAnswer:
         """Line 9: the object map learns from the answer."""
         if not arrival.is_learned:
-            return EnhancedAnswer(answer, answer, answer)
+            return EnhancedAnswer.of_one(answer)
         return self.object_map.enhanced_cache_new_data(
             answer,
             None if pending is None else pending.viewer,
@@ -341,12 +340,12 @@ class GenieNode:
         cache.put(pending.key, topic, answer, now_ns)
 
     def _release(
-        self, arrival: Arrival, answer: EnhancedAnswer, pending: PendingRequest
+        self, arrival: Arrival, enhanced: EnhancedAnswer, pending: PendingRequest
     ) -> list[Publish]:
         """The first answer to a request goes to everyone who waits for it, under the header of each
         one's own request.
         """
-        topic, header = arrival.topic, answer.answer.header
+        topic, header = arrival.topic, enhanced.answer.header
         released: list[Publish] = []
         if topic in pending.answered:
             return released
@@ -359,13 +358,13 @@ class GenieNode:
             if requester.neighbour:
                 if arrival.is_broadcast and requester.header == header:
                     continue  # the broadcast reaches it
-                reply = self._readings.part_for_neighbours(answer)
+                reply = self._readings.part_for_neighbours(enhanced)
             elif not self._readings.answers_misses:
                 continue
             elif not arrival.is_remote and requester.header.origin in self._own_origins:
-                reply = self._readings.part_for_own_host(answer)
+                reply = self._readings.part_for_own_host(enhanced)
             else:
-                reply = answer.to_clients
+                reply = enhanced.to_clients
             if requester.header != header:
                 reply = reply.restamped(requester.header)
             released.append(self._publication(topic, reply, requester))

@@ -84,7 +84,7 @@ class ObjectMap(Map):
         ``maps.Map``.
         """
         if answer.objects is None:  # line 2
-            return EnhancedAnswer(answer, answer, answer)
+            return EnhancedAnswer.of_one(answer)
         return self._learn(answer, now_ns, names_changes, leaves)
 
     def _learn(
@@ -122,7 +122,7 @@ class ObjectMap(Map):
                 stored_objects.append(stored)
         counts = LookupCounts(requests, hits, updates, boost_sum, changes=tuple(changes))
         if not leaves:
-            return EnhancedAnswer(answer, answer, answer, counts)
+            return EnhancedAnswer.of_one(answer, counts)
         answer = answer.with_objects(objects)
         to_clients = to_neighbours = self._confident_part(
             answer, stored_objects, answer.header.origin, now_ns
@@ -168,7 +168,7 @@ class ObjectMap(Map):
         each once, and leaves out what is below C_T.
         """
         if answer.objects is None:  # line 9
-            return EnhancedAnswer(answer, answer, answer)
+            return EnhancedAnswer.of_one(answer)
         if not self._keeps_back:
             remembered = self._boosted.get(id(answer))
             if remembered is not None:

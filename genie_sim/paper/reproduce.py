@@ -21,7 +21,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.paper import figure_data, page, quality, rows, sources, verdict_table
 from genie_sim.paper.checks import ALL, CASE, HE, HO, SHARED, improvements
 from genie_sim.paper.claims import Verdict, judge
-from genie_sim.paper.definitions import USUAL, meant
+from genie_sim.paper.definitions import USUAL, Definitions, meant
 from genie_sim.paper.evidence import BASE, Evidence, Values, interval, rounded
 from genie_sim.paper.facts import Fact, Facts
 from genie_sim.paper.readings import MAIN, NAMES, Reading, load_readings
@@ -48,13 +48,13 @@ VARIANTS: dict[str, tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]] = 
     "cut_link": ((HO[0],), ("link=cut",), ("local", "genie")),
 }
 
-Place = tuple[str, str]  # variant, scenario
+Place = tuple[str, str]  # variant, scenario: a ``rows.Place`` of one reading
 
 
 @dataclass(frozen=True)
 class ReadingVerdicts:
-    """What the claims come to under one reading; ``plain``: by a run's metrics where the reading
-    means others.
+    """What the claims come to under one reading: ``verdicts`` by the metrics as it means them, and
+    ``plain`` by those of a run, ``None`` where these are the same.
     """
 
     reading: Reading
@@ -125,15 +125,15 @@ def reproduce(
     outcomes = outcomes_of(wanted, workers, progress)
     facts = [facts_of(of_reading) for of_reading in outcomes]
     by_reading = judge_readings(readings, settings, facts, workers)
-    shown = {
+    tables_shown = {
         scenario: [outcome.tables for outcome in group]
         for (variant, scenario), group in outcomes[0].items()
         if variant == BASE
     }
-    worth = quality.summarise(by_reading[0].evidence, ALL)
+    answer_quality = quality.summarise(by_reading[0].evidence, ALL)
     with provenance.result_folder(out) as folder:
-        _write(folder, by_reading, worth)
-        figure_data.write(folder, shown, readings[0].definitions)
+        _write(folder, by_reading, answer_quality)
+        figure_data.write(folder, tables_shown, readings[0].definitions)
         rows.write(folder, used_seeds, _places(readings, facts))
         (folder / "figures").mkdir()
         in_parallel(_draw, [(folder, name) for name in figure_data.FIGURES], workers)
@@ -243,20 +243,19 @@ def judge_readings(
 
 
 def _verdicts(job: tuple[Evidence, Reading]) -> tuple[list[Verdict], list[Verdict] | None]:
-    """The verdicts on a reading's evidence, as it means the metrics and as a run does, in a process
-    of its own.
-    """
+    """``verdicts`` and ``plain`` of a reading's ``ReadingVerdicts``, in a process of its own."""
     evidence, reading = job
-    means = dict.fromkeys((reading.definitions, USUAL))
-    judged = [
-        judge(evidence.with_definitions(each), bool(reading.fitted), reading.retrodicted)
-        for each in means
-    ]
-    return judged[0], judged[1] if len(judged) > 1 else None
+
+    def judged(definitions: Definitions) -> list[Verdict]:
+        of_meaning = evidence.with_definitions(definitions)
+        return judge(of_meaning, bool(reading.fitted), reading.retrodicted)
+
+    own = reading.definitions
+    return judged(own), None if own == USUAL else judged(USUAL)
 
 
 def _write(
-    folder: Path, by_reading: Sequence[ReadingVerdicts], worth: list[dict[str, Any]]
+    folder: Path, by_reading: Sequence[ReadingVerdicts], answer_quality: list[dict[str, Any]]
 ) -> None:
     """Writes verdicts, readings, metrics and answer quality. Raises OSError."""
     verdicts = [row for one in by_reading for row in _rows(one)]
@@ -268,10 +267,10 @@ def _write(
         ("verdicts", verdicts),
         ("readings", readings),
         ("metrics", metrics),
-        ("quality", worth),
+        ("quality", answer_quality),
     ):
         provenance.write_json(folder / f"{name}.json", content)
-    document = verdict_table.document(verdicts, readings, worth)
+    document = verdict_table.document(verdicts, readings, answer_quality)
     (folder / "verdicts.md").write_text(document, encoding="utf-8")
 
 

@@ -43,13 +43,11 @@ _COMPARED = {
 
 
 class ComparedAnswer(NamedTuple):
-    """The objects of an answer to a frame, and those that the detector finds in it; ``which``
-    answer it is, perhaps two in one, and what produced it.
-    """
+    """The objects of an answer to a frame, and those that the detector finds in it."""
 
     header: Header
-    which: Sequence[str]
-    source: str
+    which: Sequence[str]  # answer it is: the ``first``, the ``result``, or both in one
+    source: str  # what produced it
     served: Sequence[Detection]
     detected: Sequence[Detection]
 
@@ -92,7 +90,7 @@ class Log:
     tables : dict of str to Table
         All tables of the run, by name: ``records.new_tables``.
     record : collection of str
-        The tables that are written besides ``frames`` and ``resources``: ``lookups``, ``looks``,
+        The tables that are written besides those that always are: ``lookups``, ``looks``,
         ``steps``, and what a replay needs, ``poses`` and ``objects``.
     samples : str
         The resources that are sampled: ``all``, those of ``edges``, ``processors``, or ``none``.
@@ -117,6 +115,7 @@ class Log:
     ) -> None:
         self.method = method
         self.samples: Samples = samples
+        self._agreement = agreement
         self._judge = judge
         self._earlier_cars = frozenset(earlier_cars)
         self._frames = tables["frames"]
@@ -128,12 +127,13 @@ class Log:
         self._looks = tables["looks"] if "looks" in record else None
         self._poses = tables["poses"] if "poses" in record else None
         self._objects = tables["objects"] if "objects" in record else None
-        self._agreement = agreement
         self._steps = tables["steps"] if "steps" in record else None
         self.wants_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
-        self._open: dict[Header, OpenFrame] = {}  # in order of their stamps
-        self._open_objects: dict[tuple[str, int], int] = {}  # by Genie and number in its map: ours
+        # in order of their stamps, but for those that were taken out of the table again
+        self._open: dict[Header, OpenFrame] = {}
+        # an object's number in our table, by Genie and number in its map
+        self._object_numbers: dict[tuple[str, int], int] = {}
         self._object_counts: Counter[str] = Counter()  # by Genie, forgotten ones included
         self.published_frames = 0
 
@@ -222,7 +222,7 @@ class Log:
             frame.served_by = answer.served_by
             frame.objects_served = len(answer.objects)
         if is_result:
-            frame.drop = frame.image = None
+            frame.drop = frame.image = None  # neither lost, nor compared any more
             frame.result_answer_ns = now_ns
             frame.objects_result = len(answer.objects)
         if is_fresh:
@@ -338,7 +338,7 @@ class Log:
     def _note_image_lookup(
         self, placement: Placement, genie: str, lookup: ImageLookup, now_ns: int
     ) -> None:
-        hit = lookup.outcome == "hit"
+        is_hit = lookup.outcome == "hit"
         if self._lookups is not None:
             stamp_ns, stream, car = lookup.header.original
             row = (
@@ -353,7 +353,7 @@ class Log:
                 stamp_ns,
                 lookup.outcome,
                 1,  # request
-                int(hit),
+                int(is_hit),
                 0,  # objects changed
                 0.0,
                 lookup.entries,
@@ -362,7 +362,7 @@ class Log:
         if placement == "car" and lookup.requester == "client":
             frame = self._frame(lookup.header)
             if frame is not None:
-                frame.image_hit = hit
+                frame.image_hit = is_hit
                 frame.coalesced = lookup.outcome == "coalesced"
 
     def _note_object_lookups(
@@ -393,10 +393,10 @@ class Log:
     def _note_changes(
         self, genie: str, changes: Iterable[MapChange], now_ns: int, forgotten: bool = False
     ) -> None:
-        """Objects of a Genie's map are new, have another confidence, or none any more."""
+        """Objects of a Genie's map are new, have another confidence, or are ``forgotten``."""
         if self._objects is None:
             return
-        numbers = self._open_objects
+        numbers = self._object_numbers
         values: list[Value] = []
         for change in changes:
             # A Genie that lost its state counts its objects from 0 again; the table goes on.
@@ -405,15 +405,15 @@ class Log:
             if number is None:
                 numbers[key] = number = self._object_counts[genie]
                 self._object_counts[genie] += 1
-            location = change.location
+            east_m, north_m = change.location[:2]
             values += (
                 self.method,
                 now_ns,
                 genie,
                 number,
                 change.label,
-                location[0],
-                location[1],
+                east_m,
+                north_m,
                 None if forgotten else change.confidence,
             )
             if forgotten:

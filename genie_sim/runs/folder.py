@@ -40,8 +40,8 @@ def run_to_folder(
     workers: int = 1,
 ) -> Run:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``, with what ``output`` says;
-    ``label`` is what the user calls the run. With several ``workers``,
-    its methods run side by side in so many processes; results do not depend on it.
+    ``label`` is what the user calls the run. Its methods run side by side in as many processes as
+    there are ``workers``; results do not depend on it.
 
     Raises ``UserError`` before it simulates.
     """
@@ -49,9 +49,9 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder) as partial:
+    with provenance.result_folder(folder) as unfinished:
         run = write(
-            partial,
+            unfinished,
             prepared,
             run_id,
             progress=progress,
@@ -59,24 +59,24 @@ def run_to_folder(
             label=label,
             workers=workers,
         )
-        _keep_shown(folder, partial)
+        _keep_shown(folder, unfinished)
     return replace(run, folder=folder)
 
 
-def _keep_shown(earlier: Path, folder: Path) -> None:
-    """Takes over the page and the figures of an earlier result that ``folder`` has not, where the
-    label and every byte of the tables are the same.
+def _keep_shown(earlier: Path, unfinished: Path) -> None:
+    """Takes over the page and the figures of an earlier result that the unfinished one has not,
+    where the label and every byte of the tables are the same.
     """
     try:
-        before, now = (provenance.read_run_json(one) for one in (earlier, folder))
+        before, now = (provenance.read_run_json(folder) for folder in (earlier, unfinished))
     except UserError:
         return
     if any(before.get(key) != now.get(key) for key in ("run_id", "label", "digests")):
         return
     figures = earlier / "figures"
-    shown = [] if figures.is_symlink() else [*figures.glob("*")]
+    shown = [] if figures.is_symlink() else figures.glob("*")
     for path in (earlier / "report.html", *shown):
-        kept = folder / path.relative_to(earlier)
+        kept = unfinished / path.relative_to(earlier)
         if path.is_file() and not path.is_symlink() and not kept.exists():
             kept.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, kept)
@@ -132,15 +132,15 @@ def write(
     tables = simulate(prepared, progress, spill=folder, workers=workers)
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
-    made = replace(finished(prepared, run_id, tables), label=label)
-    _write_derived(folder, made, output)
+    run = replace(finished(prepared, run_id, tables), label=label)
+    _write_derived(folder, run, output)
     about = {
         "rows": {name: len(table) for name, table in tables.items()},
         "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
-    _write_about(folder, made, about)
-    return made
+    _write_about(folder, run, about)
+    return run
 
 
 def _write_derived(folder: Path, run: Run, output: Output) -> None:
@@ -166,16 +166,16 @@ def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
 
 
 def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
-    """Writes a run that is in memory as ``run_to_folder`` does, but for how long it took and what
-    is told of its traces; returns its folder. Raises ``UserError``.
+    """Writes a run that is in memory as ``run_to_folder`` does; returns its folder. ``run.json``
+    does not say how long it took, nor about its traces. Raises ``UserError``.
     """
     provenance.check_writable(out)
     folder = out / f"{run.name}-{run.run_id}"
-    with provenance.result_folder(folder) as partial:
+    with provenance.result_folder(folder) as unfinished:
         for name, schema in SCHEMAS.items():
-            write_columns(partial / f"{name}.parquet", schema, run.tables[name])
-        _write_derived(partial, run, output)
-        _write_about(partial, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
+            write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
+        _write_derived(unfinished, run, output)
+        _write_about(unfinished, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
     return folder
 
 
@@ -233,18 +233,14 @@ def rerun(
             output=Output((folder / "report.html").is_file(), formats),
             label=checked_label(made.get("label", ""), f"{where}: label"),
         )
-        names = sorted(
-            str(path.relative_to(temporary))
-            for path in Path(temporary).rglob("*")
-            if path.is_file()
-        )
-        return {
-            name: (folder / name).is_file()
-            and provenance.contained(folder, name).read_bytes()
-            == (Path(temporary) / name).read_bytes()
-            for name in names
-            if name != "run.json"
-        }
+        same = {}
+        for path in Path(temporary).rglob("*"):
+            name = str(path.relative_to(temporary))
+            if path.is_file() and name != "run.json":
+                same[name] = (folder / name).is_file() and (
+                    provenance.contained(folder, name).read_bytes() == path.read_bytes()
+                )
+        return dict(sorted(same.items()))
 
 
 def _formats_in(folder: Path) -> list[str]:

@@ -27,14 +27,25 @@ from genie_sim.version import VERSION
 
 @dataclass(frozen=True)
 class Prepared:
-    """A scenario with every car and edge of its fleet, and everything it names: its open frame
-    source, devices by name, and each car's drive by its name.
+    """A scenario with everything it names.
 
-    ``encoded`` is what the drives are after their pictures were sent, by encoding and car; ``laws``
-    are those of the detector that looked at the drives, measured on other drives, or the assumed
-    ones;
-    ``facts`` are plain data, everything that decides the outcome of a run, with the scenario as it
-    is written.
+    Parameters
+    ----------
+    scenario : Scenario
+        With every car and edge of its fleet.
+    devices : mapping
+        The profiles of the devices in use, by name.
+    frames : Frames
+        The frame source, open.
+    drives : mapping
+        Each car's drive, by the car's name.
+    encoded : mapping
+        What the drives are after their pictures were sent, by encoding and car.
+    facts : mapping
+        Everything that decides the outcome of a run, as plain data, with the scenario as it is
+        written.
+    laws : DetectorLaws
+        Of the detector that looked at the drives, measured on other drives, or the assumed ones.
     """
 
     scenario: Scenario
@@ -73,10 +84,10 @@ def prepare_with_frames(
     scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None
 ) -> Prepared:
     """``prepare`` with a frame source that is open. Raises ``UserError``."""
-    full = scenario
     owner = plugins.own_label("frame source", scenario.perception.name)
     if owner is not None:
         own_classes.check_frames(frames, owner)
+    full = scenario  # with every car and edge, each with the part of its drive that it replays
     if scenario.fleet is not None:
         full, drives = expanded(scenario, scenario.fleet, frames)
     else:
@@ -84,11 +95,11 @@ def prepare_with_frames(
             car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
             for car in scenario.cars
         }
-    if scenario.sequence is not None:
-        full = _on_one_clock(full, drives)
     if owner is not None:
         for drive in drives.values():
             own_classes.check_drive(drive, owner)
+    if scenario.sequence is not None:
+        full = _on_one_clock(full, drives)
     methods = new_methods(scenario)
     checks.check_driven(full, drives, features_of(methods))
     encoded = _encoded_drives(full, frames)
@@ -129,8 +140,10 @@ def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str],
     encoded: dict[tuple[str, str], Any] = {}
     encodings = [settings.image_encoding for settings in scenario.method_settings.values()]
     for encoding in dict.fromkeys(encodings):
+        if encoding == "raw":
+            continue
         for car in scenario.cars:
-            if encoding != "raw" and car.edge is not None:
+            if car.edge is not None:
                 sent = frames.encoded(car.name, encoding)
                 if sent is None:
                     raise UserError(
@@ -166,9 +179,10 @@ def facts(
         "methods": method_facts(scenario, methods),
     }
     if any(features_of(methods).values()):
-        known = frames.provenance()
         features = {
-            name: dict(about["features"]) for name, about in known.items() if "features" in about
+            name: dict(about["features"])
+            for name, about in frames.provenance().items()
+            if "features" in about
         }
         if features:
             found["features"] = features
@@ -196,7 +210,7 @@ def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
 
 
 def features_of(methods: Mapping[str, Method]) -> dict[str, str | None]:
-    """What each method compares frames by, if it does."""
+    """What each method compares frames by; ``None`` for one that does not."""
     return {name: getattr(method, "feature", None) for name, method in methods.items()}
 
 

@@ -93,11 +93,11 @@ def simulate(
 def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
     """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
     prepared = _prepared(packed)
-    *earlier, entry = prepared.scenario.methods[: number + 1]
-    cars = set().union(
-        *(answered_cars(build.setup(prepared, other), new_method(other)) for other in earlier)
-    )
-    simulate_method(prepared, entry, tables, earlier_cars=cars, progress=progress)
+    methods = prepared.scenario.methods
+    earlier_cars: set[str] = set()  # asked for, as other processes simulate those methods
+    for entry in methods[:number]:
+        earlier_cars |= answered_cars(build.setup(prepared, entry), new_method(entry))
+    simulate_method(prepared, methods[number], tables, earlier_cars=earlier_cars, progress=progress)
 
 
 @lru_cache(maxsize=1)
@@ -133,9 +133,6 @@ def simulate_method(
     ``observer`` sees the world before and after.
     """
     scenario = prepared.scenario
-    samples: Samples = "all" if scenario.fleet is None else "edges"
-    if "resources" not in scenario.record:
-        samples = "none"
     setup = build.setup(prepared, entry)
     for table in tables.values():
         table.leave_out(scenario.warm_up_ns)
@@ -144,6 +141,9 @@ def simulate_method(
     if "answers" in scenario.record:
         objects = Objects() if judge is None else judge.objects
         agreement = Agreement(entry.name, tables["answers"], objects)
+    samples: Samples = "all" if scenario.fleet is None else "edges"
+    if "resources" not in scenario.record:
+        samples = "none"
     log = Log(
         entry.name,
         tables,

@@ -153,15 +153,18 @@ class Scenario(MethodSettings):
     metrics: Annotated[tuple[Annotated[str, METRIC], ...], IfGiven()] = ()
     """Metrics of your own, beside all others: classes, each `package.module:Class`."""
 
+    # What follows is no setting; it is filled in when the scenario is read and checked.
     read_from: Origin = field(
         default=Origin(), compare=False, repr=False, metadata={"setting": False}
     )
+    # of each device that is named here
     profiles: Mapping[str, DeviceProfile] = field(
         default_factory=dict, compare=False, repr=False, metadata={"setting": False}
-    )  # of each device that is named here, as it was read when the scenario was checked
+    )
+    # whose recordings the cars replay, each its own, on one clock; None where they are of none
     sequence: str | None = field(
         default=None, compare=False, repr=False, metadata={"setting": False}
-    )  # that the recordings of all cars are of, on one clock, as they said it then
+    )
 
     @classmethod
     def expand(cls, value: object) -> object:
@@ -210,8 +213,8 @@ class Scenario(MethodSettings):
 
     @cached_property
     def method_settings(self) -> Mapping[str, MethodSettings]:
-        """Each method's settings by the name of its entry, worked out once. Raises
-        ``SettingError``.
+        """Each method's settings by the name of its entry: those that were ``asked``, with what is
+        ``auto`` decided. Raises ``SettingError``.
         """
         settings = dict(self.asked)
         for name, asked in self.asked.items():
@@ -242,8 +245,9 @@ class Scenario(MethodSettings):
         return car.route.start_ns + late_ns
 
     def links(self) -> Iterator[tuple[str, Choice]]:
-        """The path and the choice of each link that is named here, those of the user's own left
-        out: their code runs only where a scenario does.
+        """The path and the choice of each link that is named here, of equal ones the first. One in
+        the edge network never equals a car's: other things are checked of it. Those of the user's
+        own are left out: their code runs only where a scenario does.
         """
         named = [(f"cars[{index}].link", car.link) for index, car in enumerate(self.cars)]
         for index, car in enumerate(self.cars):
@@ -268,8 +272,10 @@ class Scenario(MethodSettings):
         for index, entry in enumerate(self.methods):
             if entry.settings:
                 named += chosen(self.method_settings[entry.name], f"methods[{index}]")
-        detector = Choice(str(self.perception.parameters.get("detector")))
-        named.append(Chosen("perception.detector", DETECTOR, detector, name_alone=True))
+        detector = self.perception.parameters.get("detector")
+        if detector is not None:
+            choice = Choice(str(detector))
+            named.append(Chosen("perception.detector", DETECTOR, choice, name_alone=True))
         return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
 
     def to_yaml(self) -> str:

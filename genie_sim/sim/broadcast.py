@@ -49,7 +49,8 @@ class Broadcast(Subscriber):
             graph.bridge(topic, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        heard_by: list[str] = []  # known when the last bit has left
+        """The host has published something: it waits for the medium."""
+        heard_by: list[str] = []  # the hosts; ``carried`` fills it in before anything arrives
         self.link.send(
             (topic, message.header.frame_id),
             message,
@@ -73,12 +74,8 @@ class Broadcast(Subscriber):
     def _across(self, message: Message, host: str) -> Message | None:
         """The message as it arrives at a host; ``None`` if a fault loses it."""
         border = self._border(self.host, host)
-        if border.at_source:
-            left = border.leave(message)
-            if isinstance(left, str):
-                return None
-            message = left
-        if border.at_destination:
-            arrived = border.enter(message)
-            return None if isinstance(arrived, str) else arrived
-        return message
+        left = border.leave(message)
+        if isinstance(left, str):  # what it is lost by
+            return None
+        arrived = border.enter(left)
+        return None if isinstance(arrived, str) else arrived

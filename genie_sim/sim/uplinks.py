@@ -47,7 +47,7 @@ class CarUplink:
         tail_time_ns: int = 0,
     ) -> None:
         self.interface = network.interface(graph.name, tail_time_ns)
-        self.edge = ""
+        self.edge = ""  # that it is connected to, or was last
         self._network = network
         self._graph = graph
         self._topics = topics
@@ -120,8 +120,8 @@ class CarUplink:
 
 
 class CarUplinks(Subscriber):
-    """All uplinks of a car. What is published on a topic goes up each uplink that takes it; an
-    image that is encoded is so once for all of them.
+    """All uplinks of a car. What is published on a topic goes up each uplink that takes it. Where
+    images are encoded, each is so once for all of them.
     """
 
     def __init__(self, network: Network, graph: Graph) -> None:
@@ -130,7 +130,7 @@ class CarUplinks(Subscriber):
         self.uplinks: list[CarUplink] = []
         self._graph = graph
         self._by_topic: dict[str, list[CarUplink]] = {}
-        self._encoder = network.add_coder(graph, "encoder", self._send)
+        self._encoder = network.add_coder(graph, "encoder", self._send)  # None: images stay raw
 
     def add(self, topic: str, uplink: CarUplink) -> None:
         """An uplink takes what is published on a topic."""
@@ -140,6 +140,7 @@ class CarUplinks(Subscriber):
         self.uplinks.append(uplink)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """The car has published something: it goes up, encoded before if it is an image."""
         if self._encoder is None:
             self._send(topic, message, sender)
         else:

@@ -29,10 +29,10 @@ from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink, CarUplinks
 
 SAMPLE_NS = NS_PER_S // 10
-DRAIN_NS = 5 * NS_PER_S  # after the last frame, and as often again as something is in flight
+DRAIN_NS = 5 * NS_PER_S  # a run goes on so long after its last frame, then again while it is busy
 MAX_DRAIN_NS = 600 * NS_PER_S
 ONE_BY_ONE = Serving()
-# Of what a host has used, the counts that only grow.
+# The fields of HostUsage that only grow, from which the warm-up is taken away.
 GROWING_COUNTS = (
     "accelerator_ns",
     "cpu_ns",
@@ -81,7 +81,7 @@ class World:
         self._fault_spans: list[FaultSpan] = []
         self._uplinks: list[CarUplinks] = []
         self._broadcast = None if setup.broadcast is None else setup.broadcast.radio(self.network)
-        self._used_before: dict[str, HostUsage] = {}  # the end of the warm-up
+        self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
         self._build_edges()
         edge_resources = list(self.network.resources)  # those of cars are not built yet
         for car in setup.cars:
@@ -96,7 +96,6 @@ class World:
 
     def _build_edges(self) -> None:
         setup, network = self.setup, self.network
-        servers: dict[str, EdgeServer] = {}
         blind_edges = setup.blind_edges
         neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
         for edge in setup.edges:
@@ -104,21 +103,21 @@ class World:
             context = self._contexts.edge(edge, name not in blind_edges, neighbours_of[name])
             config = _checked("on_edge", self._method.on_edge(context))
             graph = network.add_host(name, setup.devices[edge.device])
-            servers[name] = EdgeServer(graph, config)
+            self.edges[name] = EdgeServer(graph, config)
             if config.detector:
                 self._add_detector(graph, edge.serving or setup.settings.serving)
-        for server in servers.values():
+        for server in self.edges.values():
             graph = server.graph
             self._add_interceptor(graph, server.config, "edge")
             self._add_broadcast(graph, server.config)
+            # frames from cars arrive at the decoder, or at the graph itself
             server.target = network.add_coder(graph, "decoder", graph.inject) or graph
-        join_edges(network, servers, neighbours_of, setup.edge_network)
-        self.edges.update(servers)
+        join_edges(network, self.edges, neighbours_of, setup.edge_network)
 
     def _build_car(self, car: Car) -> None:
         setup = self.setup
         config = self._method.on_car(self._contexts.car(car))
-        if config is None:
+        if config is None:  # nothing runs on it
             return
         _checked("on_car", config)
         graph = self.network.add_host(car.name, setup.devices[car.device])
@@ -128,6 +127,7 @@ class World:
         uplinks = self._add_uplinks(car, graph, config)
         self._add_broadcast(graph, config)
         has_server = config.detector or config.interceptor is not None or bool(uplinks)
+        # the frames of a car with neither a server nor an edge are meant to reach nobody
         if has_server or car.edge is not None:
             self._check_wiring(car, graph, config)
         CarListener(graph, self.monitor, uplinks=uplinks, has_server=has_server)
@@ -146,10 +146,12 @@ class World:
 
     def _check_wiring(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
+        edges = list(config.further_uplinks)
+        if config.uplink is not None and car.edge is not None:
+            edges.insert(0, car.edge)
         with as_user_error(self._method.title, UserError):
             wiring.check_car(graph, config)
-            used = [car.edge] if config.uplink is not None and car.edge is not None else []
-            for edge in (self.edges[name] for name in (*used, *config.further_uplinks)):
+            for edge in (self.edges[name] for name in edges):
                 wiring.check_edge(edge.graph, edge.config, car.name)
 
     def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
@@ -187,7 +189,7 @@ class World:
         for edge in config.further_uplinks:
             if edge not in further:
                 raise UserError(f"{title}: {car.name}: {unknown('further uplink', edge, further)}")
-        wanted = dict(config.further_uplinks)
+        wanted = dict(config.further_uplinks)  # what each carries, by edge
         if config.uplink is not None and car.edge is not None:
             wanted = {car.edge: config.uplink, **wanted}
         if not wanted:
@@ -230,8 +232,8 @@ class World:
         self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
             self.clock.run(until=self.last_frame_ns + drained_ns)
-            may_go_on = any(one.is_alive for one in self._faults)
-            if not self.network.is_busy(stalled_too=may_go_on):
+            may_end_stall = any(fault.is_alive for fault in self._faults)
+            if not self.network.is_busy(stalled_too=may_end_stall):
                 break
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(map(self._since_warm_up, self._usage()))
@@ -253,17 +255,17 @@ class World:
         self._faults.clear()
 
     def _end_warm_up(self) -> None:
-        """From now on it counts what hosts, links and queues do."""
-        self._used_before = {usage.host: usage for usage in self._usage()}
+        """From now on what hosts, links and queues do counts."""
+        self._used_in_warm_up = {usage.host: usage for usage in self._usage()}
         for resource in self._sampled:
             resource.occupancy.forget_most()
 
     def _since_warm_up(self, usage: HostUsage) -> HostUsage:
         """What a host has used, without what it had used before the end of the warm-up."""
-        before = self._used_before.get(usage.host)
-        if before is None:
+        earlier = self._used_in_warm_up.get(usage.host)
+        if earlier is None:
             return usage
-        used = {name: getattr(usage, name) - getattr(before, name) for name in GROWING_COUNTS}
+        used = {name: getattr(usage, name) - getattr(earlier, name) for name in GROWING_COUNTS}
         begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
         return usage._replace(**used, begin_ns=begin_ns)
 
@@ -271,11 +273,11 @@ class World:
         """What every host has used until now."""
         setup = self.setup
         starts_ns = {car.name: car.route.start_ns for car in setup.cars}
-        uplinks = {}
+        traffic = {}  # of each car with an uplink
         for of_car in self._uplinks:
             carried = [uplink.bytes_carried() for uplink in of_car.uplinks]
             used = [uplink.interface for uplink in of_car.uplinks]
-            uplinks[of_car.car] = {
+            traffic[of_car.car] = {
                 "bytes_up": sum(up for up, _ in carried),
                 "bytes_down": sum(down for _, down in carried),
                 "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
@@ -292,7 +294,7 @@ class World:
                 cpu_ns=host.cpu.busy_ns,
                 pictures=host.accelerator.completed,
                 batches=host.accelerator.jobs,
-                **uplinks.get(name, {}),
+                **traffic.get(name, {}),
                 begin_ns=starts_ns.get(name, 0),
             )
 
@@ -310,7 +312,7 @@ class World:
         return []
 
     def _sample(self, progress: OnTime | None) -> Steps:
-        """The process that samples resources, at the end of the warm-up, too."""
+        """The process that samples resources. One of its instants is the end of the warm-up."""
         warm_up_ns = self.setup.warm_up_ns
         if warm_up_ns % SAMPLE_NS:
             yield self.clock.timeout(warm_up_ns % SAMPLE_NS)

@@ -18,6 +18,8 @@ from genie_sim.study.plan import Entry
 if TYPE_CHECKING:
     import pandas as pd
 
+BEFORE_AXES = ("point", "seed", "run_id")  # the first columns of ``of_runs``
+
 
 def of_runs(
     entries: Sequence[Entry], columns: Sequence[str], measured: "pd.DataFrame"
@@ -28,7 +30,7 @@ def of_runs(
     import pandas as pd
 
     rows = sorted((entry.point, entry.seed, entry.run_id, *entry.levels) for entry in entries)
-    places = pd.DataFrame(rows, columns=["point", "seed", "run_id", *columns])
+    places = pd.DataFrame(rows, columns=[*BEFORE_AXES, *columns])
     return places.merge(measured, on="run_id", how="left")  # keeps the order of both
 
 

@@ -22,10 +22,9 @@ from genie_sim.core.tracking import COAST_NS, NEAR_M, Track, kind_of, sigma_of
 from genie_sim.core.view import FARTHEST_M, View, ViewSector
 
 SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
-# how far a slow, and any other track is at most from where it was updated
+# A track stays in the cell where it was last updated; this far it may have moved since.
 SLOW_DRIFT_M, FAST_DRIFT_M = 0.5, 34.0
 COUNTED_NS = 10_000_000_000  # how long a look is remembered, lest it be counted again
-TAKEN_OVER_VARIANCE = (1.0, 0.0, 1.0)
 MAX_GATE_M = 5.0  # no kind's gate is wider
 
 
@@ -108,9 +107,9 @@ class TrackMap(Map):
         self._view_margin_rad = view_margin_rad
         self._slow: Grid[Track] = Grid(SLOW_CELL_M)
         self._fast: Grid[Track] = Grid(FAST_CELL_M)
-        self._count = 0
+        self._count = 0  # of the tracks in both
         self._numbers = itertools.count()  # of tracks
-        # a heap: when to look at the track, and a tie-breaker
+        # a heap: when the track's time may be over, and a tie-breaker
         self._to_forget: list[tuple[int, int, Track]] = []
         self._ties = itertools.count()
         self._counted: OrderedDict[Header, None] = OrderedDict()  # looks
@@ -153,10 +152,10 @@ class TrackMap(Map):
         leaves: bool = True,
     ) -> EnhancedAnswer:
         """Counts the look behind an answer, or takes over the tracks of one that has none. See
-        ``maps.Map``.
+        ``maps.Map``; what goes on is worked out whether or not the answer ``leaves``.
         """
         if answer.objects is None:
-            return EnhancedAnswer(answer, answer, answer)
+            return EnhancedAnswer.of_one(answer)
         look = answer.look
         if own and look is None and answer.source == "detector" and viewer is not None:
             placed = tuple(seen for seen in answer.objects if seen.location is not None)
@@ -185,7 +184,8 @@ class TrackMap(Map):
             forgotten=tuple(map(as_change, forgotten)) if names_changes else (),
         )
         answer = answer.with_look(look, None)
-        to = answer.header.origin if look is None else ""
+        # an answer with a look may go on to any Genie; one without is for the car that asked
+        to = "" if look is not None else answer.header.origin
         of_look = answer.with_objects(self._served(remaining, to, now_ns))
         if look is None or self._shares == "look":
             return EnhancedAnswer(answer, of_look, of_look, counts)
@@ -199,7 +199,7 @@ class TrackMap(Map):
     ) -> EnhancedAnswer:
         """What the map shows at the requester's pose, in the place of what was stored."""
         if answer.objects is None:
-            return EnhancedAnswer(answer, answer, answer)
+            return EnhancedAnswer.of_one(answer)
         requests = hits = 0
         for detection in answer.objects:
             if detection.location is not None:
@@ -212,7 +212,7 @@ class TrackMap(Map):
         if viewer is not None:
             objects, valid_ns = self.visible(viewer, self._view_range_m, now_ns)
             answer = answer.with_objects(objects).with_look(None, valid_ns)
-        return EnhancedAnswer(answer, answer, answer, LookupCounts(requests, hits))
+        return EnhancedAnswer.of_one(answer, LookupCounts(requests, hits))
 
     def visible(
         self, viewer: Viewer, range_m: float, now_ns: int
@@ -247,22 +247,16 @@ class TrackMap(Map):
         )
         return looked and self.match(label, east_m, north_m, seen_ns) is None
 
-    def _sector(self, viewer: Viewer, range_m: float) -> ViewSector:
-        """Where answers out of the map look for a viewer."""
-        width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
-        return ViewSector(viewer.pose, width_rad, range_m)
-
     def served(self, now_ns: int) -> list[Detection]:
-        """Every object that may leave, wherever it is."""
+        """Every object that may leave to other Genies, wherever it is."""
         return self._served(self, "", now_ns)
 
     def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
         """The nearest track of the label's group that a sighting at a place could be."""
         kind = kind_of(label)
-        reach_m = kind.gate_m
         nearest: tuple[float, int] | None = None
         nearest_track = None
-        for track in self._inside(area_around(east_m, north_m, reach_m)):
+        for track in self._inside(area_around(east_m, north_m, kind.gate_m)):
             if track.kind is kind:
                 there_east_m, there_north_m = track.place(at_ns)
                 distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
@@ -310,14 +304,21 @@ class TrackMap(Map):
             shown[index] = self._sight(shown.get(index), seen, look, born)
         for track, range_m in unseen:
             self._policy.unseen(track, range_m, look.header)
-            if track.existence < 0.5:  # before that it has time
+            if track.existence < 0.5:  # until then the time that is noted is near enough
                 self._plan(track)
-        others = [pair for pair in pairs if pair.number not in matched]
-        forgotten = self._merged(others, shown, stamp_ns) + self.forget(now_ns)
+        unmatched = [pair for pair in pairs if pair.number not in matched]
+        forgotten = self._merged(unmatched, shown, stamp_ns) + self.forget(now_ns)
         return CountedLook(_without_repeats(shown.values()), before, forgotten)
 
+    def _sector(self, viewer: Viewer, range_m: float) -> ViewSector:
+        """Where answers out of the map look for a viewer."""
+        width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
+        return ViewSector(viewer.pose, width_rad, range_m)
+
     def _merged(self, pairs: Iterable[Pair], shown: Mapping[int, Track], at_ns: int) -> list[Track]:
-        """Takes out, and returns, tracks that came as near to one that was seen as one object."""
+        """Takes out, and returns, the tracks of pairs that are now so near to the one that was seen
+        that both are one object.
+        """
         merged = []
         for pair in pairs:
             if (
@@ -340,6 +341,7 @@ class TrackMap(Map):
         return _without_repeats(tracks)
 
     def _remember(self, look: Look, view: View) -> None:
+        """Notes that a look was counted, and if it is its camera's newest, what it saw."""
         stamp_ns, stream, car = look.header
         self._counted[look.header] = None
         if stamp_ns >= self._latest.get((car, stream), (0, view))[0]:
@@ -364,18 +366,17 @@ class TrackMap(Map):
         header = look.header
         assert seen.location is not None
         east_m, north_m, _ = seen.location
-        if track is None:
-            group = kind_of(seen.label).group
-            for other in born:
-                if (
-                    other.kind.group == group
-                    and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
-                ):
-                    return other
         range_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
         sigma_m = sigma_of(range_m)
         if track is None:
-            speed_mps = kind_of(seen.label).v_max_mps / 2
+            kind = kind_of(seen.label)
+            for other in born:
+                if (
+                    other.kind.group == kind.group
+                    and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
+                ):
+                    return other
+            speed_mps = kind.v_max_mps / 2
             variance = sigma_m * sigma_m, 0.0, speed_mps * speed_mps
             track = self._new_track(seen, header, header.stamp_ns, variance)
             track.counted_ns[header.origin] = header.stamp_ns
@@ -392,7 +393,7 @@ class TrackMap(Map):
             header.stamp_ns, track.seen_by_ns.get(header.origin, header.stamp_ns)
         )
         self._policy.seen(track, seen.score, header)
-        if track.cell is None:
+        if track.cell is None:  # new, or moved out of its cell
             self._put(track)
         if track.due_ns is None or track.moving:
             self._plan(track)
@@ -426,8 +427,9 @@ class TrackMap(Map):
             self._take_out(track, was_moving)
 
     def _take_over(self, detection: Detection, at_ns: int) -> Track | None:
-        """The track of another map's, which counted other looks: taken over where no camera that
-        this map knows looked within the last second, and unless ours was seen later.
+        """Our track of an object that another map, which counted other looks, tells of. The object
+        is taken over as that map has it, unless a camera that this map knows looked there within
+        the last second, or our track was seen later. ``None`` if we have no track of it.
         """
         motion = detection.motion
         if motion is None or detection.location is None:
@@ -440,14 +442,15 @@ class TrackMap(Map):
         )
         if looked or (track is not None and motion.seen.stamp_ns <= track.seen.stamp_ns):
             return track
+        variance = motion.sigma_m**2, 0.0, 1.0
         if track is None:
-            track = self._new_track(detection, motion.seen, at_ns, TAKEN_OVER_VARIANCE)
+            track = self._new_track(detection, motion.seen, at_ns, variance)
         else:
             self._take_out(track, was_moving=track.moving)
-        track.east_m, track.north_m, track.up_m = east_m, north_m, up_m
-        track.stamp_ns, track.seen = at_ns, motion.seen
+            track.east_m, track.north_m, track.up_m = east_m, north_m, up_m
+            track.stamp_ns, track.seen = at_ns, motion.seen
+            track.variance = variance
         track.velocity_mps = motion.velocity_mps
-        track.variance = motion.sigma_m**2, 0.0, 1.0
         self._policy.seen(track, detection.score, motion.seen)
         track.existence = motion.existence
         self._put(track)
@@ -499,7 +502,9 @@ class TrackMap(Map):
             heapq.heappush(self._to_forget, (expires_ns, next(self._ties), track))
 
     def _served(self, tracks: Iterable[Track], to: str, now_ns: int) -> list[Detection]:
-        """Those that may leave to a car (to other Genies: ``""``), where they are now."""
+        """Those of these tracks that may leave to the car ``to`` (``""``: to other Genies), where
+        they are now.
+        """
         policy, by_existence = self._policy, self._policy.by_existence
         detections = []
         for track in tracks:

@@ -20,7 +20,7 @@ from genie_sim.sim.link_models.message_random import MessageRandom
 
 MBIT = 10**6
 SLOT_NS = 13_000
-IDLE_NS = 110_000  # that the channel must be idle before anybody sends: best effort, AIFS
+IDLE_NS = 110_000  # so long the channel must be idle before the backoff: best effort, AIFS
 WINDOW = 15  # the most slots of the backoff: best effort, CWmin
 PREAMBLE_NS = 40_000  # with the signal field
 SYMBOL_NS = 8_000  # of OFDM in 10 MHz
@@ -61,7 +61,9 @@ class Sidelink:
 
 @dataclass(slots=True, eq=False)
 class Broadcasting:
-    """A message on the air: the stations in range, and those of them that cannot receive it."""
+    """A message on the air: the stations in range, and those of them where something overlaps with
+    it.
+    """
 
     stations: Sequence["Station"]
     lost_at: set["Station"] = field(default_factory=set)
@@ -77,7 +79,7 @@ class SidelinkChannel:
         self.air = air
         self._stations: list[Station] = []
         self._near: dict[Station, list[Station]] = {}
-        self._places: list[tuple[float, float]] = []
+        self._places: list[tuple[float, float]] = []  # of the stations, in their order
         self._places_of = -1  # the tenth of a second
 
     def sender(self, host: str) -> "Station":
@@ -154,6 +156,7 @@ class Station:
         return self._busy_ns + (0 if since_ns is None else self.clock.now - since_ns)
 
     def sent(self, size_bytes: int) -> simpy.Event:
+        """Sends a message, see ``Sender``; then ``heard_by`` says who has received it."""
         self.heard_by = ()
         if not self._is_up:  # lost by what took it down
             return self.clock.timeout(0)
@@ -166,7 +169,9 @@ class Station:
         self._is_up = is_up
 
     def _send(self, size_bytes: int) -> Steps:
-        """Waits for the channel, then occupies it."""
+        """Waits for the channel, then occupies it. A backoff that another message interrupts goes
+        on after it with the slots that are left.
+        """
         clock, channel = self.clock, self._channel
         slots = int(self.random.integers(WINDOW + 1))
         loss_key = str(self.random.random()) if channel.sidelink.loss else ""
@@ -179,7 +184,7 @@ class Station:
             if waited_ns >= wait_ns:  # also if another begins in the same slot
                 break
             slots -= max(waited_ns - IDLE_NS, 0) // SLOT_NS
-        if not self._is_up:  # since it waits
+        if not self._is_up:  # taken down while it waited
             return
         broadcasting = Broadcasting(channel.near(self))
         self._begin(broadcasting)
@@ -187,11 +192,13 @@ class Station:
         self._end(broadcasting, loss_key)
 
     def _next_change(self) -> simpy.Event:
+        """Happens when the channel gets busy or idle here."""
         if self._change is None:
             self._change = self.clock.event()
         return self._change
 
     def _begin(self, broadcasting: Broadcasting) -> None:
+        """The first bit leaves. Who sends, or hears another message too, receives none of them."""
         self._is_sending = True
         for heard in self._heard:
             heard.lost_at.add(self)
@@ -206,6 +213,7 @@ class Station:
             station._sense()
 
     def _end(self, broadcasting: Broadcasting, loss_key: str) -> None:
+        """The last bit leaves: notes who has received the message."""
         self._is_sending = False
         self._sense()
         heard_by = []
@@ -213,15 +221,16 @@ class Station:
             del station._heard[broadcasting]
             station.occupancy.leave()
             station._sense()
-            is_lost = not self._is_up or station in broadcasting.lost_at
-            if is_lost or self._is_lost(station, loss_key):
-                station.drops += 1
-            else:
+            is_whole = self._is_up and station not in broadcasting.lost_at
+            if is_whole and not self._is_lost(station, loss_key):
                 station.completed += 1
                 heard_by.append(station.host)
+            else:
+                station.drops += 1
         self.heard_by = tuple(heard_by)
 
     def _is_lost(self, station: "Station", key: str) -> bool:
+        """Whether a reception is one of those that ``loss`` takes; ``key`` is the message's."""
         loss = self._channel.sidelink.loss
         return loss > 0 and self._losses.uniform(f"{station.host}\n{key}") < loss
 
