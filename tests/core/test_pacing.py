@@ -9,7 +9,7 @@ import math
 import random
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from genie_sim.core.messages import Header
@@ -88,6 +88,7 @@ def test_a_frame_half_a_millisecond_early_is_in_time():
     assert (up[-1] - up[0]) / (len(up) - 1) == pytest.approx(75, rel=0.01)
 
 
+@example(every_ms=68, phases_ms=[0, 11, 11], period_ms=121, jitter=0, seed=0)  # two at one instant
 @given(
     every_ms=st.floats(0, 400),
     phases_ms=st.lists(st.floats(0, 100), min_size=1, max_size=4),

@@ -7,6 +7,7 @@ import pytest
 from studies.what_to_share import told
 
 
+@pytest.mark.slow
 def test_small_messages_all_arrive_and_large_ones_do_not():
     """59.5 kB take 298 ms on a link that gets one every 100 ms: a third of them leaves it."""
     small, large = told("link", 1_171, seed=7), told("link", 59_500, seed=7)

@@ -85,6 +85,10 @@ class SentFrame(NamedTuple):
     stamp_ns: int
     due_ns: int | None
 
+    def order(self) -> tuple[int, int]:
+        """Of frames with one stamp, that for the later look went up last."""
+        return self.stamp_ns, -1 if self.due_ns is None else self.due_ns
+
 
 @dataclass(slots=True)
 class Stream:
@@ -189,7 +193,7 @@ class Pacer:
         stream = view[header.frame_id]
         every_ns = self._gap_ns()
         sent = [other.sent for other in view.values() if other.sent is not None]
-        last = max(sent, key=lambda frame: frame.stamp_ns, default=None)
+        last = max(sent, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
             return False
