@@ -154,8 +154,9 @@ class AutoCast(Method):
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
             return None
-        topics = (TOPIC,) if host.can_broadcast else ()
-        return HostConfig(detector=True, interceptor=partial(Caster, host, self), broadcast=topics)
+        return HostConfig(
+            detector=True, interceptor=partial(Caster, host, self), broadcast=(TOPIC,)
+        )
 
     def on_edge(self, host: HostContext) -> HostConfig:
         return HostConfig()

@@ -296,8 +296,9 @@ class CPM(Method):
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
             return None
-        topics = (TOPIC,) if host.can_broadcast else ()
-        return HostConfig(detector=True, interceptor=partial(Teller, host, self), broadcast=topics)
+        return HostConfig(
+            detector=True, interceptor=partial(Teller, host, self), broadcast=(TOPIC,)
+        )
 
     def on_edge(self, host: HostContext) -> HostConfig:
         return HostConfig()

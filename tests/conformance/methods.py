@@ -3,10 +3,13 @@
 @pytest.mark.parametrize("method", ["my_module:MyMethod"])
 class TestMine(MethodConformance):
     pass
+
+``needs`` are settings of a scenario without which it cannot run, such as a broadcast medium.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import pyarrow as pa
@@ -15,6 +18,7 @@ import pytest
 from genie_sim.base.settings import from_plain
 from genie_sim.runs.prepare import method_facts, new_method, new_methods
 from genie_sim.scenario.methods import MethodEntry
+from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
 
 SETTINGS: dict[str, dict[str, Any]] = {
@@ -32,21 +36,25 @@ class MethodConformance:
     """A method, by its name in scenarios, against the same small worlds as every other."""
 
     beside: ClassVar[tuple[str, ...]] = small.ALL
+    needs: ClassVar[dict[str, Any]] = {}
+
+    def scenario(self, methods: Sequence[Any], **settings: Any) -> Scenario:
+        return small.scenario(methods, **self.needs, **settings)
 
     @pytest.mark.parametrize("setting", SETTINGS)
     def test_every_frame_is_answered_or_dropped(self, method: str, setting: str):
         name = from_plain(MethodEntry, method).name
-        rows = small.frames(small.scenario([method], **SETTINGS[setting]))
+        rows = small.frames(self.scenario([method], **SETTINGS[setting]))
         small.check_conserved(rows, [name])
         assert rows["first_answer_ns"].notna().any(), "it never answers"
 
     def test_what_a_node_looks_up_is_told_where_it_runs(self, method: str):
-        lookups = small.tables(small.scenario([method]))["lookups"]
+        lookups = small.tables(self.scenario([method]))["lookups"]
         hosts = lookups["genie"].str.extract(r"^(car|edge)\d/")[0]
         assert hosts.equals(lookups["placement"].rename(0))
 
     def test_twice_the_same(self, method: str):
-        small.check_twice_the_same(small.scenario([method], **SETTINGS["lossy"]))
+        small.check_twice_the_same(self.scenario([method], **SETTINGS["lossy"]))
 
     def test_alone_or_between_others(self, method: str):
         """It takes no random number of another method, leaves nothing behind, and finds nothing."""
@@ -54,7 +62,7 @@ class MethodConformance:
         first, *others = [one for one in self.beside if one != method]
 
         def tables(*methods: str) -> dict[str, pa.Table]:
-            return small.arrow(small.simulated(small.scenario(methods, **lossy)))
+            return small.arrow(small.simulated(self.scenario(methods, **lossy)))
 
         found, without = tables(first, method, *others), tables(first, *others)
         small.same(small.of(name, tables(method)), small.of(name, found))
@@ -68,9 +76,9 @@ class MethodConformance:
         alone, both, by_hand = (
             small.arrow(small.simulated(one))
             for one in (
-                small.scenario([method]),
-                small.scenario([slower, method]),
-                small.scenario([plain], model="yolov8m", queue_length=4),
+                self.scenario([method]),
+                self.scenario([slower, method]),
+                self.scenario([plain], model="yolov8m", queue_length=4),
             )
         )
         small.same(small.of(name, alone), small.of(name, both))
@@ -79,7 +87,7 @@ class MethodConformance:
         assert other["first_answer_ns"] != mine["first_answer_ns"], "the settings change nothing"
 
     def test_it_says_what_it_is(self, method: str):
-        setting = small.scenario([method])
+        setting = self.scenario([method])
         (fact,) = method_facts(setting, new_methods(setting))
         made = new_method(from_plain(MethodEntry, method))
         assert fact == {

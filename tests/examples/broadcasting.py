@@ -21,7 +21,7 @@ from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, HostContext, Intercepto
 MS = 1_000_000
 
 
-def host(name: str, can_broadcast: bool = True) -> HostContext:
+def host(name: str) -> HostContext:
     return HostContext(
         name=name,
         gets_images=True,
@@ -32,7 +32,7 @@ def host(name: str, can_broadcast: bool = True) -> HostContext:
         records_changes=False,
         laws=ASSUMED,
         edges=(),
-        can_broadcast=can_broadcast,
+        can_broadcast=True,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from typing import Any, ClassVar
 
 import autocast
 import pytest
@@ -18,7 +19,7 @@ from tests.examples.broadcasting import MS, image, made, seen, thing, watch
 
 @pytest.mark.parametrize("method", ["autocast:AutoCast"])
 class TestConformance(MethodConformance):
-    pass
+    needs: ClassVar[dict[str, Any]] = {"broadcast": "sidelink"}
 
 
 def cast(
