@@ -7,12 +7,14 @@ import pytest
 from benchmarks import broadcast
 
 
+@pytest.mark.slow
 def test_every_car_in_range_receives_each_message(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(broadcast, "MESSAGES", 40)
     for range_m, receptions in ((broadcast.NOBODY_M, 0), (broadcast.ALL_M, 3 * 40)):
         assert broadcast.cost(broadcast.square(4, range_m)).receptions == receptions
 
 
+@pytest.mark.slow
 def test_a_row_for_each_fleet_and_range(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(broadcast, "MESSAGES", 40)
     monkeypatch.setattr(broadcast, "ROUNDS", 1)

@@ -158,6 +158,7 @@ def test_times_of_frames_have_the_law_of_their_device():
     assert times.mean() == pytest.approx(law.mean_ns, rel=0.01)
 
 
+@pytest.mark.slow
 def test_times_of_frames_are_independent():
     """Of frames after one another, of cameras and cars, and of devices: |r| below 4 / sqrt(n)."""
     edge, count = host(), 8_000
