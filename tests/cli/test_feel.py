@@ -377,6 +377,7 @@ def test_help_is_there_before_anything_heavy(arguments):
         *(f"genie_sim.base{part}" for part in ("", ".errors", ".paths", ".plugins", ".removed")),
         *(f"genie_sim.base.{part}" for part in ("own_sources", "import_report", "text")),
         *(f"genie_sim.core{part}" for part in ("", ".header", ".messages")),
+        *(f"genie_sim.analysis{part}" for part in ("", ".style")),  # colours and widths alone
         *(f"genie_sim.cli{part}" for part in ("", *(f".{part}" for part in command_line))),
     }
     bare = subprocess.run(

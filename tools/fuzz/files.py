@@ -10,7 +10,7 @@ from pathlib import Path
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data import fetch
-from genie_sim.data.detector import make_detector
+from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.kitti import open_drive, read_image
 from genie_sim.data.labels import label_file, tracking_labels, tracklets
 from genie_sim.data.trace import read_trace, write_trace
@@ -122,8 +122,13 @@ def networks(folder: Path) -> Case:
     cases = []
     for name, make in made.items():
         whole = make(folder / f"{name}.onnx").read_bytes()
-        cases.append(one_file(folder / f"broken_{name}.onnx", whole, partial(make_detector, name)))
+        read = partial(_open_detector, name)
+        cases.append(one_file(folder / f"broken_{name}.onnx", whole, read))
     return lambda rng: rng.choice(cases)(rng)
+
+
+def _open_detector(name: str, weights: Path) -> object:
+    return DetectorSettings(name, weights).opened()
 
 
 NAMES = (
