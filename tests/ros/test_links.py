@@ -334,7 +334,7 @@ def test_nobody_speaks_under_another_name_or_hears_what_is_not_for_it(
             put(session, key, image(2))
         edge.links.send("car1", "/objects", image(3, 10, SCAN))
         car.links.send("edge1", REQUEST, image(4))
-        until(lambda: car.got and edge.seconds()[-1] == 4, "the link works")
+        until(lambda: car.got and 4 in edge.seconds(), "the link works")
         time.sleep(0.5)
         assert edge.names() == ["car1"]
         token.undeclare()
