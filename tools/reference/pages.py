@@ -24,7 +24,7 @@ from genie_sim.analysis import (
     registry,
     resource_metrics,
 )
-from genie_sim.base import files, removed
+from genie_sim.base import files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
@@ -88,7 +88,6 @@ columns that the number is computed from, [better](../how-to/compare.md) says wh
 metric](../extend/metric.md).
 """
 SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
-OLD = "What to write instead of a name that no longer exists. Commands say the same.\n"
 
 COMMANDS = (
     *("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export"),
@@ -193,7 +192,6 @@ def _pages() -> Iterator[tuple[str, str]]:
     for name, title, modules in ROOMS:
         lines = (line for module in modules for line in python.module(f"genie_sim.{module}"))
         yield name, _page(f"Python: {title}", PYTHON, lines)
-    yield "removed", _page("Old names", OLD, old_names())
 
 
 def _page(title: str, intro: str, lines: Iterable[str]) -> str:
@@ -260,19 +258,6 @@ def names(kinds: Iterable[str]) -> Lines:
     for kind in kinds:
         yield f"## {kind}\n\n| name | about |\n|---|---|"
         yield from (f"| `{name}` | {_cell(about)} |" for name, about in catalogue.KINDS[kind]())
-        yield ""
-
-
-def old_names() -> Lines:
-    """Every table of ``base.removed``."""
-    for title, column, old in (
-        ("Commands and scenarios", "name", removed.NAMES),
-        ("Options", "option", removed.OPTIONS),
-        ("Settings", "setting", removed.SETTINGS),
-        ("Modules", "module of genie_sim", removed.MODULES),
-    ):
-        yield f"## {title}\n\n| {column} | instead |\n|---|---|"
-        yield from (f"| `{name}` | {_cell(instead)} |" for name, instead in old.items())
         yield ""
 
 
