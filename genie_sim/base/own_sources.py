@@ -71,8 +71,8 @@ def _digests(module: str) -> dict[Path, str]:
             continue
         digests[path] = sha256_of(path)
         for folder, names in _imports(path, root):
-            other_package = root.name in INSTALLED or names[0] in OTHERS
-            if folder != root or names[0] == package or not other_package:
+            own = names[0] == package if root.name in INSTALLED else names[0] not in OTHERS
+            if folder != root or own:
                 waiting += _paths(folder, names)
     return digests
 
