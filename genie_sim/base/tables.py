@@ -169,13 +169,12 @@ class FileTable:
         self.titles: tuple[str, ...] = ()
         if not path.is_file():
             raise UserError(f"{path}: no such file")
-        if path.suffix == ".parquet":
-            self._rows = self._of_parquet
+        self._is_text = path.suffix != ".parquet"
+        if not self._is_text:
             with parquet.opened(path) as file:
                 self.titles = tuple(file.schema_arrow.names)
             self.columns = len(self.titles)
             return
-        self._rows = self._of_text
         comment, content = "", list[str]()
         with _lines(path) as lines:
             for line in map(str.strip, lines):
@@ -250,8 +249,11 @@ class FileTable:
 
     def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
         """Where each row stands, and its raw cells of some columns; ``None``: of no column."""
-        for where, cells in self._rows():
-            yield where, [None if index is None else cells[index] for index in indices]
+        if self._is_text:
+            for where, cells in self._of_text():
+                yield where, [None if index is None else cells[index] for index in indices]
+        else:
+            yield from self._of_parquet(indices)
 
     def _of_text(self) -> Iterator[Row]:
         with _lines(self.path) as lines:
@@ -271,13 +273,13 @@ class FileTable:
                     raise UserError(f"{self.path}: line {number}: {text}")
                 yield f"{self.path}: line {number}", cells + [""] * (self.columns - len(cells))
 
-    def _of_parquet(self) -> Iterator[Row]:
+    def _of_parquet(self, indices: Sequence[int | None]) -> Iterator[Row]:
+        names = ["" if index is None else self.titles[index] for index in indices]
         number = 0
-        with parquet.opened(self.path) as file:
-            for batch in file.iter_batches(BATCH_ROWS, use_threads=False):
-                for cells in zip(*(column.to_pylist() for column in batch.columns), strict=True):
-                    number += 1
-                    yield f"{self.path}: row {number}", list(cells)
+        for batch in parquet.batches(self.path, [*filter(None, names)], BATCH_ROWS):
+            for cells in zip(*(batch[name] for name in names), strict=True):
+                number += 1
+                yield f"{self.path}: row {number}", list(cells)
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:
