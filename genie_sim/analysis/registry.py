@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
@@ -41,7 +40,6 @@ MODULES = (
     prices,
     correctness,
     outages,
-    attacks,
     part_metrics,
 )
 METRICS: Mapping[str, Metric] = {
