@@ -39,17 +39,7 @@ if TYPE_CHECKING:
 SCHEDULER_TIMEOUT_S, WORKERS_TIMEOUT_S = 10, 120
 log = logging.getLogger(__name__)
 # the tables that a sweep's metrics are from, and what must be recorded for them
-MEASURED = (
-    "frames",
-    "lookups",
-    "answers",
-    "held",
-    "hosts",
-    "power",
-    "faults",
-    "attacks",
-    "held_objects",
-)
+MEASURED = ("frames", "lookups", "answers", "held", "hosts", "power", "faults")
 NEEDED = {"lookups", "resources", "poses", "objects", "answers", "held"}
 RUN_ID = re.compile("[0-9a-f]{12}")
 # what ``atomic_write`` writes beside a part
@@ -98,8 +88,7 @@ class PointRun:
 
 def measured(prepared: Prepared) -> Sequence[MetricValue]:
     """The metrics of a run's methods and Genies, not of single resources: a fleet has many."""
-    needed = NEEDED | ({"held_objects"} if prepared.scenario.faults else set())
-    record = tuple(name for name in prepared.scenario.record if name in needed)
+    record = tuple(name for name in prepared.scenario.record if name in NEEDED)
     tables = simulate(replace(prepared, scenario=replace(prepared.scenario, record=record)))
     return _metrics_of(prepared, {name: tables[name].columns() for name in MEASURED})
 
