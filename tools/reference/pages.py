@@ -99,7 +99,7 @@ KINDS = (
     *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
     *("rules", "detectors", "models"),
 )
-SHIPPED = ("scenarios", "sweeps", "searches", "spaces")
+SHIPPED = ("scenarios", "sweeps")
 METRICS = (
     ("metrics", "answers and accuracy", (frame_metrics, correctness, looks)),
     (
@@ -181,7 +181,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     yield "devices-servers", _page("Devices: servers", LAWS, devices(servers))
     yield "links", _page("Links", LINK, links())
     yield "names", _page("Methods, faults and other names", NAMES, names(KINDS))
-    yield "names-scenarios", _page("Shipped scenarios, sweeps and searches", SHOW, names(SHIPPED))
+    yield "names-scenarios", _page("Shipped scenarios and sweeps", SHOW, names(SHIPPED))
     for name, title, modules in METRICS:
         yield name, _page(f"Metrics: {title}", METRIC, metrics(modules))
     exported = ((name, getattr(genie_sim, name)) for name in genie_sim.__all__ if name[0] != "_")
