@@ -20,8 +20,8 @@ if TYPE_CHECKING:
         differences,
         load,
         load_scenario,
+        reproduce,
         run,
-        search,
         sweep,
     )
 
@@ -37,8 +37,8 @@ __all__ = [
     "differences",
     "load",
     "load_scenario",
+    "reproduce",
     "run",
-    "search",
     "sweep",
 ]
 

@@ -30,5 +30,5 @@ def reproduce(*, quick: bool, seeds: int | None, jobs: int | None, out: Path) ->
     ):
         result = run_evaluation(out, quick=quick, seeds=seeds, workers=jobs, progress=progress)
     click.echo(printed.text(result.rows, terminal.width()))
-    click.echo(f"Results: {result.folder}\nFigures: {result.folder / 'figures'}")
-    click.echo(f"Report:  {result.folder / terminal.PAGE}")
+    click.echo(f"Results: {out}\nFigures: {out / 'figures'}")
+    click.echo(f"Report:  {out / terminal.PAGE}")

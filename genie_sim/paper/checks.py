@@ -400,7 +400,7 @@ def _furthest(ratios: Sequence[Values]) -> Values:
 
 
 def _mean_effect(effects: Effects) -> Values:
-    return np.mean([effect.effect for effect in effects.values()], axis=0)
+    return np.asarray(np.mean([effect.effect for effect in effects.values()], axis=0))
 
 
 def _steps(

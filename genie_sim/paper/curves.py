@@ -48,7 +48,7 @@ Curves = Mapping[Key, Points]
 
 
 def of_run(scenario: str, columns: Mapping[str, Columns]) -> dict[Key, Points]:
-    """The curves of a run of one of the paper's scenarios, from its tables ``frames`` and ``lookups``."""
+    """The curves of a run of a scenario of the paper, from its ``frames`` and ``lookups``."""
     curves = dict(_times(columns["frames"], scenario == CASE))
     maps = columns["lookups"].rows(columns["lookups"]["kind"] != "image")
     for placement in genie_metrics.PLACEMENTS:

@@ -37,8 +37,10 @@ class Evidence:
         keys = ["variant", "scenario", *Number._fields]
         texts = numbers.astype(dict.fromkeys(keys, str))
         wide = texts.pivot(index=keys, columns="seed", values="value")
-        self.seeds: tuple[int, ...] = tuple(wide.columns)
-        self._values = dict(zip(wide.index, wide.to_numpy(), strict=True))
+        self.seeds = tuple(int(seed) for seed in wide.columns)
+        self._values: dict[tuple[str, ...], Values] = dict(
+            zip(wide.index, wide.to_numpy(), strict=True)
+        )
         self._runs = {place[:2] for place in self._values}
 
     def of(self, scenario: str, number: Number, variant: str = BASE) -> Values:

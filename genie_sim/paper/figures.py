@@ -218,9 +218,8 @@ class Shown:
             axis.set_xlim(-0.6, len(scenarios) - 0.4)
             axis.grid(axis="x", visible=False)
         if len(means) > 2:
-            self._lines(
-                grid[0], f"mean of the bars {percent_text(np.mean(means), 2)}", np.mean(means), "-"
-            )
+            mean = float(np.mean(means))
+            self._lines(grid[0], f"mean of the bars {percent_text(mean, 2)}", mean, "-")
         if what == "object reuse":
             average, most = PRINTED["C11"], PRINTED["C12"]
             self._lines(

@@ -46,14 +46,11 @@ class Reproduction:
         value.
     curves : mapping
         The points that figures draw.
-    folder : Path or None
-        Where it is kept.
     """
 
     rows: Sequence[Mapping[str, Any]]
     numbers: "pd.DataFrame"
     curves: "Curves"
-    folder: Path | None
 
     @property
     def sentences(self) -> list[str]:
@@ -120,7 +117,7 @@ def reproduce(
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
         measured, drawn = runs.simulate(planned, store, workers or workers_here(), progress)
-    made = Reproduction(judge(Evidence(measured)), measured, drawn, out)
+    made = Reproduction(judge(Evidence(measured)), measured, drawn)
     if out is not None:
         about = {"quick": quick, "seeds": list(used), "edited": edited}
         with provenance.result_folder(out) as folder:

@@ -78,7 +78,8 @@ def changed_setting(scenario: Mapping[str, Any]) -> str | None:
     ``None`` where it is that, whatever its seed and its methods.
     """
     shipped = plain_data(load_scenario(str(scenario["name"])))
-    for key in sorted({*scenario, *shipped} - {*NO_SET_UP}):
+    keys: set[str] = {*scenario, *shipped} - {*NO_SET_UP}
+    for key in sorted(keys):
         ours, theirs = (json.dumps(of.get(key), default=str) for of in (scenario, shipped))
         if ours != theirs:
             return key
