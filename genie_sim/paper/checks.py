@@ -147,7 +147,7 @@ def _c12(evidence: Evidence, claim: Claim) -> Finding:
     bars = [evidence.of(s, placed("object_reuse", where)) for s in ALL for where in PLACEMENTS]
     highest = max(bars, key=lambda bar: float(np.nan_to_num(bar).mean()))
     ends = [
-        np.nanmean(evidence.of(s, placed("object_reuse_highest", where)))
+        np.nan_to_num(evidence.of(s, placed("object_reuse_highest", where))).mean()
         for s in ALL
         for where in PLACEMENTS
     ]
