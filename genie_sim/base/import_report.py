@@ -121,7 +121,7 @@ class ImportReport:
         told = f"{what}: a row every {period_s:.3g} s; {between}"
         if period_s > long_s or period_s <= SHORT_PERIOD_S:
             self.refuse(f"{told}: are the times in another unit than they say?")
-        elif period_s > LONG_GAP_S:
+        elif period_s > long_s / GAP_PERIODS:
             self.warn(told)
         self.gaps(what, times_s)
 

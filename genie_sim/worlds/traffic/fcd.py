@@ -18,7 +18,7 @@ from xml.parsers import expat
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.import_report import FAST_SHARE, ImportReport, askew_rad
+from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport, askew_rad
 from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
@@ -370,6 +370,12 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
         begins = [f"{time_s:g} s" for time_s in (content.begin_s, content.first_s)]
         report.choose("begin", begins[0], begins, "perception.begin")
     report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
+    known_s = float(rows.times_s[-1]) - (content.begin_s or 0.0)
+    if known_s + LONG_GAP_S < content.duration_s:
+        report.warn(
+            f"ends {known_s:.4g} s after the beginning, before 'duration' of "
+            f"{content.duration_s:.4g} s is over"
+        )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
     report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
