@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
@@ -42,7 +41,6 @@ MODULES = (
     prices,
     correctness,
     outages,
-    attacks,
     part_metrics,
 )
 METRICS: Mapping[str, Metric] = {

@@ -30,10 +30,6 @@ NAMES: dict[str, str] = {
     "metric energy_active_per_frame": (
         "Subtract the idle power times the time of a run, both in the tables hosts and power."
     ),
-    **dict.fromkeys(
-        ("metric poison_spread", "metric poison_exposure", "metric poison_life"),
-        "Write poisoned_objects, or compare attacks.parquet with held_objects.parquet.",
-    ),
     **{
         f"metric {name}": f"Compute it from the table {table}."
         for table, names in {
@@ -66,7 +62,6 @@ MODULES: dict[str, str] = {
     "recording": "genie_sim.record",
     "town": "genie_sim.worlds.town",
     "traffic": "genie_sim.worlds.traffic",
-    "faults.attack": "genie_sim.faults.attacks.attack",
     "base.custom_sources": "genie_sim.base.own_sources",
 }
 """Modules of ``genie_sim`` that code of the user's own may import by an old name."""

@@ -262,17 +262,12 @@ class FileTable:
             )
 
     def _parquet_cells(self, indices: Sequence[int | None]) -> Iterator[tuple[str, list[Any]]]:
-        names = [None if index is None else self.titles[index] for index in indices]
+        names = ["" if index is None else self.titles[index] for index in indices]
         number = 0
-        with parquet.opened(self.path) as file:
-            used = [name for name in names if name is not None]
-            for batch in file.iter_batches(BATCH_ROWS, columns=used, use_threads=False):
-                by_name = {name: batch.column(name).to_pylist() for name in used}
-                empty = [None] * batch.num_rows
-                columns = [empty if name is None else by_name[name] for name in names]
-                for cells in zip(*columns, strict=True):
-                    number += 1
-                    yield f"{self.path}: row {number}", list(cells)
+        for batch in parquet.batches(self.path, [*filter(None, names)], BATCH_ROWS):
+            for cells in zip(*(batch[name] for name in names), strict=True):
+                number += 1
+                yield f"{self.path}: row {number}", list(cells)
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:

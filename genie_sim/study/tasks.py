@@ -46,8 +46,6 @@ MEASURED = (
     "hosts",
     "power",
     "faults",
-    "attacks",
-    "held_objects",
 )
 PART = Schema(
     "sweep_part",
@@ -222,8 +220,6 @@ def measured(prepared: Prepared) -> Sequence[MetricValue]:
     """
     # by the metrics of a sweep
     needed = {"lookups", "resources", "poses", "objects", "answers", "held"}
-    if prepared.scenario.faults:  # some may be attacks
-        needed.add("held_objects")
     record = tuple(table_name for table_name in prepared.scenario.record if table_name in needed)
     scenario = replace(prepared.scenario, record=record)
     tables = simulate(replace(prepared, scenario=scenario))

@@ -14,7 +14,6 @@ from click.testing import CliRunner
 
 import genie_sim
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
@@ -99,7 +98,7 @@ STEPS = ("frames", "lookups", "looks", "steps", "answers", "held", "held_objects
 BOARD = "NVIDIA Jetson"
 MAP = "Genie's object map (Algorithm 2)"
 KINDS = (
-    *("methods", "faults", "defences", "sources", "link-models", "similarities", "evictions"),
+    *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
     *("rules", "detectors", "models"),
 )
 SHIPPED = ("scenarios", "sweeps", "searches", "spaces")
@@ -108,7 +107,7 @@ METRICS = (
     (
         "metrics-more",
         "caches, costs, faults",
-        (genie_metrics, resource_metrics, prices, outages, attacks, part_metrics),
+        (genie_metrics, resource_metrics, prices, outages, part_metrics),
     ),
 )
 ROOMS = (
@@ -124,12 +123,11 @@ ROOMS = (
     ),
     (
         "python-freshness",
-        "freshness and defences",
+        "freshness",
         (
             "core.freshness.never",
             "core.freshness.track",
             "core.freshness.existence",
-            "core.defences",
         ),
     ),
     (
