@@ -55,7 +55,7 @@ PAPER_MAY_READ_WITH = {"scenario.yaml_input", "scenario.profiles"}
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "optuna": "search"}
+FROM_EXTRAS = {"distributed": "dask"}
 LATE = (
     "pandas",
     "matplotlib",
@@ -67,7 +67,6 @@ LATE = (
     "simpy",
     "joblib",
     "distributed",
-    "optuna",
 )
 
 

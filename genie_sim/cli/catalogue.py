@@ -72,8 +72,6 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "link-models": lambda: _first_lines(LINK_MODELS),
     "scenarios": lambda: _described(files.SCENARIO),
     "sweeps": lambda: _described(files.SWEEP),
-    "searches": lambda: _described(files.SEARCH),
-    "spaces": lambda: _described(files.SPACE),
     "devices": lambda: ((name, load_profile(name).title) for name in files.available(files.DEVICE)),
     "models": _models,
     "links": lambda: ((name, _about_link(link)) for name, link in LINKS.items()),
