@@ -313,7 +313,7 @@ def read_trace(path: Path) -> Trace:
     another format version, a missing column, time stamps out of order and poses that are not
     numbers.
     """
-    table, about = world_table.read(path, "trace", _schema(), "name")
+    table, about = world_table.read(path, "trace", _schema(), "name", optional=_is_more)
     with as_user_error(f"{path}: a row cannot be read", TypeError, ValueError):
         frames = [_frame(row) for row in table.to_pylist()]
     by_camera = checked(path, frames)
@@ -331,7 +331,7 @@ def read_trace(path: Path) -> Trace:
 
 def sequence_of(path: Path) -> str | None:
     """The sequence that the trace in a file is of, read without its frames. Raises UserError."""
-    return _sequence(path, parquet.about(path, "trace"))
+    return _sequence(path, parquet.described(path, "trace")[1])
 
 
 def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
@@ -402,6 +402,11 @@ def _schema() -> "pyarrow.Schema":
             ("detections", pa.list_(pa.struct(detection))),
         ]
     )
+
+
+def _is_more(column: str) -> bool:
+    """Whether a trace may have this column besides those of ``_schema``."""
+    return column == "kind" or column.startswith(FEATURE)
 
 
 def _row(frame: TraceFrame) -> dict[str, Any]:

@@ -238,7 +238,6 @@ class World:
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(map(self._since_warm_up, self._usage()))
         self.monitor.failed(self._fault_spans)
-        self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
 
     def _end_warm_up(self) -> None:

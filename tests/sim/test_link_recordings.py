@@ -12,9 +12,9 @@ from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.seeds import Draws, stream
+from genie_sim.data.link_import import IMPORTERS
 from genie_sim.runs.prepare import link_digests, prepare
 from genie_sim.sim.link_models import LinkEnds, recording
-from genie_sim.sim.link_models.importers import IMPORTERS
 from genie_sim.sim.link_models.recording import Steps
 from genie_sim.sim.link_models.trace import RecordedLink, TraceRadio
 from genie_sim.sim.link_models.wire import Wire

@@ -7,13 +7,16 @@ from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files, parquet
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import remembered, sha256_of
 from genie_sim.base.units import NS_PER_S
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
 TOLD = {  # in the report of an import
@@ -112,14 +115,18 @@ def read(name: str) -> LinkRecording:
 
 @remembered
 def _read(path: Path) -> LinkRecording:
-    table, about = parquet.read(path, "recorded link")
-    columns = {}
-    for name in table.column_names:
-        if name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
-            raise UserError(f"{path}: column {name}: unknown; known: {', '.join(_types())}")
-        if str(table.schema.field(name).type) != _types()[name]:
-            raise UserError(f"{path}: column {name}: must be of type {_types()[name]}")
-        columns[name] = table.column(name).to_pylist()
+    def checked(found: "pa.Schema", _: Mapping[str, Any]) -> Sequence[str]:
+        for column in found:
+            if column.name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
+                known = ", ".join(_types())
+                raise UserError(f"{path}: column {column.name}: unknown; known: {known}")
+            if str(column.type) != _types()[column.name]:
+                kind = _types()[column.name]
+                raise UserError(f"{path}: column {column.name}: must be of type {kind}")
+        return list(found.names)
+
+    table, about = parquet.read(path, "recorded link", checked)
+    columns = table.to_pydict()
     check(str(path), columns)
     digest = sha256_of(path)
     begin_ns = columns["t_ns"][0]
