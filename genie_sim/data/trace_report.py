@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.trace import TraceFrame
+from genie_sim.data.trace import Trace, TraceFrame, write_trace
 
 FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 
@@ -61,3 +62,11 @@ def tell_frames(report: ImportReport, by_camera: Mapping[str, Sequence[TraceFram
     tell_distances(report, distances_m)
     if 2 * len(distances_m) < found:
         report.warn(f"{found - len(distances_m):,} of {found:,} detections have no place")
+
+
+def write_told(path: Path, trace: Trace) -> str:
+    """Writes a trace; returns a line about it."""
+    write_trace(path, trace)
+    frames = [frame for sequence in trace.frames.values() for frame in sequence]
+    detections = sum(len(frame.detections) for frame in frames)
+    return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
