@@ -85,6 +85,7 @@ def load_claims() -> tuple[Claim, ...]:
     return tuple(Claim(**line) for line in parse(path.read_text(encoding="utf-8"), str(path)))
 
 
+@cache
 def full_run() -> dict[str, str]:
     """The verdict of each claim in the last full evaluation, which ``results/paper`` holds."""
     verdicts: dict[str, str] = provenance.read_json(HERE / "full_run.json")

@@ -119,9 +119,17 @@ def reproduce(
         measured, drawn = runs.simulate(planned, store, workers or workers_here(), progress)
     made = Reproduction(judge(Evidence(measured)), measured, drawn)
     if out is not None:
-        about = {"quick": quick, "seeds": list(used), "edited": edited}
+        about = {
+            "format": printed.FORMAT,
+            "quick": quick,
+            "seeds": list(used),
+            "edited": edited,
+            "sources": sources.digests(),
+            # the sources say which code it was; a commit is lost where it is rewritten
+            **{name: one for name, one in provenance.environment().items() if name != "commit"},
+        }
         with provenance.result_folder(out) as folder:
-            _write(folder, made, about)
+            write(folder, made, about)
     return made
 
 
@@ -130,23 +138,18 @@ def declared_seeds() -> tuple[int, ...]:
     return tuple(read_mapping(ASSUMPTIONS)["evaluation"]["seeds"])
 
 
-def _write(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
-    """Writes numbers first, then what is derived from them. Raises ``UserError``."""
+def write(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
+    """Writes numbers first, then what is derived from them; ``about``: how they came about. Raises
+    ``UserError``.
+    """
     from genie_sim.analysis.figures import save_all
 
     numbers.write(folder, made.numbers)
     curves.write(folder / curves.FILE, made.curves)
     provenance.write_json(folder / printed.VERDICTS, made.rows)
-    known = {
-        "format": printed.FORMAT,
-        **about,
-        "sources": sources.digests(),
-        "inputs": {path.name: sha256_of(path) for path in sources.INPUTS},
-        # the sources say which code it was; a commit is lost where it is rewritten
-        **{name: one for name, one in provenance.environment().items() if name != "commit"},
-        "digests": provenance.digests(folder, page.FILES),
-    }
-    provenance.write_json(folder / "run.json", known)
+    inputs = {path.name: sha256_of(path) for path in sources.INPUTS}
+    digests = provenance.digests(folder, page.FILES)
+    provenance.write_json(folder / "run.json", {**about, "inputs": inputs, "digests": digests})
     accuracy = page.accuracy(Evidence(made.numbers))
     document = printed.document(made.rows, accuracy, about["edited"])
     (folder / "verdicts.md").write_text(document, encoding="utf-8")

@@ -524,9 +524,9 @@ def test_an_invariant_is_decided_by_its_worst_run(claim, facts, worst):
 
 
 def test_every_claim_of_simulated_numbers_is_there_three_times():
-    for number in range(1, 37):
-        outcomes = [expected for claim, _, expected, _ in TABLE if claim == f"C{number}"]
-        assert outcomes[0] == HOLDS and HOLDS not in outcomes[1:3], number
+    for place in range(1, 37):
+        outcomes = [expected for claim, _, expected, _ in TABLE if claim == f"C{place}"]
+        assert outcomes[0] == HOLDS and HOLDS not in outcomes[1:3], place
         assert len(outcomes) >= 3
 
 

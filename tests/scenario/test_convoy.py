@@ -6,7 +6,6 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_S
-from genie_sim.paper.runs import EvaluationRun
 from genie_sim.scenario.reading import read_scenario
 
 QUADRO, XAVIER = "quadro_rtx_4000", "agx_xavier"
@@ -78,26 +77,6 @@ def test_a_mistake_in_a_convoy_is_told_in_one_line(data, said):
     with pytest.raises(UserError) as told:
         read_scenario({"name": "x", **data})
     assert str(told.value).startswith(said) and "\n" not in str(told.value)
-
-
-@pytest.mark.parametrize(
-    ("server", "devices", "edges"),
-    [
-        ("one", [QUADRO, XAVIER, XAVIER], ["edge1", "edge2", "edge3"]),
-        ("all", [QUADRO] * 3, ["edge1", "edge2", "edge3"]),
-        ("shared", [QUADRO], ["edge1"] * 3),
-    ],
-)
-def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
-    made = EvaluationRun("street_3car_hetero", 1, (f"server={server}",)).load()
-    assert ([edge.device for edge in made.edges], [car.edge for car in made.cars]) == (
-        devices,
-        edges,
-    )
-    alike = EvaluationRun("street_3car_homo", 1, (f"server={server}",)).load()
-    assert [edge.device for edge in alike.edges] == [XAVIER] * 3
-    with pytest.raises(UserError, match="unknown server 'al'"):
-        EvaluationRun("street_3car_homo", 1, ("server=al",)).load()
 
 
 def test_cars_of_a_convoy_start_one_after_another():
