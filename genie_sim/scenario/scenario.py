@@ -74,11 +74,8 @@ class Origin(NamedTuple):
 
     def of(self, path: str) -> str:
         """The override that set what is at ``path``, else the file."""
-        for override in self.overrides:
-            below = (f"{override.path}.", f"{override.path}[")
-            if path == override.path or path.startswith(below):
-                return override.text
-        return self.file
+        texts = (override.text for override in self.overrides if override.sets(path))
+        return next(texts, self.file)
 
 
 @dataclass(frozen=True, kw_only=True)
