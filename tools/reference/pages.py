@@ -161,7 +161,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     yield "cli", _page("Command line", CLI, first)
     others = commands(lambda name: name not in COMMANDS)
     yield "cli-more", _page("Command line: import, measure, sweep", "", others)
-    run = ("The run", "Cars", "Convoy", "Fleet", "Cameras")
+    run = ("The run", "Cars", "Fleet", "Cameras")
     yield "scenario", _page("Settings of a scenario", SETTINGS, settings(run))
     for name, title, groups in (
         ("perception", "what cameras see", ("What cameras see",)),
