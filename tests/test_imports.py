@@ -56,7 +56,7 @@ PAPER_MAY_READ_WITH = {"scenario.yaml_input", "scenario.profiles"}
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "zenoh": "eclipse-zenoh"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "optuna": "search", "zenoh": "ros"}
+FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "zenoh": "ros"}
 # not on PyPI; only genie_sim.ros may import them
 FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}
 LATE = (
@@ -72,7 +72,6 @@ LATE = (
     "distributed",
     "rosbags",
     "zenoh",
-    "optuna",
 )
 
 

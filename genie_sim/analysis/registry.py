@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
@@ -25,7 +24,6 @@ from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.plugins import Choice
-from genie_sim.base.removed import instead_of_name
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.results import MethodInfo, MetricValue
@@ -42,7 +40,6 @@ MODULES = (
     prices,
     correctness,
     outages,
-    attacks,
     part_metrics,
 )
 METRICS: Mapping[str, Metric] = {
@@ -115,8 +112,6 @@ def unknown_metric(name: str, known: Iterable[str] = METRICS) -> str:
     metrics'``: the nearest by name or title. One that was removed is answered with what to write
     instead.
     """
-    if instead_of_name("metric", name):
-        return unknown("metric", name, known)
     found = near(name, known)
     hint = f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""
     return f"unknown metric {short_repr(name)}{hint}; see 'genie-sim list metrics'"

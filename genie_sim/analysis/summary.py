@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from genie_sim.analysis import compare_tables, correctness, prices, renderers
-from genie_sim.analysis.attacks import ATTACKS
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
@@ -57,7 +56,7 @@ MAIN = (  # the metrics of the main table, in its order; of the utilization the 
     "utilization",
 )
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
-SECTIONS = (TIMES, FRAMES, CORRECTNESS, LAPS, FAULTS, ATTACKS, IMPROVEMENTS, GENIES, prices.PRICES)
+SECTIONS = (TIMES, FRAMES, CORRECTNESS, LAPS, FAULTS, IMPROVEMENTS, GENIES, prices.PRICES)
 
 ABOUT_TIMES = (
     "Times: from when a frame reaches the queue of its first ROS node. Shares: of all published "

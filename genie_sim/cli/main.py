@@ -21,7 +21,6 @@ from genie_sim.cli.reproduce import reproduce
 from genie_sim.cli.rerun import rerun
 from genie_sim.cli.ros import ros
 from genie_sim.cli.run import run
-from genie_sim.cli.search import search
 from genie_sim.cli.show import show
 from genie_sim.cli.sweep import sweep
 from genie_sim.cli.table import table
@@ -30,7 +29,7 @@ from genie_sim.version import VERSION
 
 # in the order of the help
 COMMANDS: tuple[click.Command, ...] = (
-    *(run, sweep, search, reproduce, rerun),
+    *(run, sweep, reproduce, rerun),
     *(report, table, figures, compare, export),
     *(perceive, imports, profile),
     *(list_, show),

@@ -95,13 +95,9 @@ class Commands(click.Group):
             ctx.fail(unknown("command", name, self.list_commands(ctx)))
         return super().resolve_command(ctx, args)
 
-    def make_context(self, *args: Any, **extra: Any) -> Any:
-        with _known_options():
-            return super().make_context(*args, **extra)
-
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable(), _known_options(), own_faults_told():
+            with _terminable(), own_faults_told():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)
@@ -109,18 +105,6 @@ class Commands(click.Group):
         except BrokenPipeError:
             drop_output()
             raise SystemExit(0) from None
-
-
-@contextmanager
-def _known_options() -> Iterator[None]:
-    """An option that is not there is answered with what to write instead."""
-    try:
-        yield
-    except click.NoSuchOption as error:
-        from genie_sim.cli.refused import advice
-
-        text = f"No such option {error.option_name!r}{advice(error)}"
-        raise click.UsageError(text, error.ctx) from None
 
 
 @contextmanager

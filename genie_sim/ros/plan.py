@@ -137,8 +137,6 @@ def _with_looks(genie: GenieRules, looks: LookRules, pose_topic: str | None) -> 
         raise UserError("genie: looks.told: ROS messages cannot carry tracks; write null")
     if looks.edge == "in_front":
         raise UserError("genie: looks.edge: ROS messages cannot carry looks; write none")
-    if looks.signed:
-        raise UserError("genie: looks.signed: ROS messages cannot carry signed looks; write false")
     return replace(genie, looks=replace(looks, told=None))
 
 

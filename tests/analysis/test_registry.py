@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.analysis import attacks, correctness, metrics, outages, prices, resource_metrics
+from genie_sim.analysis import correctness, metrics, outages, prices, resource_metrics
 from genie_sim.analysis.metric import HIGHER, LOWER, measured
 from genie_sim.analysis.registry import METRICS, cell, views
 from genie_sim.record.columns import Columns
@@ -18,10 +18,7 @@ def run() -> Run:
     window = "cars[0].route={window: [2 s, 4 s], laps: 2}"
     looks = "methods=[local, remote, genie, {name: looks, method: genie, genie: recommended}]"
     outage = "{fault: outage, target: car1, begin: 3 s, end: 3500 ms}"
-    spoof = "{fault: spoof, target: edge1, begin: 1 s, end: 2 s}"
-    remove = "{fault: remove, target: edge1, begin: 2 s, end: 3 s}"
-    faults = f"faults=[{outage}, {spoof}, {remove}]"
-    return run_in_memory(load_scenario("street_1car_hetero", [window, looks, faults]))
+    return run_in_memory(load_scenario("street_1car_hetero", [window, looks, f"faults=[{outage}]"]))
 
 
 def test_a_run_with_everything_has_a_number_of_every_metric(run: Run):
@@ -37,12 +34,10 @@ KEYS = {  # what tells of whom and of when a row is
     "held": ("method", "car", "stamp_ns", "what"),
     "hosts": ("method", "placement"),
     "resources": ("method", "resource", "t_ns"),
-    "attacks": ("method", "attacker", "receiver"),
     "faults": ("method", "fault", "begin_ns", "end_ns"),
 }
 ENERGY = prices.Energy().columns_read()
 OF_VIEWS = {  # what else a view reads, by the metrics that it is for
-    (*attacks.METRICS,): {"held": ()},
     (*outages.METRICS,): {"faults": ()},
     (*prices.METRICS,): ENERGY,
     (*resource_metrics.METRICS,): ENERGY,

@@ -269,11 +269,6 @@ def test_the_clock_of_stamps_is_that_of_the_soonest_frame():
             "genie: looks.told: ROS messages cannot carry tracks; write null",
         ),
         (
-            {"algorithm": "recommended", "looks": {"signed": True}},
-            "/pose",
-            "genie: looks.signed: ROS messages cannot carry signed looks; write false",
-        ),
-        (
             {"algorithm": "recommended", "looks": {"edge": "in_front"}},
             "/pose",
             "genie: looks.edge: ROS messages cannot carry looks; write none",

@@ -13,7 +13,6 @@ from genie_sim.data.v2v4real import recordings
 from genie_sim.paper.facts import Fact, placed
 from genie_sim.scenario import reading as scenarios
 from genie_sim.study.design import load_design
-from genie_sim.study.search_design import load
 from studies import baselines, real_pairs, where_it_pays
 from studies.real_pairs import HELD_OUT, TUNING
 from tests.checkout import REPOSITORY
@@ -22,8 +21,6 @@ from tests.data import made_up_pair as street
 STUDIES = REPOSITORY / "studies"
 # those beside a program of the same name are read by it
 SWEEPS = sorted(p for p in STUDIES.glob("*.yaml") if not p.with_suffix(".py").is_file())
-SEARCHES = sorted((STUDIES / "which_cache").glob("*.yaml"))
-FOREIGN = ("streets", "pairs")  # need data that is not in the project
 
 
 @pytest.fixture(autouse=True)
@@ -35,17 +32,6 @@ def in_the_repository(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_every_point_of_a_sweep_is_a_scenario(path: Path):
     for point in load_design(path).points():
         scenarios.load_scenario(point.scenario, point.overrides)
-
-
-@pytest.mark.parametrize("path", SEARCHES, ids=lambda path: path.stem)
-def test_every_point_of_a_search_is_a_scenario(path: Path):
-    design = load(path)
-    for name, space in design.methods.items():
-        points = list(space.samples(design.settings))
-        assert points, name
-        for _, values in points if path.stem not in FOREIGN else ():
-            overrides = space.overrides(name, values, design.settings)
-            scenarios.load_scenario(design.scenario, overrides)
 
 
 @pytest.mark.parametrize("name", [*where_it_pays.WITHOUT_GENIE, where_it_pays.GENIE])

@@ -32,7 +32,7 @@ from genie_sim.study import printed
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
-from genie_sim.study.tasks import LocalWorkers
+from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
 from tools.fuzz.harness import Case, Target
@@ -267,7 +267,7 @@ def result_folders(folder: Path) -> Case:
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
-        work.run(LocalWorkers(1))
+        work.run(Workers(1))
         swept = work.finish().folder
     whole = {
         path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()

@@ -13,7 +13,6 @@ from click.testing import CliRunner
 
 import genie_sim
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
@@ -24,7 +23,7 @@ from genie_sim.analysis import (
     registry,
     resource_metrics,
 )
-from genie_sim.base import files, removed
+from genie_sim.base import files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
@@ -88,7 +87,6 @@ columns that the number is computed from, [better](../how-to/compare.md) says wh
 metric](../extend/metric.md).
 """
 SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
-OLD = "What to write instead of a name that no longer exists. Commands say the same.\n"
 
 COMMANDS = (
     *("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export"),
@@ -98,16 +96,16 @@ STEPS = ("frames", "lookups", "looks", "steps", "answers", "held", "held_objects
 BOARD = "NVIDIA Jetson"
 MAP = "Genie's object map (Algorithm 2)"
 KINDS = (
-    *("methods", "faults", "defences", "sources", "link-models", "similarities", "evictions"),
+    *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
     *("rules", "detectors", "models"),
 )
-SHIPPED = ("scenarios", "sweeps", "searches", "spaces")
+SHIPPED = ("scenarios", "sweeps")
 METRICS = (
     ("metrics", "answers and accuracy", (frame_metrics, correctness, looks)),
     (
         "metrics-more",
         "caches, costs, faults",
-        (genie_metrics, resource_metrics, prices, outages, attacks, part_metrics),
+        (genie_metrics, resource_metrics, prices, outages, part_metrics),
     ),
 )
 ROOMS = (
@@ -123,12 +121,11 @@ ROOMS = (
     ),
     (
         "python-freshness",
-        "freshness and defences",
+        "freshness",
         (
             "core.freshness.never",
             "core.freshness.track",
             "core.freshness.existence",
-            "core.defences",
         ),
     ),
     (
@@ -184,7 +181,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     yield "devices-servers", _page("Devices: servers", LAWS, devices(servers))
     yield "links", _page("Links", LINK, links())
     yield "names", _page("Methods, faults and other names", NAMES, names(KINDS))
-    yield "names-scenarios", _page("Shipped scenarios, sweeps and searches", SHOW, names(SHIPPED))
+    yield "names-scenarios", _page("Shipped scenarios and sweeps", SHOW, names(SHIPPED))
     for name, title, modules in METRICS:
         yield name, _page(f"Metrics: {title}", METRIC, metrics(modules))
     exported = ((name, getattr(genie_sim, name)) for name in genie_sim.__all__ if name[0] != "_")
@@ -193,7 +190,6 @@ def _pages() -> Iterator[tuple[str, str]]:
     for name, title, modules in ROOMS:
         lines = (line for module in modules for line in python.module(f"genie_sim.{module}"))
         yield name, _page(f"Python: {title}", PYTHON, lines)
-    yield "removed", _page("Old names", OLD, old_names())
 
 
 def _page(title: str, intro: str, lines: Iterable[str]) -> str:
@@ -260,19 +256,6 @@ def names(kinds: Iterable[str]) -> Lines:
     for kind in kinds:
         yield f"## {kind}\n\n| name | about |\n|---|---|"
         yield from (f"| `{name}` | {_cell(about)} |" for name, about in catalogue.KINDS[kind]())
-        yield ""
-
-
-def old_names() -> Lines:
-    """Every table of ``base.removed``."""
-    for title, column, old in (
-        ("Commands and scenarios", "name", removed.NAMES),
-        ("Options", "option", removed.OPTIONS),
-        ("Settings", "setting", removed.SETTINGS),
-        ("Modules", "module of genie_sim", removed.MODULES),
-    ):
-        yield f"## {title}\n\n| {column} | instead |\n|---|---|"
-        yield from (f"| `{name}` | {_cell(instead)} |" for name, instead in old.items())
         yield ""
 
 
