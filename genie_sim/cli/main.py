@@ -5,7 +5,7 @@ import sys
 
 import click
 
-from genie_sim.base import plugins
+from genie_sim.base import add_ons, plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
 from genie_sim.cli import terminal
@@ -19,7 +19,6 @@ from genie_sim.cli.profile import profile
 from genie_sim.cli.report import report
 from genie_sim.cli.reproduce import reproduce
 from genie_sim.cli.rerun import rerun
-from genie_sim.cli.ros import ros
 from genie_sim.cli.run import run
 from genie_sim.cli.show import show
 from genie_sim.cli.sweep import sweep
@@ -33,7 +32,6 @@ COMMANDS: tuple[click.Command, ...] = (
     *(report, table, figures, compare, export),
     *(perceive, imports, profile),
     *(list_, show),
-    ros,
 )
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -44,9 +42,16 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
 
+class AllCommands(Commands):
+    """Those of this package, and those of add-ons by name."""
+
+    add_ons = add_ons.COMMANDS
+
+
 @click.group(
-    cls=Commands,
+    cls=AllCommands,
     help=EXAMPLES,
+    epilog="genie-sim ros, for real ROS, comes with the add-on packages/genie-sim-ros.",
     invoke_without_command=True,
     context_settings={"show_default": True},
 )

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import click
 from click.testing import CliRunner
@@ -23,7 +24,7 @@ from genie_sim.analysis import (
     registry,
     resource_metrics,
 )
-from genie_sim.base import files
+from genie_sim.base import add_ons, files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
@@ -159,7 +160,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     first = chain(_help(), commands(lambda name: name in COMMANDS))
     yield "cli", _page("Command line", CLI, first)
     others = commands(lambda name: name not in COMMANDS)
-    yield "cli-more", _page("Command line: import, measure, sweep, ROS", "", others)
+    yield "cli-more", _page("Command line: import, measure, sweep", "", others)
     run = ("The run", "Cars", "Convoy", "Fleet", "Cameras")
     yield "scenario", _page("Settings of a scenario", SETTINGS, settings(run))
     for name, title, groups in (
@@ -213,9 +214,9 @@ def commands(which: Callable[[str], bool]) -> Lines:
 
 
 def _help(*words: str) -> Lines:
-    ran = CliRunner(env={"NO_COLOR": "1", "COLUMNS": "100"}).invoke(
-        app, [*words, "--help"], prog_name="genie-sim", terminal_width=100
-    )
+    runner = CliRunner(env={"NO_COLOR": "1", "COLUMNS": "100"})
+    with mock.patch.object(add_ons, "names", return_value=()):  # of this package alone
+        ran = runner.invoke(app, [*words, "--help"], prog_name="genie-sim", terminal_width=100)
     assert ran.exit_code == 0, ran.output
     yield f"## {' '.join(('genie-sim', *words))}\n\n```text\n{ran.output.strip()}\n```\n"
 
