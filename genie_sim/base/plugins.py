@@ -122,7 +122,8 @@ def own_fault(error: BaseException) -> str | None:
         if place:
             whose, where = place.split(" (", 1)
             return f"{whose}: {type(error).__name__}: {short_repr(_text_of(error))} ({where}"
-    return None
+    # SimPy raises a copy of what ends a process
+    return None if error.__cause__ is None else own_fault(error.__cause__)
 
 
 def _text_of(error: BaseException) -> str:

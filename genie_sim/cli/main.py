@@ -97,7 +97,7 @@ def main(argv: list[str] | None = None) -> int:
         cause = error.__cause__
         is_own = cause is not None and plugins.own_fault(cause) is not None
         # looked for here: click keeps the option's value only while the command runs
-        if is_own and "--debug" in (sys.argv if argv is None else argv):
+        if cause is not None and is_own and "--debug" in (sys.argv if argv is None else argv):
             raise cause from None
         more = "; genie-sim --debug shows more" if is_own else ""
         print(f"genie-sim: {one_line(str(error))}{more}", file=sys.stderr)
