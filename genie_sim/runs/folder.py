@@ -153,11 +153,14 @@ def _write_derived(folder: Path, run: Run, output: Output) -> None:
 
 def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
     """Writes ``run.json``, with ``more`` that is known of the run."""
+    from genie_sim.analysis import registry
+
     about = {
         "format": provenance.RESULT_FORMAT,
         "run_id": run.run_id,
         **({"label": run.label} if run.label else {}),
         "facts": run.facts,
+        "metrics": registry.words(metric.metric for metric in run.measured),
         "digests": provenance.digests(folder, FILES),
         **more,
         **provenance.environment(),

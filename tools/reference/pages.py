@@ -13,13 +13,11 @@ from click.testing import CliRunner
 
 import genie_sim
 from genie_sim.analysis import (
-    attacks,
     correctness,
     frame_metrics,
     genie_metrics,
     looks,
     outages,
-    part_metrics,
     prices,
     registry,
     resource_metrics,
@@ -83,8 +81,8 @@ shows how to add one of your own, `module:Class`. The metrics, devices and links
 their own.
 """
 METRIC = """\
-The name is that in `metrics.json`; shares are from 0 to 1 there. *Reads* names the tables and
-columns that the number is computed from, [better](../how-to/compare.md) says which way. [Add a
+The name is that in `metrics.json`; shares are from 0 to 1 there. *Rows* says of which rows of a
+method the number is made, [better](../how-to/compare.md) which way is. [Add a
 metric](../extend/metric.md).
 """
 SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
@@ -107,7 +105,7 @@ METRICS = (
     (
         "metrics-more",
         "caches, costs, faults",
-        (genie_metrics, resource_metrics, prices, outages, attacks, part_metrics),
+        (genie_metrics, resource_metrics, prices, outages),
     ),
 )
 ROOMS = (
@@ -241,10 +239,9 @@ def metrics(modules: Iterable[object]) -> Lines:
     for module in modules:
         first = (module.__doc__ or "").partition("\n\n")[0]
         yield f"## {' '.join(first.split())}\n"
-        yield "| name | title | unit | better | reads |\n|---|---|---|---|---|"
+        yield "| name | title | unit | better | rows |\n|---|---|---|---|---|"
         for name, metric in module.METRICS.items():  # type: ignore[attr-defined]
-            reads = _cell(metric.reads)
-            yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {reads} |"
+            yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {metric.rows} |"
         yield ""
 
 
