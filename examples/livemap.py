@@ -16,7 +16,7 @@ clouds of single objects by a graph, here a whole frame is left out when others 
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass
 from functools import partial
 
 from genie_sim.base.errors import unknown
@@ -107,6 +107,13 @@ class LiveMap(Method):
         return MapServer(f"{host.name}/map", tracks, self._every_ns, subscribed, published)
 
 
+@dataclass(slots=True, unsafe_hash=True)
+class Told(Detection):
+    """An object of the map, with the other cars (``others``) that have seen it lately."""
+
+    others: tuple[str, ...] = ()
+
+
 class Controller:
     """Decides which frames of one car are handled, and where: ``ways`` are suffixes of topics.
 
@@ -160,9 +167,11 @@ class Controller:
             return False
         view = ViewSector(image.pose, image.horizontal_fov_rad, VIEW_M)
         seen_by = [
-            len(item.motion.origins)
+            len(item.others)
             for item in self._map.objects
-            if item.location and item.motion and view.distance_m(*item.location[:2]) is not None
+            if item.location
+            and isinstance(item, Told)
+            and view.distance_m(*item.location[:2]) is not None
         ]
         return min(seen_by, default=0) >= self._others
 
@@ -276,14 +285,23 @@ class MapServer(Interceptor):
             away_m = math.dist(track.place(now_ns), car.pose[:2])
             if existence < self._tracks.threshold or not SELF_M < away_m <= REACH_M:
                 continue
-            told = track.as_detection(now_ns, existence, existence)
-            origins = tuple(
+            seen = track.as_detection(now_ns, existence, existence)
+            others = tuple(
                 origin
                 for origin, stamp_ns in sorted(track.seen_by_ns.items())
                 if origin != car.header.origin and now_ns - stamp_ns < LATELY_NS
             )
-            assert told.motion is not None
-            yield replace(told, motion=told.motion._replace(origins=origins))
+            yield Told(
+                label=seen.label,
+                score=seen.score,
+                box=seen.box,
+                location=seen.location,
+                confidence=seen.confidence,
+                method=seen.method,
+                motion=seen.motion,
+                seen_in=seen.seen_in,
+                others=others,
+            )
 
 
 def look_at(image: Image | None, answer: Detections) -> Look | None:

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
         load,
         load_scenario,
         run,
-        search,
         sweep,
     )
 
@@ -38,7 +37,6 @@ __all__ = [
     "load",
     "load_scenario",
     "run",
-    "search",
     "sweep",
 ]
 

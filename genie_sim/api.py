@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from genie_sim.study.sweep_table import SweepTable
-    from genie_sim.study.tasks import LocalWorkers
+    from genie_sim.study.work import Workers
 
 __all__ = [
     "Plots",
@@ -57,7 +57,6 @@ __all__ = [
     "load",
     "load_scenario",
     "run",
-    "search",
     "sweep",
 ]
 
@@ -498,71 +497,6 @@ def sweep(
         return SweepTable.of(table, SweepPlots.read(status.folder))
 
 
-def search(
-    search: str | Path | Mapping[str, Any],
-    *,
-    methods: Sequence[str] = (),
-    settings: Mapping[str, Any] | None = None,
-    maximize: str | Sequence[str] = (),
-    minimize: str | Sequence[str] = (),
-    subject_to: str | Sequence[str] = (),
-    points: int | None = None,
-    seed: int | None = None,
-    jobs: int | None = None,
-    out: str | Path | None = None,
-    progress: Progress | None = None,
-) -> "pd.DataFrame":
-    """Searches for the best settings. Raises ``UserError``.
-
-    Returns one row per design of the front, and one per method of the scenario as it is: objectives
-    and constraints with 95 % intervals over the held-out set, which the search has not seen; which
-    designs cannot be told apart (``equal_to``); and the values of the parameters.
-
-    Parameters
-    ----------
-    search : str, Path or mapping
-        A search file or a scenario, the name of one that is shipped, or the same as a search file
-        in a mapping.
-    methods : sequence of str
-        Which methods are tuned, each on the same budget: names or files of spaces.
-    settings : mapping, optional
-        Settings to fix; they are not searched.
-    maximize, minimize : str or sequence of str
-        Metrics, in the place of the objectives of the file.
-    subject_to : str or sequence of str
-        Constraints such as ``"ghost_share <= 0.3"``.
-    points : int, optional
-        How many points are tried of each method.
-    seed : int, optional
-        Of the search itself.
-    jobs : int, optional
-        Processes; by default one per core.
-    out : str or Path, optional
-        A folder that gets the search's folder. Runs in it are not run again.
-    progress : callable, optional
-        Called with how many points are done, how many there are, and what is going on.
-    """
-    from genie_sim.study import search_design
-
-    changes: dict[str, Any] = {"set": plain(dict(settings), "settings")} if settings else {}
-    if maximize or minimize:
-        changes["objectives"] = {"maximize": maximize, "minimize": minimize}
-    changes |= {
-        key: value
-        for key, value in (("subject_to", subject_to), ("points", points), ("seed", seed))
-        if value not in ((), None)
-    }
-    names = _names("methods", methods)
-    design = search_design.load(search, names, changes)
-    from genie_sim.study.search import Search  # heavy: a wrong name is reported before
-
-    with tempfile.TemporaryDirectory() as scratch:
-        workers = _workers(jobs, changes, names, search)
-        work = Search(design, expanded(out or scratch), workers)
-        work.run(progress)
-        return work.finish(progress, pictures=out is not None)[0]
-
-
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of
     every value of the column ``along``, an axis or ``method``, from the value ``to``, seed by seed,
@@ -629,13 +563,13 @@ def _names(where: str, given: Any) -> list[str]:
     return [names] if isinstance(names, str) else list(names)
 
 
-def _workers(jobs: int | None, *given: Any) -> "LocalWorkers":
+def _workers(jobs: int | None, *given: Any) -> "Workers":
     """So many processes, by default one a core. A class from a notebook or an interactive session
     is known in this process alone: where ``given`` names one, everything runs here. Raises
     ``UserError`` where several processes are asked for all the same.
     """
     from genie_sim.base import parallel
-    from genie_sim.study.tasks import LocalWorkers
+    from genie_sim.study.work import Workers
 
     names_main = '"__main__:' in json.dumps(given, default=str)
     script = getattr(sys.modules["__main__"], "__file__", None)
@@ -645,5 +579,5 @@ def _workers(jobs: int | None, *given: Any) -> "LocalWorkers":
                 f"jobs: {jobs} processes do not know a class of this notebook: leave jobs out, or"
                 " put the class into a file of its own"
             )
-        return LocalWorkers(1)
-    return LocalWorkers(jobs or parallel.workers_here())
+        return Workers(1)
+    return Workers(jobs or parallel.workers_here())

@@ -26,7 +26,6 @@ from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.plugins import is_own
-from genie_sim.base.removed import instead_of_name
 from genie_sim.base.text import one_line
 from genie_sim.record.results import MethodInfo, MetricValue
 
@@ -152,8 +151,6 @@ def unknown_metric(name: str, known: Iterable[str] = METRICS) -> str:
     metrics'``: the nearest by name or title. One that was removed is answered with what to write
     instead.
     """
-    if instead_of_name("metric", name):
-        return unknown("metric", name, known)
     found = near(name, known)
     hint = f" (did you mean {' or '.join(map(repr, found))}?)" if found else ""
     return f"unknown metric {short_repr(name)}{hint}; see 'genie-sim list metrics'"

@@ -5,7 +5,6 @@ import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
-from genie_sim.base.removed import instead_of_name
 from genie_sim.base.text import one_line
 
 # C++ libraries raise an exception of their own, whose text alone tells.
@@ -60,8 +59,6 @@ def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``. A name
     that was removed is answered with what to write instead.
     """
-    if instead := instead_of_name(what, value):
-        return f"unknown {what} {short_repr(value)}, which was removed. {instead}"
     names = [one_line(choice) for choice in sorted(choices)]
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""

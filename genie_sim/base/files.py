@@ -27,8 +27,6 @@ class FileKind(NamedTuple):
 
 SCENARIO = FileKind("scenario", "scenarios", ".yaml")
 SWEEP = FileKind("sweep", "scenarios/sweeps", ".yaml")
-SEARCH = FileKind("search", "scenarios/searches", ".yaml")
-SPACE = FileKind("space", "scenarios/spaces", ".yaml")
 DEVICE = FileKind("device", "device_profiles", ".yaml")
 LINK_RECORDING = FileKind("recorded link", "scenarios/links", ".parquet")
 TRACE = FileKind("trace", "scenarios/traces", ".parquet")

@@ -1,9 +1,8 @@
-"""The files of a class of the user's own: its module, and the user's own modules that this one
-imports. They decide what a run gives, so they belong to what identifies its result.
+"""The files of a class of the user's own: its module, and what is imported from beside it. They
+decide what a run gives, so they belong to what identifies its result.
 """
 
 import ast
-import functools
 import hashlib
 import importlib
 import inspect
@@ -15,7 +14,8 @@ from typing import Any
 
 from genie_sim.base.paths import sha256_of
 
-_PACKAGE = Path(__file__).resolve().parents[1]
+OTHERS = {*sys.stdlib_module_names, "genie_sim"}
+INSTALLED = {"site-packages", "dist-packages"}  # folders of packages that are nobody's own
 _imported: dict[str, dict[Path, str]] = {}  # of each module: the digests of its files when imported
 _tokens: dict[int, tuple[object, str]] = {}  # of classes without a file; holds them, or ids recur
 
@@ -30,101 +30,73 @@ def digest(made: Any) -> str:
     except (TypeError, OSError):
         _, token = _tokens.setdefault(id(made), (made, os.urandom(16).hex()))
         return f"in no file: {token}"
-    module = inspect.unwrap(made).__module__
-    found = sorted(_digests(module).values())
+    found = sorted(_digests(inspect.unwrap(made).__module__).values())
     return found[0] if len(found) == 1 else hashlib.sha256(" ".join(found).encode()).hexdigest()
 
 
 def forget_edited(module: str) -> None:
-    """Lets a module, and what it imports of the user's, be imported anew where a file of theirs was
-    edited since. Classes that are in use stay as they are.
+    """Lets a module, and what it imports from beside it, be imported anew where a file of theirs
+    was edited since. Classes that are in use stay as they are.
     """
     before = _imported.get(module)
     if before is None or module == "__main__" or _digests(module) == before:
         return
-    del _imported[module]
-    for name in [name for name, _ in _own_modules(module)]:
-        sys.modules.pop(name, None)
+    files = _imported.pop(module)
+    for name, loaded in list(sys.modules.items()):
+        if Path(getattr(loaded, "__file__", None) or "").resolve() in files:
+            del sys.modules[name]
     importlib.invalidate_caches()
 
 
 def note(module: str) -> None:
     """A module has been imported, as its files are now."""
-    if module not in _imported:
-        _imported[module] = _digests(module)
+    _imported.setdefault(module, _digests(module))
 
 
 def _digests(module: str) -> dict[Path, str]:
-    return {path: sha256_of(path) for _, path in _own_modules(module) if path.is_file()}
-
-
-def _own_modules(module: str) -> Iterator[tuple[str, Path]]:
-    """A module of the user's own and those that it imports, each with its file."""
-    waiting, seen = list(_with_packages(module)), set[str]()
+    """The digest of a module's file, and of what that one imports from its own folder, or from that
+    of its package.
+    """
+    file = getattr(sys.modules.get(module), "__file__", None)
+    if file is None:
+        return {}
+    path = Path(file).resolve()
+    package, *inner = module.split(".")
+    root = path.parents[len(inner) + (path.name == "__init__.py")]
+    waiting = [path, *_paths(root, [package, *inner])]
+    digests: dict[Path, str] = {}
     while waiting:
-        name = waiting.pop()
-        if name in seen or name.rpartition(".")[0] not in seen | {""}:
-            continue  # known, or in a package that is not the user's: to look there would import it
-        path = _file_of(name)
-        if path is None or not _is_own(path):
+        path = waiting.pop()
+        if path in digests or not path.is_file():
             continue
-        seen.add(name)
-        yield name, path
-        waiting += _imports(name, path)
+        digests[path] = sha256_of(path)
+        for folder, names in _imports(path, root):
+            own = names[0] == package if root.name in INSTALLED else names[0] not in OTHERS
+            if folder != root or own:
+                waiting += _paths(folder, names)
+    return digests
 
 
-def _file_of(module: str) -> Path | None:
-    loaded = getattr(sys.modules.get(module), "__file__", None)
-    if loaded is not None:
-        return Path(loaded).resolve()
-    from importlib.util import find_spec
-
-    try:
-        spec = find_spec(module)
-    except (ImportError, ValueError, AttributeError):
-        return None
-    return None if spec is None or spec.origin is None else Path(spec.origin).resolve()
-
-
-def _is_own(path: Path) -> bool:
-    """Whether a file belongs to no installed package."""
-    return path.suffix == ".py" and not any(
-        path.is_relative_to(folder) for folder in (*_installed(), _PACKAGE)
-    )
-
-
-@functools.cache
-def _installed() -> tuple[Path, ...]:
-    """Where Python and its packages are."""
-    import sysconfig
-
-    kinds = ("stdlib", "platstdlib", "purelib", "platlib")
-    return tuple(Path(sysconfig.get_path(kind)).resolve() for kind in kinds)
-
-
-def _imports(module: str, path: Path) -> Iterator[str]:
-    """The modules that a file may import, wherever it says so; each with its packages."""
+def _imports(path: Path, root: Path) -> Iterator[tuple[Path, list[str]]]:
+    """What a file imports, wherever it says so: the parts of its name below a folder."""
     try:
         tree = ast.parse(path.read_bytes())
-    except (OSError, SyntaxError, ValueError):
+    except (SyntaxError, ValueError):
         return
-    is_package = path.name == "__init__.py"
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            for alias in node.names:
-                yield from _with_packages(alias.name)
-        elif isinstance(node, ast.ImportFrom):
-            base = node.module or ""
-            if node.level:
-                parts = module.split(".")
-                kept = parts[: len(parts) - node.level + is_package]
-                base = ".".join([*kept, *filter(None, [base])])
-            for alias in node.names:
-                yield from _with_packages(f"{base}.{alias.name}" if base else alias.name)
+        match node:
+            case ast.Import():
+                for alias in node.names:
+                    yield root, alias.name.split(".")
+            case ast.ImportFrom():
+                folder = path.parents[node.level - 1] if node.level else root
+                for alias in node.names:
+                    yield folder, [*(node.module or "").split("."), alias.name]
 
 
-def _with_packages(module: str) -> Iterator[str]:
-    """``a.b.c``, ``a.b`` and ``a``: a package's own file is imported first."""
-    while module:
-        yield module
-        module = module.rpartition(".")[0]
+def _paths(folder: Path, names: list[str]) -> Iterator[Path]:
+    """Where a module and the packages around it lie."""
+    for name in filter(None, names):
+        folder /= name
+        yield folder.with_suffix(".py")
+        yield folder / "__init__.py"

@@ -44,6 +44,28 @@ def max_memory_bytes() -> int | None:
     return usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
 
 
+@contextlib.contextmanager
+def limited_memory(more_bytes: int) -> Generator[None, None, None]:
+    """Within it this process gets no more than so many bytes beside those that it has; on Linux
+    alone.
+    """
+    if not sys.platform.startswith("linux"):
+        yield
+        return
+    import resource
+
+    pages = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[5])
+    limit = pages * resource.getpagesize() + more_bytes
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    if soft != resource.RLIM_INFINITY:
+        limit = min(limit, soft)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
+
+
 def in_processes(
     run: Callable[[Job], Done], jobs: Sequence[Job], workers: int, ordered: bool = True
 ) -> Generator[Done, None, None]:

@@ -3,13 +3,15 @@ or not at all.
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.parallel import limited_memory
+from genie_sim.base.paths import atomic_write, regular
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -19,9 +21,13 @@ METADATA_KEY = b"genie_sim"
 # What a file may take in memory that this program has not just written: so much anyway, or so many
 # times its size. Tables of runs take up to 25 times their size, those of parked cars more; a file
 # of 2 MB can claim 60 million rows.
-MAX_SMALL_BYTES = 2**30
+MAX_SMALL_BYTES = 2**28
 MAX_EXPANSION = 100
 CELL_BYTES = 8  # of a number, or of a text's place among the texts that occur
+LISTED_BYTES = 64  # of a value in a list: each becomes an object of Python
+READING = 3  # so many times that much is taken while a file is read
+
+Chosen = Callable[["pa.Schema", Mapping[str, Any]], Sequence[str]]
 
 
 def write(
@@ -44,28 +50,65 @@ def write(
             pq.write_table(table, file, compression="zstd")
 
 
-def read(path: Path, kind: str, *, trusted: bool = False) -> "tuple[pa.Table, dict[str, Any]]":
-    """The table in a file, and what the file says of itself.
+def read(
+    path: Path, kind: str, chosen: Chosen, *, trusted: bool = False
+) -> "tuple[pa.Table, dict[str, Any]]":
+    """The chosen columns of a file, and what the file says of itself.
 
-    Raises UserError for a missing, truncated or foreign file, and, unless it is ``trusted``, for
-    one that would take far more memory than it has bytes; ``kind`` is what it should be.
+    Parameters
+    ----------
+    path : Path
+        A regular file.
+    kind : str
+        What it should be, for errors.
+    chosen : callable
+        Of the schema and what the file says of itself, before any row is read: the names of the
+        columns to read. Raises ``UserError`` for a file of other columns.
+    trusted : bool
+        What this program has just written may take any memory.
+
+    Raises
+    ------
+    UserError
+        For a missing, truncated or foreign file, and one that would take far more memory than it
+        has bytes, as its footer says or as turns out while it is read.
     """
-    if not path.is_file():
-        raise UserError(f"{path}: no such {kind}")
-    with opened(path, trusted=trusted) as file:
+    with opened(path, f"no such {kind}", trusted=trusted) as file:
+        told = _about(path, kind, file.schema_arrow)
+        names = list(chosen(file.schema_arrow, told))
+        if not trusted:
+            _check_size(path, file.metadata, names)
         # No threads: after reading a Python file they can abort the process at its end
         # (apache/arrow 34314, 50482).
-        table = file.read(use_threads=False)
-    return table, _about(path, kind, table.schema)
+        table = file.read(names, use_threads=False)
+        if not trusted:
+            _check_texts(path, table)
+    return table, told
 
 
-def about(path: Path, kind: str) -> dict[str, Any]:
-    """What a file says of itself, without its rows. Raises UserError."""
-    if not path.is_file():
-        raise UserError(f"{path}: no such {kind}")
-    with opened(path) as file:
+def described(path: Path, kind: str) -> "tuple[pa.Schema, dict[str, Any]]":
+    """The schema of a file, and what it says of itself, without its rows. Raises UserError."""
+    with opened(path, f"no such {kind}") as file:
         schema = file.schema_arrow
-    return _about(path, kind, schema)
+    return schema, _about(path, kind, schema)
+
+
+def batches(path: Path, names: Sequence[str], rows: int) -> Iterator[dict[str, list[Any]]]:
+    """Columns of anybody's table, so many rows at a time. Raises UserError as ``read`` does."""
+    import pyarrow.parquet as pq
+
+    with regular(path) as file:
+        with _readable(path):
+            parquet_file = pq.ParquetFile(file)
+            _check_size(path, parquet_file.metadata, names)
+            read_batches = parquet_file.iter_batches(rows, columns=list(names), use_threads=False)
+        rows_left = parquet_file.metadata.num_rows
+        while rows_left > 0:
+            with _readable(path):
+                batch = next(read_batches)
+                columns = {name: batch.column(name).to_pylist() for name in names}
+            rows_left -= batch.num_rows
+            yield columns | {"": [None] * batch.num_rows}
 
 
 def _about(path: Path, kind: str, schema: "pa.Schema") -> dict[str, Any]:
@@ -80,42 +123,82 @@ def _about(path: Path, kind: str, schema: "pa.Schema") -> dict[str, Any]:
 
 
 @contextmanager
-def opened(path: Path, *, trusted: bool = False) -> "Iterator[pq.ParquetFile]":
+def opened(
+    path: Path, missing: str = "no such file", *, trusted: bool = False
+) -> "Iterator[pq.ParquetFile]":
     """An open Parquet file. Raises UserError, also for what fails while it is read, and, unless it
-    is ``trusted``, for a file that would take far more memory than it has bytes.
+    is ``trusted``, where far more memory is asked for within than the file has bytes.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    broken = as_user_error(
-        f"{path}: not a readable Parquet file", pa.ArrowException, OSError, ValueError
-    )
+    if not os.path.exists(path):  # whatever the name  # noqa: PTH110
+        raise UserError(f"{path}: {missing}")
     # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1"
     # for a partition.
-    with broken, path.open("rb") as file:
-        parquet_file = pq.ParquetFile(file)
-        if not trusted:
-            _check_size(path, parquet_file.metadata)
-        yield parquet_file
+    with regular(path) as file, _readable(path, trusted=trusted):
+        yield pq.ParquetFile(file)
 
 
-def _check_size(path: Path, footer: "pq.FileMetaData") -> None:
-    """Raises UserError for a table that would take too much memory, as its footer tells."""
-    encoded_bytes = sum(
-        footer.row_group(group).total_byte_size for group in range(footer.num_row_groups)
-    )
-    memory_bytes = encoded_bytes + footer.num_rows * footer.num_columns * CELL_BYTES
-    file_bytes = path.stat().st_size
-    if memory_bytes > max(MAX_SMALL_BYTES, MAX_EXPANSION * file_bytes):
+@contextmanager
+def _readable(path: Path, *, trusted: bool = False) -> Iterator[None]:
+    """What pyarrow says of a file within it becomes a UserError."""
+    import pyarrow as pa
+
+    with (
+        as_user_error(
+            f"{path}: not a readable Parquet file",
+            *(pa.ArrowException, OSError, ValueError, MemoryError),
+        ),
+        nullcontext() if trusted else limited_memory(READING * _allowed_bytes(path)),
+    ):
+        yield
+
+
+def _allowed_bytes(path: Path) -> int:
+    """What the rows of a file may take in memory."""
+    return max(MAX_SMALL_BYTES, MAX_EXPANSION * path.stat().st_size)
+
+
+def _check_size(path: Path, footer: "pq.FileMetaData", names: Sequence[str]) -> None:
+    """Raises UserError for columns that would take too much memory, as the footer tells."""
+    memory_bytes = 0
+    for group in map(footer.row_group, range(footer.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            name, *nested = column.path_in_schema.split(".")
+            if name in names:
+                cell_bytes = LISTED_BYTES if nested else CELL_BYTES
+                memory_bytes += column.total_uncompressed_size + column.num_values * cell_bytes
+    _refuse_size(path, memory_bytes, f"{footer.num_rows:,} rows")
+
+
+def _check_texts(path: Path, table: "pa.Table") -> None:
+    """Raises UserError for texts that would take too much memory when each row has its own, as in a
+    page or a CSV.
+    """
+    import numpy as np
+
+    memory_bytes = table.nbytes
+    for column in table.columns:
+        for chunk in column.chunks if hasattr(column.type, "index_type") else ():
+            lengths = [len(text or "") for text in chunk.dictionary.to_pylist()]
+            places = chunk.indices.drop_null().to_numpy()
+            memory_bytes += int(
+                np.bincount(places, minlength=len(lengths)) @ np.array(lengths, int)
+            )
+    _refuse_size(path, memory_bytes, f"{table.num_rows:,} rows with texts")
+
+
+def _refuse_size(path: Path, memory_bytes: int, rows: str) -> None:
+    if memory_bytes > _allowed_bytes(path):
         raise UserError(
-            f"{path}: {footer.num_rows:,} rows in {file_bytes:,} bytes would take "
+            f"{path}: {rows} in {path.stat().st_size:,} bytes would take "
             f"{memory_bytes / 2**20:,.0f} MB of memory: more than {MAX_EXPANSION} times the file"
         )
 
 
-def check_columns(path: Path, table: "pa.Table", schema: "pa.Schema") -> None:
-    """Raises UserError unless the table has every column of ``schema``, with its type."""
+def check_columns(path: Path, found: "pa.Schema", schema: "pa.Schema") -> None:
+    """Raises UserError unless a file has every column of ``schema``, with its type."""
     for field in schema:
-        at = table.schema.get_field_index(field.name)
-        if at < 0 or table.schema.field(at).type != field.type:
+        at = found.get_field_index(field.name)
+        if at < 0 or found.field(at).type != field.type:
             raise UserError(f"{path}: column {field.name}: missing, or not {field.type}")

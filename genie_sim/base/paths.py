@@ -16,6 +16,7 @@ from genie_sim.base.errors import UserError, as_user_error
 
 PARTIAL = ".partial"
 REMEMBERED_FILES = 16  # of each kind
+MAX_TEXT_BYTES = 2**26  # of a text or JSON, which is read as a whole
 Content = TypeVar("Content")
 
 
@@ -40,18 +41,18 @@ def read_bytes(path: Path) -> bytes:
     """All bytes of a regular file. Raises UserError for anything else: a device or a pipe may have
     no end.
     """
-    with _regular(path) as file:
+    with regular(path) as file:
         return file.read()
 
 
 def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
-    with _regular(path) as file:
+    with regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager
-def _regular(path: Path) -> Iterator[BufferedReader]:
+def regular(path: Path) -> Iterator[BufferedReader]:
     """A regular file, open. Raises UserError for anything else, and for what fails within it."""
     with as_user_error(f"{path}: cannot be read", OSError, ValueError):
         if not stat.S_ISREG(path.stat().st_mode):
@@ -83,8 +84,14 @@ def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Conten
 
 def read_text(path: Path) -> str:
     """The text of a regular file in UTF-8, with or without its mark, lines ending in a newline.
-    Raises UserError.
+    Raises UserError, also for a file of more than ``MAX_TEXT_BYTES``.
     """
+    with usable(path, "cannot be read"):
+        size_bytes = path.stat().st_size
+    if size_bytes > MAX_TEXT_BYTES:
+        raise UserError(
+            f"{path}: cannot be read: {size_bytes:,} bytes, more than {MAX_TEXT_BYTES:,}"
+        )
     with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
         text = read_bytes(path).decode("utf-8-sig")
     return text.replace("\r\n", "\n").replace("\r", "\n")

@@ -18,7 +18,6 @@ from typing import Any
 
 from genie_sim.base import own_sources
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.removed import instead_of_module
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -99,12 +98,9 @@ def resolve(
             sys.path.append("")
     # whatever an own module raises when it is imported
     with as_user_error(f"{what} {name!r}", Exception):
-        try:
-            if entry is None:
-                own_sources.forget_edited(module_name)
-            made = getattr(importlib.import_module(module_name), class_name)
-        except ModuleNotFoundError as error:
-            raise UserError(instead_of_module(error.name) or str(error)) from error
+        if entry is None:
+            own_sources.forget_edited(module_name)
+        made = getattr(importlib.import_module(module_name), class_name)
     if entry is None:
         own_sources.note(module_name)
     lacking = [

@@ -16,9 +16,10 @@ import difflib
 import functools
 import inspect
 import itertools
+import math
 import re
 import textwrap
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType, NoneType, UnionType
 from typing import (
     Annotated,
@@ -32,39 +33,104 @@ from typing import (
     get_origin,
 )
 
-from genie_sim.base import plugins
+from genie_sim.base import plugins, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
-from genie_sim.base.kinds import (
-    FRAME_RATE,
-    SIZE,
-    UNITS,
-    Bounds,
-    Items,
-    Kind,
-    Matches,
-    Named,
-    Nothing,
-    Number,
-    OneOfKinds,
-    Quantity,
-    Schema,
-    SettingError,
-    TextKind,
-    TrueOrFalse,
-    Unit,
-    Word,
-    any_of,
-    join,
-    quoted,
-    raise_first,
-)
 from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
 
-__all__ = ["FRAME_RATE", "SIZE", "Bounds", "Matches", "Schema", "SettingError", "Unit", "join"]
-
+Schema = dict[str, Any]
 Settings = TypeVar("Settings")
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
 OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
+
+
+class SettingError(ValueError):
+    """``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the settings that are
+    read; so many ``more`` mistakes follow.
+    """
+
+    def __init__(self, field: str, text: str, more: int = 0) -> None:
+        super().__init__(f"{field}: {text}" if field else text)
+        self.field, self.text, self.more = field, text, more
+
+    def below(self, step: str | int) -> "SettingError":
+        """The same error, seen from the settings that hold these under ``step``."""
+        return SettingError(join(step, self.field), self.text, self.more)
+
+    @property
+    def message(self) -> str:
+        """The text, and how many mistakes there are besides."""
+        return self.text + (f" (and {self.more} more)" if self.more else "")
+
+
+def quoted(key: object) -> str:
+    """A key as part of a path; in quotes if it is no plain word."""
+    return key if isinstance(key, str) and re.fullmatch(r"[\w-]{1,40}", key) else short_repr(key)
+
+
+def join(step: str | int, path: str) -> str:
+    """``path`` below a name, a path or an index: ``cars[1].edge``."""
+    begin = f"[{step}]" if isinstance(step, int) else step
+    return begin + path if not path or not begin or path.startswith("[") else f"{begin}.{path}"
+
+
+def wrong(value: object, text: str) -> SettingError:
+    """What a value must be, and is not."""
+    return SettingError("", f"must {text}, not {short_repr(value)}")
+
+
+# --- marks
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """A number must be at least ``minimum``, more than ``above`` and at most ``maximum``."""
+
+    minimum: float | None = None
+    above: float | None = None
+    maximum: float | None = None
+
+    def contain(self, number: float) -> bool:
+        """Whether a number is within the bounds."""
+        return (
+            (self.minimum is None or number >= self.minimum)
+            and (self.above is None or number > self.above)
+            and (self.maximum is None or number <= self.maximum)
+        )
+
+    def words(self, text: Callable[[Any], str]) -> str:
+        """The bounds in words, such as ``from 0 to 1``."""
+        if self.minimum is not None and self.maximum is not None:
+            return f"from {text(self.minimum)} to {text(self.maximum)}"
+        limits = {"at least": self.minimum, "more than": self.above, "at most": self.maximum}
+        given = [f"{words} {text(limit)}" for words, limit in limits.items() if limit is not None]
+        return " and ".join(given)
+
+    def schema(self) -> Schema:
+        """As in JSON Schema."""
+        names = ("minimum", "exclusiveMinimum", "maximum")
+        limits = zip(names, dataclasses.astuple(self), strict=True)
+        return {name: limit for name, limit in limits if limit is not None}
+
+
+@dataclasses.dataclass(frozen=True)
+class Matches:
+    """A text must match a regular expression and have at most ``maximum`` characters; ``rule`` says
+    so in words.
+    """
+
+    pattern: str
+    rule: str
+    maximum: int = 1_000_000
+
+
+class Unit(NamedTuple):
+    """A unit by which the names of settings end, or a mark: how its texts are read and written."""
+
+    number: type
+    example: str
+    read: Callable[[object], float]
+    text: Callable[[Any], str]
+    bounds: Bounds = Bounds(minimum=0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,6 +176,21 @@ class Beside:
     cls: type
 
 
+_POSITIVE = Bounds(above=0)
+SIZE = Unit(int, "1.4 MB", units.size_bytes, units.size_text)
+FRAME_RATE = Unit(float, "5 Hz", units.frame_rate, units.frame_rate_text, _POSITIVE)
+UNITS = {
+    "_ns": Unit(int, "30 ms", units.duration_ns, units.duration_text),
+    "_bytes": SIZE,
+    "_bps": Unit(int, "100 Mbit/s", units.rate_bps, units.rate_text, _POSITIVE),
+    "_m": Unit(float, "1 m", units.length_m, units.length_text),
+    "_rad": Unit(float, "15 deg", units.angle_rad, units.angle_text, Bounds()),
+    "_hz": Unit(int, "25 MHz", units.frequency_hz, units.frequency_text, _POSITIVE),
+    "_db": Unit(float, "3 dB", units.ratio_db, units.ratio_text, Bounds()),
+    "_dbm": Unit(float, "23 dBm", units.power_dbm, units.power_text, Bounds()),
+    "_w": Unit(float, "3 W", units.watts, units.watts_text),
+    "_ppm": Unit(float, "20 ppm", units.drift_ppm, units.drift_text, Bounds()),
+}
 Count = Annotated[int, Bounds(minimum=1)]
 Share = Annotated[float, Bounds(minimum=0, maximum=1)]
 Text = Annotated[str, NotEmpty()]
@@ -121,6 +202,40 @@ Name = Annotated[
         maximum=100,
     ),
 ]
+
+
+# --- the settings of a class
+
+
+class Kind(NamedTuple):
+    """An annotation, taken apart: the bare type, its arguments, and the marks by their class;
+    ``name`` is what error lines call the setting.
+    """
+
+    type: Any
+    arguments: tuple[Any, ...]
+    marks: Mapping[type, Any]
+    name: str
+
+    @classmethod
+    def of(cls, annotation: Any, name: str, marks: Mapping[type, Any]) -> "Kind":
+        """Marks inside an annotation come before those around it."""
+        while get_origin(annotation) is Annotated:
+            annotation, *own = get_args(annotation)
+            marks = {**marks, **{type(mark): mark for mark in own}}
+        return cls(get_origin(annotation) or annotation, get_args(annotation), marks, name)
+
+    @property
+    def members(self) -> "list[Kind]":
+        """Those of a union."""
+        return [Kind.of(part, self.name, self.marks) for part in self.arguments]
+
+    @property
+    def items(self) -> "list[Kind]":
+        """What a list or a mapping holds."""
+        marks = {key: mark for key, mark in self.marks.items() if key not in (NotEmpty, Short)}
+        name = self.name.removesuffix("s")
+        return [Kind.of(part, name, marks) for part in self.arguments if part is not ...]
 
 
 class Setting(NamedTuple):
@@ -144,44 +259,40 @@ def settings_of(cls: Callable[..., Any]) -> tuple[Setting, ...]:
 
     A field that is no setting has ``setting=False`` in its metadata.
     """
-    fields = (
-        {field.name: field for field in dataclasses.fields(cls)} if is_settings_class(cls) else {}
-    )
+    fields = cls.__dataclass_fields__ if is_settings_class(cls) else {}
     settings = []
     for name, parameter in _signature(cls).parameters.items():
-        if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+        field = fields.get(name)
+        if parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD) or (
+            field is not None and not field.metadata.get("setting", True)
+        ):
             continue
         default = parameter.default
-        if name in fields:
-            if not fields[name].metadata.get("setting", True):
-                continue
-            factory = fields[name].default_factory
-            if factory is not dataclasses.MISSING:
-                default = factory()
+        if field is not None and field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
         suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
         unit = UNITS.get(suffix)
-        annotation = _annotation(parameter, default, unit)
+        annotation = parameter.annotation
+        if annotation is parameter.empty or isinstance(annotation, str):  # its unit says the type
+            annotation = Any if unit is None else unit.number
+            annotation = annotation | None if unit is not None and default is None else annotation
         key = mark_in(annotation, Key)
         key_name = name.removesuffix(suffix) if key is None else key.name
         unit = unit or mark_in(annotation, Unit)
-        bounds = Bounds() if unit is None else unit.bounds
-        marks = _Marks(key_name.replace("_", " "), unit, bounds)
-        settings.append(
-            Setting(
-                name=name,
-                key=key_name,
-                annotation=annotation,
-                kind=kind_of(annotation, marks),
-                default=default,
-                if_given=mark_in(annotation, IfGiven) is not None,
-            )
-        )
+        around = {} if unit is None else {Unit: unit, Bounds: unit.bounds}
+        kind = Kind.of(annotation, key_name.replace("_", " "), around)
+        settings.append(Setting(name, key_name, annotation, kind, default, IfGiven in kind.marks))
     return tuple(settings)
 
 
 def keys_of(cls: Callable[..., Any]) -> list[str]:
     """The names in YAML of the settings of a class."""
     return [setting.key for setting in settings_of(cls)]
+
+
+def names_of(cls: Callable[..., Any]) -> list[str]:
+    """The names in Python of the settings of a class."""
+    return [setting.name for setting in settings_of(cls)]
 
 
 def _signature(cls: Callable[..., Any]) -> inspect.Signature:
@@ -192,30 +303,13 @@ def _signature(cls: Callable[..., Any]) -> inspect.Signature:
         return inspect.signature(cls)
 
 
-def names_of(cls: Callable[..., Any]) -> list[str]:
-    """The names in Python of the settings of a class."""
-    return [setting.name for setting in settings_of(cls)]
-
-
-def _annotation(parameter: inspect.Parameter, default: Any, unit: Unit | None) -> Any:
-    """The type of an argument; where nothing says it, that of its unit."""
-    annotation = parameter.annotation
-    if annotation is not inspect.Parameter.empty and not isinstance(annotation, str):
-        return annotation
-    if unit is not None:
-        return unit.number if default is not None else unit.number | None
-    return Any
-
-
 Mark = TypeVar("Mark")
 
 
 def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
     """The mark of this type in an annotation, also in members of a union or items of a list."""
     for part in get_args(kind) if get_origin(kind) is not Literal else ():
-        if isinstance(part, mark):
-            return part
-        inner = mark_in(part, mark)
+        inner = part if isinstance(part, mark) else mark_in(part, mark)
         if inner is not None:
             return inner
     return None
@@ -232,141 +326,29 @@ def descriptions(cls: type) -> dict[str, str]:
     dataclass, or the entry of an argument in the section ``Parameters`` of any other class.
     """
     if not is_settings_class(cls):
-        return _parameters(inspect.getdoc(cls) or "")
+        _, _, section = (inspect.getdoc(cls) or "").partition("Parameters\n----------\n")
+        section, _, _ = section.partition("\n\n")
+        found = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
+        return {name: " ".join(text.split()) for name, text in found}
     texts: dict[str, str] = {}
-    for owner in reversed(cls.__mro__):
-        if dataclasses.is_dataclass(owner):
-            texts |= _below_fields(owner)
+    for owner in filter(dataclasses.is_dataclass, reversed(cls.__mro__)):
+        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+        for field, below in itertools.pairwise(tree.body):  # type: ignore[attr-defined]
+            match field, below:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=name)),
+                    ast.Expr(value=ast.Constant(value=str(text))),
+                ):
+                    texts[name] = " ".join(text.split())
     return texts
-
-
-def _below_fields(cls: type) -> dict[str, str]:
-    """The text below each field in the source of a dataclass."""
-    tree = _tree_of(cls)
-    texts = {}
-    for field, below in itertools.pairwise(tree.body):
-        match field, below:
-            case (
-                ast.AnnAssign(target=ast.Name(id=name)),
-                ast.Expr(value=ast.Constant(value=str(text))),
-            ):
-                texts[name] = " ".join(text.split())
-    return texts
-
-
-def _tree_of(cls: type) -> ast.ClassDef:
-    """The source of a class, parsed."""
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-    assert isinstance(tree, ast.ClassDef)
-    return tree
-
-
-def _parameters(docstring: str) -> dict[str, str]:
-    """The section ``Parameters`` of a docstring, by name."""
-    _, _, section = docstring.partition("Parameters\n----------\n")
-    section, _, _ = section.partition("\n\n")
-    entries = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in entries}
-
-
-# --- kinds
-
-
-class _Marks(NamedTuple):
-    """What is known of a setting beside its type: the name of it, its unit and marks."""
-
-    name: str
-    unit: Unit | None = None
-    bounds: Bounds = Bounds()
-    matches: Matches | None = None
-    not_empty: bool = False
-    one_of: str = ""
-    short: Short | None = None
-
-    def of_items(self) -> "_Marks":
-        """Those of what a list or a mapping holds."""
-        return self._replace(name=self.name.removesuffix("s"), not_empty=False, short=None)
-
-
-def kind_of(annotation: Any, marks: _Marks) -> Kind:
-    """The kind of what an annotation says."""
-    if get_origin(annotation) is Annotated:
-        annotation, *own = get_args(annotation)
-        for mark in own:
-            match mark:
-                case PlugIn():
-                    return PlugInName(mark) if annotation is str else mark
-                case Kind():
-                    return mark
-                case Bounds():
-                    marks = marks._replace(bounds=mark)
-                case Matches():
-                    marks = marks._replace(matches=mark)
-                case NotEmpty():
-                    marks = marks._replace(not_empty=True)
-                case OneOf():
-                    marks = marks._replace(one_of=mark.words)
-                case Short():
-                    marks = marks._replace(short=mark)
-        return kind_of(annotation, marks)
-    parts = get_args(annotation)
-    match get_origin(annotation) or annotation:
-        case origin if origin in (Union, UnionType):
-            kinds = tuple(kind_of(part, marks) for part in parts)
-            return OneOfKinds(kinds, marks.one_of, _schemas_of(marks.short))
-        case origin if origin is Literal:
-            return Word(marks.name, parts, marks.one_of)
-        case origin if origin is tuple and parts:
-            any_length = parts[-1] is Ellipsis
-            held = parts[:1] if any_length else parts
-            kinds = tuple(kind_of(part, marks.of_items()) for part in held)
-            return Items(kinds, any_length, marks.not_empty)
-        case type() as origin if parts and issubclass(origin, Mapping):
-            keys, items = (kind_of(part, marks.of_items()) for part in parts)
-            return Named(keys, items, marks.not_empty, _schemas_of(marks.short))
-        case cls if is_settings_class(cls):
-            return Nested(cls, marks.short)
-        case cls if cls is int or cls is float:
-            if marks.unit is not None:
-                return Quantity(marks.unit, marks.bounds)
-            return Number(cls is int, marks.bounds)
-        case cls if cls is str:
-            return TextKind(marks.not_empty, marks.matches)
-        case cls if cls is bool:
-            return TrueOrFalse()
-        case cls if cls is NoneType:
-            return Nothing()
-    return Kind()
-
-
-def _schemas_of(short: Short | None) -> tuple[Schema, ...]:
-    """What may be written in place of a mapping."""
-    if short is None:
-        return ()
-    if short.plug_in is not None:
-        return tuple(short.plug_in.names_schema())
-    return ({"type": "string", "examples": list(short.examples)},)
 
 
 # --- reading
 
 
 def read(cls: type[Settings], data: object, where: Callable[[str], str]) -> Settings:
-    """The settings in ``data``, plain data as from YAML.
-
-    Parameters
-    ----------
-    cls : type
-        The settings class.
-    data : object
-        A mapping, or a short form that the class expands.
-    where : callable
-        Gives the file, or the option, that a field's path comes from, to begin the error with.
-
-    Raises
-    ------
-    UserError
-        In one line, for the first mistake.
+    """The settings in ``data``, plain data as from YAML; ``where`` gives the file, or the option,
+    that a field's path comes from. Raises ``UserError`` in one line, for the first mistake.
     """
     try:
         return from_plain(cls, data)
@@ -377,7 +359,7 @@ def read(cls: type[Settings], data: object, where: Callable[[str], str]) -> Sett
 
 def from_plain(cls: type[Settings], data: object) -> Settings:
     """The settings in ``data``, plain data as from YAML. Raises ``SettingError``."""
-    settings: Settings = Nested(cls).read(data)
+    settings: Settings = _class_value(cls, data, None)
     return settings
 
 
@@ -385,79 +367,204 @@ def merged(base: Settings, data: Mapping[str, Any]) -> Settings:
     """``base`` with what ``data`` sets otherwise, at any depth: a plug-in that is named anew brings
     its own settings. Raises ``SettingError``.
     """
-    settings: Settings = Nested(type(base)).read(data, base)
+    settings: Settings = _class_value(type(base), data, base)
     return settings
 
 
-@dataclasses.dataclass(frozen=True)
-class Nested(Kind):
-    """Settings of a class of their own; ``short`` is what may be written instead."""
+def _value(kind: Kind, value: Any, base: object = None) -> Any:
+    """The setting that YAML has as ``value``; what is left out is as in ``base``, a setting that
+    was read before. Raises ``SettingError``.
+    """
+    plug_in: PlugIn | None = kind.marks.get(PlugIn)
+    if plug_in is not None and kind.type in (str, Choice):
+        return plug_in.name(value) if kind.type is str else plug_in.read(value, base)
+    match kind.type:
+        case origin if origin in (Union, UnionType):
+            return _value(_member(kind, value), value, base)
+        case origin if origin is Literal:
+            if value not in kind.arguments:
+                others = f", {kind.marks[OneOf].words}" if OneOf in kind.marks else ""
+                raise SettingError("", unknown(kind.name, value, kind.arguments) + others)
+        case cls if cls is bool:
+            _check_type(value, bool, "true or false")
+        case cls if cls is int or cls is float:
+            return _number(kind, value)
+        case cls if cls is str:
+            _check_type(value, str, "text")
+            _check_text(kind, value)
+        case origin if origin is tuple and kind.arguments:
+            return _items(kind, value)
+        case type() as origin if kind.arguments and issubclass(origin, Mapping):
+            _check_type(value, Mapping, "a mapping")
+            _check_not_empty(kind, value)
+            keys, items = kind.items
+            pairs = ((quoted(key), (key, item)) for key, item in value.items())
+            return dict(
+                _each(pairs, lambda _, pair: (_value(keys, pair[0]), _value(items, pair[1])))
+            )
+        case cls if is_settings_class(cls):
+            return _class_value(cls, value, base)
+        case cls if cls is NoneType:
+            return None
+    return value
 
-    cls: type[Any]
-    short: Short | None = None
 
-    def fits(self, value: object) -> bool:
-        if hasattr(self.cls, "expand"):
-            return value is not None
-        return isinstance(value, Mapping | self.cls)
+def _each(items: Iterable[tuple[Any, Any]], value: Callable[[Any, Any], Any]) -> list[Any]:
+    """The value of each (step, item). Raises the first of several mistakes, which says how many
+    there are besides.
+    """
+    values: list[Any] = []
+    errors: list[SettingError] = []
+    for step, item in items:
+        try:
+            values.append(value(step, item))
+        except SettingError as error:
+            errors.append(error.below(step))
+    if errors:
+        more = len(errors) - 1 + sum(error.more for error in errors)
+        raise SettingError(errors[0].field, errors[0].text, more)
+    return values
 
-    def read(self, value: object, base: object = None) -> Any:
-        cls = self.cls
+
+def _fits(kind: Kind, value: object) -> bool:
+    """Whether a value is written, or was read, as those of this member of a union are."""
+    if PlugIn in kind.marks and kind.type in (str, Choice):
+        return value is not None
+    match kind.type:
+        case origin if origin in (Union, UnionType):
+            return any(_fits(member, value) for member in kind.members)
+        case cls if cls is NoneType:
+            return value is None
+        case cls if cls is bool:
+            return isinstance(value, bool)
+        case cls if cls is int or cls is float:
+            return _is_number(value) or (Unit in kind.marks and isinstance(value, str))
+        case origin if origin is tuple:
+            return isinstance(value, list | tuple)
+        case cls if is_settings_class(cls):
+            short = hasattr(cls, "expand") and value is not None
+            return short or isinstance(value, Mapping | cls)
+        case type() as origin if issubclass(origin, Mapping):
+            return isinstance(value, Mapping)
+    return isinstance(value, str)
+
+
+def _member(kind: Kind, value: object) -> Kind:
+    """The first member of a union as which a value is written. Raises ``SettingError``."""
+    for member in kind.members:
+        if _fits(member, value):
+            return member
+    if OneOf in kind.marks:
+        named = [
+            word for member in kind.members if member.type is Literal for word in member.arguments
+        ]
+        raise wrong(value, f"be {', '.join([*named, kind.marks[OneOf].words])}")
+    return next(member for member in kind.members if member.type is not NoneType)
+
+
+def _number(kind: Kind, value: Any) -> float:
+    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks.get(Unit)
+    number: float = value
+    if unit is not None:
+        try:
+            number = unit.read(value)
+        except ValueError as error:
+            raise SettingError("", str(error)) from error
+        if not bounds.contain(number):
+            words = "be more than zero"
+            if bounds.minimum == 0 and number < 0:
+                words = "not be negative"
+            elif bounds.minimum is not None and bounds.maximum is not None:
+                words = f"be {bounds.words(unit.text)}"
+            raise SettingError("", f"must {words}, but is {short_repr(value)}")
+        return number
+    if kind.type is int:
+        _check_type(value, int, "a whole number")
+    else:
+        _check_type(value, int | float, "a number")
+        number = float(value) if abs(value) < 1e308 else math.inf
+        if not math.isfinite(number):
+            raise wrong(value, "be a finite number")
+    if not bounds.contain(number):
+        raise wrong(value, f"be {bounds.words('{:,.10g}'.format)}")
+    return number
+
+
+def _check_text(kind: Kind, text: str) -> None:
+    _check_not_empty(kind, text)
+    rule = kind.marks.get(Matches)
+    if rule is not None and len(text) > rule.maximum:
+        raise SettingError("", f"must have at most {rule.maximum} characters, not {len(text)}")
+    if rule is not None and not re.search(rule.pattern, text):
+        raise SettingError("", f"{rule.rule}, not {short_repr(text)}")
+
+
+def _items(kind: Kind, value: Any) -> tuple[Any, ...]:
+    """A list as a tuple."""
+    _check_type(value, list | tuple, "a list")
+    kinds = _kinds_of_items(kind, value)
+    if len(kinds) != len(value):
+        raise SettingError("", f"must hold {len(kinds)} values, not {len(value)}")
+    _check_not_empty(kind, value)
+    return tuple(_each(enumerate(value), lambda place, item: _value(kinds[place], item)))
+
+
+def _kinds_of_items(kind: Kind, value: Collection[Any]) -> list[Kind]:
+    return kind.items * len(value) if kind.arguments[-1] is ... else kind.items
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _check_type(value: object, kind: Any, words: str) -> None:
+    if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+        raise wrong(value, f"be {words}")
+
+
+def _check_not_empty(kind: Kind, value: Any) -> None:
+    if NotEmpty in kind.marks and not value:
+        raise SettingError("", "must not be empty")
+
+
+def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
+    """An instance of a settings class."""
+    if isinstance(value, cls):
+        return value
+    base = base if isinstance(value, Mapping) and isinstance(base, cls) else None
+    if hasattr(cls, "expand"):
+        value = cls.expand(value)
         if isinstance(value, cls):
             return value
-        base = base if isinstance(value, Mapping) and isinstance(base, cls) else None
-        expand = getattr(cls, "expand", None)
-        if expand is not None:
-            value = expand(value)
-            if isinstance(value, cls):
-                return value
-        if not isinstance(value, Mapping):
-            raise SettingError("", f"must be a mapping, not {short_repr(value)}")
-        keys = keys_of(cls)
-        for key in value:
-            if key not in keys:
-                near = difflib.get_close_matches(str(key), keys, n=1)
-                hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
-                raise SettingError(quoted(key), f"unknown field; {hint}")
-        before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
-        return built(cls, _values(cls, value, before))
-
-    def plain(self, value: Any) -> Any:
-        cls = type(value)
-        if not is_settings_class(cls):
-            return super().plain(value)
-        if hasattr(value, "shorten"):
-            return value.shorten()
-        return _written(cls, {name: getattr(value, name) for name in names_of(cls)})
-
-    def schema(self, classes: dict[str, Schema]) -> Schema:
-        name = self.cls.__name__
-        if name not in classes:
-            classes[name] = {}  # a class may hold itself
-            classes[name] = class_schema(self.cls, classes)
-            if self.short is not None and self.short.plug_in is not None:
-                del classes[name]["required"]  # the name of a plug-in alone is enough
-        return any_of(_schemas_of(self.short), {"$ref": f"#/$defs/{name}"})
+    if not isinstance(value, Mapping):
+        raise wrong(value, "be a mapping")
+    keys = keys_of(cls)
+    for key in value:
+        if key not in keys:
+            near = difflib.get_close_matches(str(key), keys, n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
+            raise SettingError(quoted(key), f"unknown field; {hint}")
+    before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
+    return built(cls, _values(cls, value, before))
 
 
 def _values(
     cls: Callable[..., Any], data: Mapping[Any, Any], before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The values of settings in ``data``, by name in Python, and those ``before`` of others."""
-    values = dict(before)
-    errors: list[SettingError] = []
-    for setting in settings_of(cls):
-        if setting.key not in data:
-            if setting.default is REQUIRED and setting.name not in before:
-                errors.append(SettingError(setting.key, "missing"))
-            continue
-        try:
-            base = before.get(setting.name)
-            values[setting.name] = setting.kind.read(data[setting.key], base)
-        except SettingError as error:
-            errors.append(error.below(setting.key))
-    raise_first(errors)
-    return values
+
+    def value(key: str, setting: Setting) -> Any:
+        if key in data:
+            return _value(setting.kind, data[key], before.get(setting.name))
+        raise SettingError("", "missing")
+
+    asked = [
+        setting
+        for setting in settings_of(cls)
+        if setting.key in data or (setting.default is REQUIRED and setting.name not in before)
+    ]
+    values = _each(((setting.key, setting) for setting in asked), value)
+    return {**before, **dict(zip((setting.name for setting in asked), values, strict=True))}
 
 
 def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
@@ -493,7 +600,7 @@ class Presets(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class PlugIn(Kind):
+class PlugIn:
     """Marks a ``Choice`` out of ``registry``: in YAML a name, or a mapping of the name (under
     ``key``) and the settings of the class. Marks a text that is a name alone, too.
 
@@ -524,14 +631,10 @@ class PlugIn(Kind):
     presets: Presets | None = None
     beside: tuple[str, ...] = ()
 
-    def fits(self, value: object) -> bool:
-        return value is not None
-
     def name(self, value: object) -> str:
         """A name alone, such as that of an eviction policy. Raises ``SettingError``."""
         if isinstance(value, Mapping):
-            text = f"must be a name alone, without settings, not {short_repr(value)}"
-            raise SettingError("", text)
+            raise wrong(value, "be a name alone, without settings")
         try:
             return plugins.checked_name(self.what, value, self.registry)
         except ValueError as error:
@@ -549,7 +652,7 @@ class PlugIn(Kind):
         if isinstance(value, str) and self.presets is not None and not plugins.is_own(value):
             return self.presets.get(value)
         if not isinstance(value, str | Mapping):
-            raise SettingError("", f"must be a name or a mapping, not {short_repr(value)}")
+            raise wrong(value, "be a name or a mapping")
         given = dict(value) if isinstance(value, Mapping) else {self.key: value}
         if self.key in given or "like" in given or not isinstance(base, Choice):
             base = None
@@ -565,7 +668,10 @@ class PlugIn(Kind):
                 raise error.below("like") from error
         before = {} if base is None else dict(base.parameters)
         if name not in self.registry:
-            return Choice(name, before | _unread(given))
+            for key, item in given.items():
+                if not isinstance(item, Parameter):
+                    raise wrong(item, "be a number, true or false, or text").below(quoted(key))
+            return Choice(name, before | given)
         cls = self.resolve(name)
         values = _arguments(cls, name, given, before=before, beside=self.beside)
         built(cls, values)  # the class validates its own ranges
@@ -584,9 +690,8 @@ class PlugIn(Kind):
                 parameters = own_arguments(cls, choice)
         return plugins.call(self.what, choice.name, cls, **parameters)
 
-    def plain(self, value: Any) -> Any:
-        if not isinstance(value, Choice):
-            return value
+    def plain(self, value: Choice) -> Any:
+        """A choice as in YAML."""
         for name, preset in self.presets.choices.items() if self.presets else ():
             if value == preset:
                 return name
@@ -600,7 +705,13 @@ class PlugIn(Kind):
         """A name, or a mapping of the name and the settings of its class."""
         own_name = {"description": "A class of your own, `package.module:Class`.", **OWN_CLASS}
         own = {"type": "object", "properties": {self.key: own_name}, "required": [self.key]}
-        shipped = [self._shipped_schema(name, classes) for name in self.registry]
+        shipped = []
+        for name in self.registry:
+            schema = class_schema(self.resolve(name), classes)
+            schema["properties"] = {self.key: {"const": name}, **schema["properties"]}
+            if name != self.default:
+                schema["required"] = [self.key, *schema.get("required", ())]
+            shipped.append(schema)
         names = self.names_schema()
         if self.presets is not None:
             names = [{"enum": list(self.presets.choices)}]
@@ -615,43 +726,11 @@ class PlugIn(Kind):
         """What a name alone may be."""
         return [{"enum": list(self.registry)}, OWN_CLASS]
 
-    def _shipped_schema(self, name: str, classes: dict[str, Schema]) -> Schema:
-        schema = class_schema(self.resolve(name), classes)
-        schema["properties"] = {self.key: {"const": name}, **schema["properties"]}
-        if name != self.default:
-            schema["required"] = [self.key, *schema.get("required", ())]
-        return schema
-
-
-@dataclasses.dataclass(frozen=True)
-class PlugInName(Kind):
-    """The name of a plug-in alone, without settings, as a text."""
-
-    plug_in: PlugIn
-
-    def fits(self, value: object) -> bool:
-        return value is not None
-
-    def read(self, value: object, base: object = None) -> str:
-        return self.plug_in.name(value)
-
-    def schema(self, classes: dict[str, Schema]) -> Schema:
-        return {"anyOf": self.plug_in.names_schema()}
-
 
 def complete(name: str, cls: Callable[..., Any], **parameters: Any) -> Choice:
     """The choice of a shipped class, with the defaults of what is not given."""
     defaults = {setting.name: setting.default for setting in settings_of(cls)}
     return Choice(name, defaults | parameters)
-
-
-def _unread(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings of a class of the user's own, as they are written."""
-    for key, item in given.items():
-        if not isinstance(item, Parameter):
-            text = f"must be a number, true or false, or text, not {short_repr(item)}"
-            raise SettingError(quoted(key), text)
-    return dict(given)
 
 
 def _arguments(
@@ -662,20 +741,9 @@ def _arguments(
     before: Mapping[str, Any] = MappingProxyType({}),
     beside: Collection[str] = (),
 ) -> dict[str, Any]:
-    """The arguments of a plug-in's class, by name in Python. Raises ``SettingError``.
-
-    Parameters
-    ----------
-    cls : callable
-        The class.
-    name : str
-        What it is called in YAML.
-    given : mapping
-        Its settings as in YAML.
-    before : mapping
-        Arguments that ``given`` may leave out; the defaults of the class complete them.
-    beside : collection of str
-        Settings of another class in the same mapping, named among the choices.
+    """The arguments of a plug-in's class, by name in Python, out of the settings ``given`` to what
+    is called ``name``; those ``before`` and the defaults of the class complete them. ``beside`` are
+    settings of another class, named among the choices. Raises ``SettingError``.
     """
     keys = keys_of(cls)
     for key in given:
@@ -694,12 +762,10 @@ def own_arguments(cls: Callable[..., Any], choice: Choice) -> dict[str, Any]:
         parameters = inspect.signature(cls).parameters.values()
     except (TypeError, ValueError):  # a class without a signature takes what it is given
         return dict(choice.parameters)
+    given, others = dict(choice.parameters), {}
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
-        keys = keys_of(cls)
-        others = {key: item for key, item in choice.parameters.items() if key not in keys}
-        given = {key: item for key, item in choice.parameters.items() if key in keys}
-        return others | _arguments(cls, choice.name, given)
-    return _arguments(cls, choice.name, choice.parameters)
+        others = {key: given.pop(key) for key in [*given] if key not in keys_of(cls)}
+    return others | _arguments(cls, choice.name, given)
 
 
 class Chosen(NamedTuple):
@@ -740,18 +806,41 @@ def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]
 
 def plain_data(value: object) -> Any:
     """Settings as plain data for YAML and JSON, every one written out; ``read`` reads them back."""
-    return Nested(type(value)).plain(value)
+    return _plain(Kind(type(value), (), {}, ""), value)
 
 
 def plain_default(setting: Setting) -> Any:
     """The default of a setting as plain data."""
-    return setting.kind.plain(setting.default)
+    return _plain(setting.kind, setting.default)
+
+
+def _plain(kind: Kind, value: Any) -> Any:
+    """A setting as in YAML; what is of no such kind stays as it is."""
+    if kind.type in (Union, UnionType):
+        member = next((member for member in kind.members if _fits(member, value)), None)
+        return value if member is None else _plain(member, value)
+    if isinstance(value, Choice):
+        return kind.marks[PlugIn].plain(value)
+    if is_settings_class(type(value)):
+        if hasattr(value, "shorten"):
+            return value.shorten()
+        cls = type(value)
+        return _written(cls, {name: getattr(value, name) for name in names_of(cls)})
+    if Unit in kind.marks and kind.type in (int, float) and _is_number(value):
+        return kind.marks[Unit].text(value)
+    if isinstance(value, Mapping):
+        items = kind.items[1] if len(kind.arguments) == 2 else kind
+        return {key: _plain(items, item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        kinds = _kinds_of_items(kind, value) if kind.arguments else [kind] * len(value)
+        return [_plain(of, item) for of, item in zip(kinds, value, strict=True)]
+    return value
 
 
 def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Values by their names in Python, as in YAML."""
     return {
-        setting.key: setting.kind.plain(values[setting.name])
+        setting.key: _plain(setting.kind, values[setting.name])
         for setting in settings_of(cls)
         if setting.name in values
         and not (setting.if_given and values[setting.name] == setting.default)
@@ -772,25 +861,69 @@ def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
             properties |= class_schema(beside.cls, classes)["properties"]
             continue
         mark = mark_in(setting.annotation, PlugIn)
+        text = {"description": texts[setting.name]} if setting.name in texts else {}
         if mark is not None and mark.beside:  # its own settings stand beside those of the class
             closed = False
-            names = {"anyOf": mark.names_schema()}
-            properties[setting.key] = {"description": texts[setting.name], **names}
-            continue
-        text = {"description": texts[setting.name]} if setting.name in texts else {}
-        properties[setting.key] = {**text, **_setting_schema(setting, classes)}
-    schema: Schema = {
+            schema = {"anyOf": mark.names_schema()}
+        else:
+            schema = _schema(setting.kind, classes)
+            if setting.default is not REQUIRED:
+                schema = {**schema, "default": plain_default(setting)}
+        properties[setting.key] = {**text, **schema}
+    mapping: Schema = {
         "type": "object",
         "description": inspect.cleandoc(cls.__doc__ or ""),
         "properties": properties,
         "additionalProperties": not closed,
     }
     required = [setting.key for setting in settings_of(cls) if setting.default is REQUIRED]
-    return {**schema, "required": required} if required else schema
+    return {**mapping, "required": required} if required else mapping
 
 
-def _setting_schema(setting: Setting, classes: dict[str, Schema]) -> Schema:
-    schema = setting.kind.schema(classes)
-    if setting.default is REQUIRED or setting.default is None:
-        return schema if setting.default is REQUIRED else {**schema, "default": None}
-    return {**schema, "default": plain_default(setting)}
+TYPES = {int: "integer", float: "number", str: "string", bool: "boolean", NoneType: "null"}
+
+
+def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
+    marks, short = kind.marks, kind.marks.get(Short)
+    shorts: list[Schema] = []
+    if short is not None:
+        texts = {"type": "string", "examples": list(short.examples)}
+        shorts = [texts] if short.plug_in is None else short.plug_in.names_schema()
+    if PlugIn in marks and kind.type in (str, Choice):
+        named = {"anyOf": marks[PlugIn].names_schema()}
+        return named if kind.type is str else marks[PlugIn].schema(classes)
+    schema: Schema = {}
+    match kind.type:
+        case origin if origin in (Union, UnionType):
+            return {"anyOf": [*shorts, *(_schema(member, classes) for member in kind.members)]}
+        case origin if origin is Literal:
+            return {"enum": list(kind.arguments), "type": "string"}
+        case origin if origin is tuple and kind.arguments:
+            inner = [_schema(item, classes) for item in kind.items]
+            if kind.arguments[-1] is ...:
+                schema = {"type": "array", "items": inner[0]}
+                return {**schema, "minItems": 1} if NotEmpty in marks else schema
+            count = {"minItems": len(inner), "maxItems": len(inner)}
+            return {"type": "array", "prefixItems": inner, **count}
+        case cls if is_settings_class(cls):
+            name = cls.__name__
+            if name not in classes:
+                classes[name] = {}  # a class may hold itself
+                classes[name] = class_schema(cls, classes)
+                if short is not None and short.plug_in is not None:
+                    del classes[name]["required"]  # the name of a plug-in alone is enough
+            schema = {"$ref": f"#/$defs/{name}"}
+        case type() as origin if kind.arguments and issubclass(origin, Mapping):
+            schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
+        case cls if cls in (int, float) and Unit in marks:
+            return {"type": "string", "examples": [marks[Unit].example]}
+        case cls if cls in TYPES:
+            schema = {"type": TYPES[cls]}
+            if cls in (int, float):
+                schema |= marks.get(Bounds, Bounds()).schema()
+            elif cls is str:
+                if rule := marks.get(Matches):
+                    schema |= {"pattern": rule.pattern, "maxLength": rule.maximum}
+                schema |= {"minLength": 1} if NotEmpty in marks else {}
+            return schema
+    return {"anyOf": [*shorts, schema]} if shorts else schema

@@ -1,9 +1,10 @@
 """Tables that somebody else wrote, as text or Parquet: rows of typed values, and errors that name
 file, line and column.
 
-Text is in UTF-8 or UTF-16, plain or compressed by gzip. What separates its columns, the decimal
-mark and the units are found in the file: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are the
-column ``time_s``.
+Text is CSV in UTF-8 or UTF-16, perhaps packed by gzip, its columns separated by tabs, semicolons,
+commas or blanks, as its first line is. Where commas do not separate, they may be decimal marks.
+Lines that begin with ``#`` are comments; of a table without titles the last comment before it has
+them. Units are found in titles: ``time_ms``, ``Time [ms]`` and ``time (s)`` all are ``time_s``.
 """
 
 import codecs
@@ -17,30 +18,23 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal, NamedTuple, cast
+from typing import Any, Literal, NamedTuple
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.paths import usable
+from genie_sim.base.units import MAX_M, MAX_TIME_S
 
+MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay finite
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
 MAX_TEXT = 100
+MAX_LINE = 1_000_000  # characters of a text
+MAX_CHARACTERS = 2 * 10**9  # of a text that is packed, or not
 BATCH_ROWS = 65_536  # of a Parquet file, in memory at once
-HEAD_BYTES = 65_536  # of a text, in which the header stands and its separator is found
-SAMPLE_LINES = 20  # that tell the separator
-GZIP = b"\x1f\x8b"  # how a file begins that is compressed so
-MAX_UNPACKED_BYTES = 2 * 10**9
-MAX_LINE_BYTES = 1_000_000
+MARKS = "\t;,"  # separate columns wherever they stand
 BLANKS = " "  # separates columns: any number of spaces and tabs
-SURE = "\t;,"  # separate columns wherever they stand
-MARKS = ",; \t\r\n"  # a line of nothing else is empty
-# What is text, but no table, by how it begins.
-OTHERS = {
-    "JSON": ("{", "["),
-    "XML": ("<",),
-    "sentences of NMEA 0183": ("$GP", "$GN", "$GL", "$GA", "$GB"),
-}
-SAYS_SEPARATOR = re.compile("sep=(.)")  # Excel's first line
+EMPTY = MARKS + BLANKS  # a line of nothing else is empty
+Row = tuple[str, list[Any]]  # where it stands, and its cells
 
 # What a unit in a title measures, and how many of the smallest unit it is.
 UNITS: dict[str, tuple[str, float]] = {
@@ -66,6 +60,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", math.degrees(1.0)),
     "radians": ("angle", math.degrees(1.0)),
 }
+SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}  # than a second, so often
+SOME_DATES_S = (9e8, MAX_TIME_S)  # since 1970: from 1998 on
 _BYTES = re.compile(r"[kKMG]?B(ps|/s)")  # bytes a second, which lower case would take for bits
 _IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
 _AT_THE_END = re.compile(r"(.+?)\s*[_ .,/-]\s*([^\W\d_]+(?:/s)?)")
@@ -92,14 +88,14 @@ class FileColumn:
     """A column that a table must or may have.
 
     Its name ends with the unit of its values; a table may have another unit of the kind. Numbers
-    must be finite and from ``lowest`` to ``highest``. An optional column may be missing, and its
+    must be from ``lowest`` to ``highest``. An optional column may be missing, and its
     values may be empty: they read as ``None``.
     """
 
     name: str
     kind: Literal["number", "text", "flag"] = "number"
-    lowest: float = -math.inf
-    highest: float = math.inf
+    lowest: float = -MAX_NUMBER
+    highest: float = MAX_NUMBER
     optional: bool = False
 
     def value(self, raw: object, factor: float = 1.0) -> Any:
@@ -119,6 +115,11 @@ class FileColumn:
             raise ValueError(f"must be 1 to {MAX_TEXT} printable characters, not {short_repr(raw)}")
         return text
 
+    @property
+    def is_time(self) -> bool:
+        """Whether its values are times or durations, by the unit in its name."""
+        return UNITS.get(title_of(self.name).unit, ("",))[0] == "time"
+
     def _number(self, raw: object, factor: float) -> float:
         try:  # what most cells hold
             number = float(raw if type(raw) is str and raw.isascii() and "_" not in raw else "")
@@ -126,14 +127,24 @@ class FileColumn:
             number = plain_number(raw)
         if factor != 1.0:
             number *= factor
-        if not (math.isfinite(number) and self.lowest <= number <= self.highest):
-            limits = ""
-            if math.isfinite(self.highest):
-                limits = f" from {self.lowest:g} to {self.highest:g}"
-            elif math.isfinite(self.lowest):
-                limits = f" of at least {self.lowest:g}"
-            raise ValueError(f"must be a number{limits}, not {short_repr(raw)}")
+        if not self.lowest <= number <= self.highest:
+            limits = f"from {self.lowest:g} to {self.highest:g}"
+            hint = since_1970(number / factor) if self.is_time else ""
+            raise ValueError(f"must be a number {limits}, not {short_repr(raw)}{hint}")
         return number
+
+
+TIME = FileColumn("time_s", lowest=-MAX_TIME_S, highest=MAX_TIME_S)
+EAST = FileColumn("east_m", lowest=-MAX_M, highest=MAX_M)
+NORTH = FileColumn("north_m", lowest=-MAX_M, highest=MAX_M)
+
+
+def since_1970(number: float) -> str:
+    """Which unit makes a date of a time that is out of range; nothing where none does."""
+    for unit, times in SMALLER.items():
+        if SOME_DATES_S[0] <= number / times <= SOME_DATES_S[1]:
+            return f": are these {unit} since 1970? Say so in the title"
+    return ""
 
 
 def plain_number(raw: object) -> float:
@@ -173,50 +184,58 @@ class FileTable:
     """
 
     def __init__(self, path: Path, *, uneven: bool = False) -> None:
-        self.path = path
+        self.path, self._uneven, self.separator = path, uneven, ","
+        self.titles: tuple[str, ...] = ()
         if not path.is_file():
             raise UserError(f"{path}: no such file")
-        self.is_text = path.suffix != ".parquet"
-        if self.is_text:
-            self._text = _TextLayout(path, uneven)
-            self.titles = self._text.titles
-        else:
+        self._is_text = path.suffix != ".parquet"
+        if not self._is_text:
             with parquet.opened(path) as file:
                 self.titles = tuple(file.schema_arrow.names)
-
-    @property
-    def columns(self) -> int:
-        """How many columns there are, with or without titles."""
-        return self._text.columns if self.is_text else len(self.titles)
+            self.columns = len(self.titles)
+            return
+        comment, content = "", list[str]()
+        with _lines(path) as lines:
+            for line in map(str.strip, lines):
+                if line.startswith("#"):
+                    comment = comment if content else line.strip("# ")
+                elif line.strip(EMPTY):
+                    content.append(line)
+                if len(content) == 2:
+                    break
+        first, second = [*content, "", ""][:2]
+        mark = next((mark for mark in MARKS if mark in first), BLANKS)
+        if mark == BLANKS and not uneven and len(first.split()) != len(second.split()):
+            mark = ";"  # blanks in the title of a single column
+        self.separator, cells = mark, _split(first, mark)
+        self.columns = len(cells)
+        self._has_header = not all(map(is_number, cells))
+        if self._has_header:
+            self.titles = tuple(cells)
+        elif len(titles := _split(comment, mark)) == self.columns:
+            self.titles = tuple(titles)
 
     def place(self, column: FileColumn) -> _ColumnPlace | None:
         """Where a column stands; ``None`` where there is none. Raises UserError for one that is
         there twice, or whose unit nobody tells.
         """
         wanted, name = title_of(column.name), column.name
-        count = self.titles.count(name)
-        if count > 1:
-            raise UserError(f"{self.path}: column {name!r} is there {count} times")
-        if count:
-            return _ColumnPlace(self.titles.index(name), 1.0)
         kind, factor = UNITS.get(wanted.unit, ("", 1.0))
-        same = [
-            _ColumnPlace(index, UNITS[title.unit][1] / factor if title.unit else 1.0)
-            for index, title in enumerate(map(title_of, self.titles))
+        found = [_ColumnPlace(at, 1.0) for at, title in enumerate(self.titles) if title == name]
+        found = found or [
+            _ColumnPlace(at, UNITS[title.unit][1] / factor if title.unit else 1.0)
+            for at, title in enumerate(map(title_of, self.titles))
             if title.stem == wanted.stem and UNITS.get(title.unit, ("", 1.0))[0] == kind
         ]
-        if len(same) > 1:
-            among = ", ".join(short_repr(self.titles[place.number]) for place in same)
+        if len(found) > 1:
+            among = ", ".join(short_repr(self.titles[place.number]) for place in found)
             raise UserError(f"{self.path}: column {name!r} could be each of {among}: keep one")
-        if same:
-            return same[0]
-        for title in self.titles:
-            if wanted.unit and title.lower() == wanted.stem:
-                raise UserError(
-                    f"{self.path}: column {name!r} is missing; {short_repr(title)} has no unit: "
-                    f"call it {name}, or {wanted.stem}_ and its unit"
-                )
-        return None
+        if not found and wanted.unit and wanted.stem in map(str.lower, self.titles):
+            raise UserError(
+                f"{self.path}: column {name!r} is missing; {wanted.stem!r} has no unit: call it "
+                f"{name}, or {wanted.stem}_ and its unit"
+            )
+        return found[0] if found else None
 
     def unused(self, columns: Sequence[FileColumn]) -> list[str]:
         """The titles of all other columns."""
@@ -232,69 +251,59 @@ class FileTable:
         places = [self.place(column) for column in columns]
         for column, place in zip(columns, places, strict=True):
             if place is None and not column.optional:
-                raise UserError(f"{self.path}: {_missing(column.name, self.titles)}")
+                names = ", ".join(short_repr(title) for title in self.titles[:12]) or "none"
+                text = f"column {column.name!r} is missing; the file has {names}"
+                raise UserError(f"{self.path}: {text}")
         factors = [1.0 if place is None else place.factor for place in places]
         indices = [None if place is None else place.number for place in places]
-        with_comma = self.is_text and self._text.separator != ","
-        numbers = [with_comma and column.kind == "number" for column in columns]
         for where, cells in self.cells(indices):
-            if with_comma:
-                cells = [
-                    with_point(cell) if number else cell
-                    for cell, number in zip(cells, numbers, strict=True)
-                ]
-            try:
-                values = tuple(map(FileColumn.value, columns, cells, factors))
-            except ValueError:
-                raise _error(where, columns, cells, factors) from None
-            yield FileRow(where, values)
+            values = []
+            for column, cell, factor in zip(columns, cells, factors, strict=True):
+                try:
+                    number = column.kind == "number" and self.separator != ","
+                    values.append(column.value(with_point(cell) if number else cell, factor))
+                except ValueError as error:
+                    raise UserError(f"{where}: {column.name}: {error}") from None
+            yield FileRow(where, tuple(values))
 
-    def cells(self, indices: Sequence[int | None]) -> Iterator[tuple[str, list[Any]]]:
+    def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
         """Where each row stands, and its raw cells of some columns; ``None``: of no column."""
-        if not self.is_text:
-            yield from self._parquet_cells(indices)
-            return
-        begin = f"{self.path}: line "
-        for number, cells in self._text.rows():
-            yield (
-                f"{begin}{number}",
-                [None if index is None else cells[index].strip() for index in indices],
-            )
+        if self._is_text:
+            for where, cells in self._of_text():
+                yield where, [None if index is None else cells[index] for index in indices]
+        else:
+            yield from self._of_parquet(indices)
 
-    def _parquet_cells(self, indices: Sequence[int | None]) -> Iterator[tuple[str, list[Any]]]:
-        names = [None if index is None else self.titles[index] for index in indices]
+    def _of_text(self) -> Iterator[Row]:
+        with _lines(self.path) as lines:
+            rows: Iterator[tuple[int, list[str]]]
+            if self.separator == BLANKS:
+                rows = ((number, line.split()) for number, line in enumerate(lines, 1))
+            else:
+                reader = csv.reader(lines, delimiter=self.separator, strict=True)
+                rows = ((reader.line_num, [*map(str.strip, cells)]) for cells in reader)
+            rows = (row for row in rows if any(row[1]) and not row[1][0].startswith("#"))
+            if self._has_header:
+                next(rows, None)
+            for number, cells in rows:
+                extra = cells[self.columns :]
+                if not self._uneven and (any(extra) or len(cells) < self.columns):
+                    text = f"has {len(cells)} values, the header {self.columns}"
+                    raise UserError(f"{self.path}: line {number}: {text}")
+                yield f"{self.path}: line {number}", cells + [""] * (self.columns - len(cells))
+
+    def _of_parquet(self, indices: Sequence[int | None]) -> Iterator[Row]:
+        names = ["" if index is None else self.titles[index] for index in indices]
         number = 0
-        with parquet.opened(self.path) as file:
-            used = [name for name in names if name is not None]
-            for batch in file.iter_batches(BATCH_ROWS, columns=used, use_threads=False):
-                by_name = {name: batch.column(name).to_pylist() for name in used}
-                empty = [None] * batch.num_rows
-                columns = [empty if name is None else by_name[name] for name in names]
-                for cells in zip(*columns, strict=True):
-                    number += 1
-                    yield f"{self.path}: row {number}", list(cells)
+        for batch in parquet.batches(self.path, [*filter(None, names)], BATCH_ROWS):
+            for cells in zip(*(batch[name] for name in names), strict=True):
+                number += 1
+                yield f"{self.path}: row {number}", list(cells)
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:
     """``FileTable.rows`` of a file."""
     return FileTable(path).rows(columns)
-
-
-def _error(
-    where: str, columns: Sequence[FileColumn], raw: Sequence[object], factors: Sequence[float]
-) -> UserError:
-    """What is wrong in a row with a wrong value."""
-    for column, cell, factor in zip(columns, raw, factors, strict=True):
-        try:
-            column.value(cell, factor)
-        except ValueError as error:
-            return UserError(f"{where}: {column.name}: {error}")
-    raise AssertionError("no value of the row is wrong")
-
-
-def _missing(name: str, header: Sequence[str]) -> str:
-    names = ", ".join(short_repr(title) for title in header[:12])
-    return f"column {name!r} is missing; the file has {names or 'none'}"
 
 
 def with_point(cell: Any) -> Any:
@@ -304,156 +313,50 @@ def with_point(cell: Any) -> Any:
     return cell
 
 
-class _TextLayout:
-    """How a text is written: its encoding, its separator, its titles, and where its rows begin."""
+@contextmanager
+def _lines(path: Path) -> Iterator[Iterator[str]]:
+    """The lines of a text. What its bytes, its quotes or its size have wrong becomes a
+    ``UserError``.
+    """
+    what = f"{path}: not a readable CSV file"
+    with (
+        usable(path, "cannot be read"),
+        as_user_error(f"{what}: save it as UTF-8", UnicodeError),
+        as_user_error(what, csv.Error, EOFError, zlib.error, gzip.BadGzipFile),
+        gzip.open(path) if is_gzip(path) else path.open("rb") as data,
+    ):
+        mark = data.read(2)
+        data.seek(0)
+        is_utf_16 = mark in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+        text = io.TextIOWrapper(data, "utf-16" if is_utf_16 else "utf-8-sig", newline="")
+        yield _bounded(text, path)
 
-    def __init__(self, path: Path, uneven: bool) -> None:
-        self.path, self._uneven = path, uneven
-        with self._readable():
-            self._is_packed = is_gzip(path)
-            self._check_size()
-            with self._opened() as file:
-                head = file.read(HEAD_BYTES)
-            is_utf_16 = head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-            self.encoding = "utf-16" if is_utf_16 else "utf-8-sig"
-            is_whole = len(head) < HEAD_BYTES
-            text = codecs.getincrementaldecoder(self.encoding)().decode(head, final=is_whole)
-        for what, begins in OTHERS.items():
-            if text.lstrip().startswith(begins):
-                raise UserError(f"{path}: is no table: it holds {what}")
-        lines = list(io.StringIO(text, newline=""))
-        if not is_whole:
-            lines = lines[:-1] or lines  # the last one is cut off
-        comment, said = "", ""
-        self._skipped = 0
-        for line in map(str.strip, lines):
-            if line.startswith("#"):
-                comment = line.strip("# ")
-            elif found := SAYS_SEPARATOR.fullmatch(line):
-                said = found[1]
-            elif line.strip(MARKS):
-                break
-            self._skipped += 1
-        self._skipped += _before_header(lines[self._skipped :][:SAMPLE_LINES])
-        sample = [line for line in lines[self._skipped :][:SAMPLE_LINES] if line.strip(MARKS)]
-        self.separator = said or _separator(sample[:1] if uneven else sample)
-        header = _split(sample[0], self.separator) if sample else []
-        self.columns = len(header)
-        self.titles: tuple[str, ...] = ()
-        if not all(map(is_number, header)):
-            self.titles = tuple(header)
-            self._skipped += 1
-        elif len(titles := _split(comment, self.separator)) == len(header):
-            self.titles = tuple(titles)
 
-    def rows(self) -> Iterator[tuple[int, list[str]]]:
-        """The number of each line that is not empty, and its cells. Raises UserError for one with
-        another number of cells than the header.
-        """
-        with (
-            self._readable(),
-            self._opened() as data,
-            io.TextIOWrapper(data, encoding=self.encoding, newline="") as file,
-        ):
-            for _ in range(self._skipped):
-                next(file, "")
-            for number, cells in _numbered(file, self.separator, self._skipped):
-                if len(cells) != self.columns:
-                    if not "".join(cells).strip():
-                        continue
-                    if self._uneven:
-                        yield number, cells + [""] * (self.columns - len(cells))
-                        continue
-                    if "".join(cells[self.columns :]) or len(cells) < self.columns:
-                        raise UserError(
-                            f"{self.path}: line {number}: has {len(cells)} values, "
-                            f"the header {self.columns}"
-                        )
-                elif not cells[0] and not "".join(cells).strip():
-                    continue
-                yield number, cells
-
-    def _opened(self) -> IO[bytes]:
-        if self._is_packed:
-            return cast(IO[bytes], gzip.open(self.path))
-        return self.path.open("rb")
-
-    def _check_size(self) -> None:
-        """Raises UserError for a file that unpacks to too much or has a line without an end: before
-        anything is parsed.
-        """
-        size = begun = 0
-        with self._opened() as file:
-            while chunk := file.read(HEAD_BYTES):
-                size += len(chunk)
-                if self._is_packed and size > MAX_UNPACKED_BYTES:
-                    raise UserError(
-                        f"{self.path}: unpacks to more than {MAX_UNPACKED_BYTES:,} bytes"
-                    )
-                end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r"))
-                begun = len(chunk) - end - 1 + (begun if end < 0 else 0)
-                if begun > MAX_LINE_BYTES:
-                    raise UserError(
-                        f"{self.path}: has a line of more than {MAX_LINE_BYTES:,} bytes"
-                    )
-
-    @contextmanager
-    def _readable(self) -> Iterator[None]:
-        """What the file's bytes or quotes have wrong becomes a UserError."""
-        what = f"{self.path}: not a readable CSV file"
-        with (
-            usable(self.path, "cannot be read"),
-            as_user_error(f"{what}: save it as UTF-8", UnicodeError),
-            as_user_error(what, csv.Error, EOFError, zlib.error, gzip.BadGzipFile),
-        ):
-            yield
+def _bounded(text: io.TextIOBase, path: Path) -> Iterator[str]:
+    """The lines of a text, as long as they are no attack on the memory."""
+    size = 0
+    while line := text.readline(MAX_LINE):
+        size += len(line)
+        if len(line) == MAX_LINE:
+            raise UserError(f"{path}: has a line of {MAX_LINE:,} characters or more")
+        if size > MAX_CHARACTERS:
+            raise UserError(f"{path}: has more than {MAX_CHARACTERS:,} characters")
+        yield line
 
 
 def is_gzip(path: Path) -> bool:
     """Whether a file is compressed by gzip."""
     with path.open("rb") as file:
-        return file.read(len(GZIP)) == GZIP
-
-
-def _numbered(file: IO[str], separator: str, before: int) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line of a file of which ``before`` lines have been read."""
-    if separator == BLANKS:
-        for number, line in enumerate(file, before + 1):
-            yield number, line.split()
-        return
-    rows = csv.reader(file, delimiter=separator, strict=True)
-    for cells in rows:
-        yield before + rows.line_num, cells
-
-
-def _before_header(lines: Sequence[str]) -> int:
-    """How many of some lines stand before the header: those without a separator, such as a date,
-    where lines with several follow.
-    """
-    plain = next((at for at, line in enumerate(lines) if any(mark in line for mark in SURE)), 0)
-    is_table = lines and any(lines[plain].count(mark) > 1 for mark in SURE)
-    return plain if is_table else 0
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """What separates the columns of some lines, the first of which is the header: what gives all
-    of them the same number of columns. A table without any has one column.
-    """
-    marks = [mark for mark in SURE if lines and mark in lines[0]]
-    for mark in [*marks, BLANKS]:
-        counts = {len(_split(line, mark)) for line in lines}
-        if len(counts) == 1 and counts != {1}:
-            return mark
-    return marks[0] if marks else ";"
+        return file.read(2) == b"\x1f\x8b"
 
 
 def _split(line: str, separator: str) -> list[str]:
     if separator == BLANKS:
         return line.split()
-    cells = next(csv.reader([line.strip("\r\n")], delimiter=separator), [])
-    while len(cells) > 1 and not cells[-1].strip():
+    cells = [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    while len(cells) > 1 and not cells[-1]:
         cells.pop()  # separators at the end
-    return [cell.strip() for cell in cells]
+    return cells
 
 
 def is_number(cell: object) -> bool:

@@ -7,7 +7,6 @@ from genie_sim.base import files
 from genie_sim.base.plugins import Choice, resolve
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.core.confidence import CONFIDENCE_RULES
-from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
@@ -73,8 +72,6 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "link-models": lambda: _first_lines(LINK_MODELS),
     "scenarios": lambda: _described(files.SCENARIO),
     "sweeps": lambda: _described(files.SWEEP),
-    "searches": lambda: _described(files.SEARCH),
-    "spaces": lambda: _described(files.SPACE),
     "devices": lambda: ((name, load_profile(name).title) for name in files.available(files.DEVICE)),
     "models": _models,
     "links": lambda: ((name, _about_link(link)) for name, link in LINKS.items()),
@@ -83,6 +80,5 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "similarities": lambda: _first_lines(SIMILARITIES),
     "evictions": lambda: _first_lines(EVICTIONS),
     "rules": lambda: _first_lines(CONFIDENCE_RULES),
-    "defences": lambda: _first_lines(DEFENCES),
     "metrics": _metrics,
 }

@@ -70,8 +70,7 @@ def _settings() -> Iterable[str]:
 
 scenarios = _of_files("SCENARIO")
 sweeps = _of_files("SWEEP")
-searches = _of_files("SEARCH", "SCENARIO")
-files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE", "SEARCH", "SPACE")
+files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE")
 methods = _completion(_methods)
 metrics = _completion(_metrics)
 figures = _completion(_figures)

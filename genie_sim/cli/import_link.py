@@ -42,8 +42,8 @@ def import_link(
     """
     from genie_sim.base.import_report import ImportReport
     from genie_sim.base.paths import sha256_of
+    from genie_sim.data.link_import import IMPORTERS
     from genie_sim.sim.link_models import recording
-    from genie_sim.sim.link_models.importers import IMPORTERS
 
     report = ImportReport(file, accept)
     usual = "down" if format == "irish" else "up"

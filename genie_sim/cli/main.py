@@ -5,7 +5,7 @@ import sys
 
 import click
 
-from genie_sim.base import plugins
+from genie_sim.base import add_ons, plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
 from genie_sim.cli import terminal
@@ -19,9 +19,7 @@ from genie_sim.cli.profile import profile
 from genie_sim.cli.report import report
 from genie_sim.cli.reproduce import reproduce
 from genie_sim.cli.rerun import rerun
-from genie_sim.cli.ros import ros
 from genie_sim.cli.run import run
-from genie_sim.cli.search import search
 from genie_sim.cli.show import show
 from genie_sim.cli.sweep import sweep
 from genie_sim.cli.table import table
@@ -30,11 +28,10 @@ from genie_sim.version import VERSION
 
 # in the order of the help
 COMMANDS: tuple[click.Command, ...] = (
-    *(run, sweep, search, reproduce, rerun),
+    *(run, sweep, reproduce, rerun),
     *(report, table, figures, compare, export),
     *(perceive, imports, profile),
     *(list_, show),
-    ros,
 )
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -45,9 +42,16 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
 
+class AllCommands(Commands):
+    """Those of this package, and those of add-ons by name."""
+
+    add_ons = add_ons.COMMANDS
+
+
 @click.group(
-    cls=Commands,
+    cls=AllCommands,
     help=EXAMPLES,
+    epilog="genie-sim ros, for real ROS, comes with the add-on packages/genie-sim-ros.",
     invoke_without_command=True,
     context_settings={"show_default": True},
 )

@@ -13,12 +13,12 @@ from genie_sim.cli.arguments import PATH
 @click.command()
 @click.argument(
     "name",
-    help="Of a scenario, sweep, search, space or device profile; see 'genie-sim list'.",
+    help="Of a scenario, sweep or device profile; see 'genie-sim list'.",
     shell_complete=completion.files_by_name,
 )
 @click.option(
     "--kind",
-    type=click.Choice(("scenario", "sweep", "device", "search", "space")),
+    type=click.Choice(("scenario", "sweep", "device")),
     help="Which, where a name stands for several.",
 )
 @click.option(
@@ -66,7 +66,7 @@ def _path(name: str, kind: str | None) -> Path:
     """The file of a name. Raises ``UserError``, also where it stands for several kinds."""
     from genie_sim.base import files
 
-    kinds = (files.SCENARIO, files.SWEEP, files.DEVICE, files.SEARCH, files.SPACE)
+    kinds = (files.SCENARIO, files.SWEEP, files.DEVICE)
     by_kind = {known.what: files.available(known) for known in kinds if kind in (None, known.what)}
     paths = {what: names[name] for what, names in by_kind.items() if name in names}
     if len(paths) > 1:

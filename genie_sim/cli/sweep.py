@@ -1,7 +1,6 @@
 """The command ``sweep``. Everything heavy is imported after the arguments are parsed."""
 
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -76,10 +75,9 @@ def sweep(
     from genie_sim.analysis.seed_runs import load
     from genie_sim.base import files, parallel
     from genie_sim.record.results import checked_label
-    from genie_sim.study.design import load_design, read_design
-    from genie_sim.study.search_design import fixed_settings
+    from genie_sim.study.design import fixed_settings, load_design, read_design
     from genie_sim.study.study import Study
-    from genie_sim.study.tasks import DaskWorkers, LocalWorkers
+    from genie_sim.study.work import Workers
 
     label = checked_label(label, "--label")
     settings = fixed_settings(set_)
@@ -91,13 +89,8 @@ def sweep(
         design, where = load_design(what, numbers, settings), str(files.find(files.SWEEP, what))
     with ProgressBar(unit="points") as progress:
         work = Study.of(design, where, out, progress, methods=names, label=label)
-    workers = (
-        LocalWorkers(jobs or parallel.workers_here())
-        if scheduler is None
-        else DaskWorkers(scheduler)
-    )
+    workers = Workers(jobs or parallel.workers_here(), scheduler)
     with (
-        closing(workers),
         ProgressBar(unit="runs") as progress,
         terminal.resumable(work.folder),
     ):

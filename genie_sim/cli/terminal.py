@@ -16,6 +16,7 @@ from typing import Any
 
 import click
 
+from genie_sim.base import add_ons
 from genie_sim.base.errors import unknown
 from genie_sim.base.import_report import ImportReport
 
@@ -84,9 +85,18 @@ class Commands(click.Group):
     status 130, and a reader that has gone away ends it quietly.
     """
 
+    add_ons = ""  # the group of entry points through which packages add commands
+
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order in which they are written."""
         return list(self.commands)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> click.Command | None:
+        own = super().get_command(ctx, cmd_name)
+        if own is not None or not self.add_ons or ctx.resilient_parsing:
+            return own
+        command: click.Command | None = add_ons.offered(self.add_ons, cmd_name)
+        return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -94,13 +104,9 @@ class Commands(click.Group):
             ctx.fail(unknown("command", name, self.list_commands(ctx)))
         return super().resolve_command(ctx, args)
 
-    def make_context(self, *args: Any, **extra: Any) -> Any:
-        with _known_options():
-            return super().make_context(*args, **extra)
-
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable(), _known_options():
+            with _terminable():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)
@@ -108,18 +114,6 @@ class Commands(click.Group):
         except BrokenPipeError:
             drop_output()
             raise SystemExit(0) from None
-
-
-@contextmanager
-def _known_options() -> Iterator[None]:
-    """An option that is not there is answered with what to write instead."""
-    try:
-        yield
-    except click.NoSuchOption as error:
-        from genie_sim.cli.refused import advice
-
-        text = f"No such option {error.option_name!r}{advice(error)}"
-        raise click.UsageError(text, error.ctx) from None
 
 
 @contextmanager

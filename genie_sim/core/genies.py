@@ -8,7 +8,6 @@ from typing import Any, Literal
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
-from genie_sim.core.defences import Defence, Guard
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import Map
@@ -24,12 +23,10 @@ from genie_sim.core.recommended.told import ToldTracks
 from genie_sim.core.recommended.track_map import TrackMap
 from genie_sim.core.rules import (
     CONFIDENCE_RULE,
-    DEFENCE,
     EVICTION,
     FRESHNESS_POLICY,
     SIMILARITY,
     GenieRules,
-    LookRules,
     MissPolicy,
     ToldRules,
 )
@@ -123,18 +120,13 @@ def make_paced_genie(
     looks = rules.looks
     assert looks is not None and looks.told != "auto"
     object_map = _track_map(rules, laws, "map")
-    guard, defence = None, _defence(looks)
-    if defence is not None or looks.signed:
-        guard = Guard(defence or Defence(), object_map.has, signed=looks.signed)
     told = looks.told
     pacer = Pacer(every_ns=looks.every_ns, in_flight=looks.in_flight, stale_ns=looks.stale_ns)
     arguments: dict[str, Any] = {
         "pacer": pacer if has_edge else None,
         "own": looks.own,
         "object_map": object_map,
-        "told": None if told is None else ToldTracks(told, object_map.contradicts, guard),
-        "guard": guard,
-        "signs": looks.signed and has_edge,
+        "told": None if told is None else ToldTracks(told, object_map.contradicts),
         "map_answer": Detections,
         "view_range_m": rules.view_range_m,
     }
@@ -152,31 +144,15 @@ def make_sharing_genie(
 ) -> SharingGenie:
     """The Genie beside an edge's detector that tells cars of one another's looks."""
     assert rules.looks is not None and isinstance(rules.looks.told, ToldRules)
-    defence = _defence(rules.looks)
     arguments: dict[str, Any] = {
-        "object_map": _track_map(rules, laws, "look", defence),
+        "object_map": _track_map(rules, laws, "look"),
         "told": rules.looks.told,
-        "defence": defence,
-        "signed": rules.looks.signed,
         "make_answer": Detections,
     }
     return SharingGenie(name, subscribed, published, **(arguments | middleware))
 
 
-def _defence(looks: LookRules) -> Defence | None:
-    """The defence that the rules name; ``None`` if it believes everything. Raises ``UserError``."""
-    if looks.defence.name == "none":
-        return None
-    defence: Defence = DEFENCE.make(looks.defence)
-    return defence
-
-
-def _track_map(
-    rules: GenieRules,
-    laws: DetectorLaws,
-    shares: Literal["look", "map"],
-    defence: Defence | None = None,
-) -> TrackMap:
+def _track_map(rules: GenieRules, laws: DetectorLaws, shares: Literal["look", "map"]) -> TrackMap:
     """The map of a Genie with looks. Raises ``UserError`` where the freshness policy tracks
     nothing.
     """
@@ -195,7 +171,6 @@ def _track_map(
         shares=shares,
         view_range_m=rules.view_range_m,
         view_margin_rad=rules.looks.view_margin_rad,
-        defence=defence,
     )
 
 

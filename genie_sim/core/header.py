@@ -10,7 +10,7 @@ class Header(NamedTuple):
     ----------
     stamp_ns : int
         When the camera took it, in nanoseconds since the beginning of the simulation (in real ROS,
-        since the epoch); of a car whose clock is wrong, by that clock.
+        since the epoch).
     frame_id : str
         The camera stream, such as ``camera_02``.
     origin : str
@@ -21,8 +21,3 @@ class Header(NamedTuple):
     stamp_ns: int
     frame_id: str
     origin: str
-
-    @property
-    def original(self) -> "Header":
-        """The header that the camera gave it, where clocks disagree (``sim.bends.Restamped``)."""
-        return self

@@ -25,9 +25,6 @@ OBJECT_BYTES = 400  # class, score, place, velocity, variance and a header of it
 # each detection class (8), score (4) and place (3 x 8).
 LOOK_BYTES = 89
 LOOK_DETECTION_BYTES = 36
-# IEEE 1609.2: a car is named by the 8 bytes of a HashedId8; an ECDSA signature over P-256 takes 64.
-ORIGIN_BYTES = 8
-SIGNATURE_BYTES = 64
 SHARED = "shared"  # the source of what an edge tells of others' looks
 
 
@@ -99,7 +96,7 @@ class Image:
     header : Header
         Who took it, with which camera, when.
     size_bytes : int
-        What it takes to send, with the ``looks`` that ride along, in bytes.
+        What it takes to send, in bytes.
     digest : str
         The SHA-256 of the picture, 64 hexadecimal digits: equal pictures have equal ones.
     dhash : int
@@ -111,8 +108,6 @@ class Image:
     content : object
         What a detector would look at: in a simulation a ``Frame``, in real ROS the message.
         A Genie never reads it.
-    looks : tuple of Look
-        Signed ones of earlier frames of this car; usually none.
     """
 
     header: Header
@@ -122,12 +117,6 @@ class Image:
     pose: CameraPose
     horizontal_fov_rad: float
     content: Any = None
-    looks: "tuple[Look, ...]" = ()
-
-    def with_looks(self, looks: "tuple[Look, ...]") -> "Image":
-        """The frame with signed looks of its car's that ride along."""
-        size_bytes = self.size_bytes + sum(look.size_bytes for look in looks)
-        return replace(self, looks=looks, size_bytes=size_bytes)
 
 
 class Motion(NamedTuple):
@@ -143,26 +132,12 @@ class Motion(NamedTuple):
         How likely the object exists, from 0 to 1.
     seen : Header
         The frame in which it was seen last.
-    origins : tuple of str
-        The cars that have seen it lately, where they travel along.
-    signed : bool
-        Whether their signed sightings travel along.
     """
 
     velocity_mps: tuple[float, float]
     sigma_m: float
     existence: float
     seen: Header
-    origins: tuple[str, ...] = ()
-    signed: bool = False
-
-    @property
-    def proof_bytes(self) -> int:
-        """What origins, and their signed sightings, take."""
-        each = ORIGIN_BYTES
-        if self.signed:
-            each += SIGNATURE_BYTES + LOOK_DETECTION_BYTES
-        return each * len(self.origins)
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -234,20 +209,16 @@ class Look(NamedTuple):
         found is evidence, too.
     detections : tuple of Detection
         What was found, in no particular order.
-    signed : bool
-        Whether its car vouches for it, so that nobody else can change it.
     """
 
     header: Header
     pose: CameraPose
     horizontal_fov_rad: float
     detections: tuple[Detection, ...]
-    signed: bool = False
 
     @property
     def size_bytes(self) -> int:
-        size_bytes = LOOK_BYTES + LOOK_DETECTION_BYTES * len(self.detections)
-        return size_bytes + ORIGIN_BYTES + SIGNATURE_BYTES if self.signed else size_bytes
+        return LOOK_BYTES + LOOK_DETECTION_BYTES * len(self.detections)
 
 
 class Frame(Protocol):
@@ -318,8 +289,6 @@ class Detections:
         size_bytes = ARRAY_BYTES + OBJECT_BYTES * len(self.objects)
         if self.look is not None:
             size_bytes += self.look.size_bytes
-        if self.source == SHARED:
-            size_bytes += sum(item.motion.proof_bytes for item in self.objects if item.motion)
         return size_bytes
 
     @property
@@ -334,7 +303,7 @@ class Detections:
         """
         newest_ns: int | None = None
         if self.source != "map":
-            newest_ns = (self.seen_in or self.header).original.stamp_ns
+            newest_ns = (self.seen_in or self.header).stamp_ns
         return newest_look_ns(self.objects, newest_ns)
 
     def restamped(self, header: Header) -> "Detections":
@@ -392,11 +361,8 @@ def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int |
     """
     for item in objects:
         header = item.seen_in
-        if header is not None:
-            if type(header) is not Header:  # of a car whose clock is wrong
-                header = header.original
-            if newest_ns is None or newest_ns < header.stamp_ns:
-                newest_ns = header.stamp_ns
+        if header is not None and (newest_ns is None or newest_ns < header.stamp_ns):
+            newest_ns = header.stamp_ns
     return newest_ns
 
 

@@ -65,36 +65,6 @@ class FaultSpan(NamedTuple):
     end_ns: int | None
 
 
-class Forgery(NamedTuple):
-    """An object that an attacker adds to what it tells another host, or leaves out.
-
-    Parameters
-    ----------
-    attack : str
-        The kind of attack.
-    attacker, receiver : str
-        The hosts between which its messages go.
-    change : {"added", "left_out"}
-        What is done to the object.
-    label : str
-        Its class.
-    east_m, north_m : float
-        Its place in the first of the messages [m].
-    begin_ns, end_ns : int
-        The times of the first and the last of them [ns].
-    """
-
-    attack: str
-    attacker: str
-    receiver: str
-    change: Literal["added", "left_out"]
-    label: str
-    east_m: float
-    north_m: float
-    begin_ns: int
-    end_ns: int
-
-
 class Occupied(Protocol):
     """How many waited somewhere: the time in all [ns], and the most at a time."""
 
@@ -214,9 +184,6 @@ class Monitor(Protocol):
 
     def failed(self, spans: Sequence[FaultSpan]) -> None:
         """The faults that there were, in the order of their beginnings."""
-
-    def attacked(self, forgeries: Iterable[Forgery]) -> None:
-        """What attackers added to messages and left out, in the order of their beginnings."""
 
     def close(self) -> None:
         """The run is over."""

@@ -12,8 +12,6 @@ from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 from genie_sim.core.confidence import CONFIDENCE_RULES
-from genie_sim.core.defences import DEFENCES
-from genie_sim.core.defences import MUST_HAVE as DEFENCE_METHODS
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.similarity import SIMILARITIES
@@ -38,11 +36,10 @@ EVICTION = PlugIn("eviction", EVICTIONS, ("stored", "used", "removed", "victim",
 CONFIDENCE_RULE = PlugIn("confidence rule", CONFIDENCE_RULES)
 FRESHNESS_POLICY = PlugIn("freshness policy", FRESHNESS, MUST_HAVE)
 
-DEFENCE = PlugIn("defence", DEFENCES, DEFENCE_METHODS)
 
 MissPolicy = Literal["immediate", "blocking", "hits_only"]
 # The Genie that this project recommends. What edges tell cars is added where all cars share one
-# world. The pass time was measured in real ROS on an x86 processor (docs/reality.md).
+# world. The pass time was measured in real ROS on an x86 processor (reality.md of genie-sim-ros).
 RECOMMENDED: dict[str, Any] = {
     "share_requests": False,
     "pass_time": "0.236 ms",
@@ -57,7 +54,6 @@ RECOMMENDED: dict[str, Any] = {
 }
 PRESETS = {"literal": LITERAL, "recommended": RECOMMENDED}
 NEVER = Choice("never")
-NO_DEFENCE = Choice("none")
 POSE_GRID = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
 
 
@@ -197,14 +193,6 @@ class LookRules:
     """Where an edge has a Genie: `beside` its detector, which answers cars directly, if edges tell
     cars something; `in_front` of it with a message cache, as in the paper, for comparison; or
     `none`."""
-
-    defence: Annotated[Choice, DEFENCE] = NO_DEFENCE
-    """What a car believes of what edges say, and an edge of what cars say, or a class of your
-    own."""
-
-    signed: bool = False
-    """Whether cars check and sign looks, their own detector's and the edge's, and send them up with
-    the next frame. What edges tell then counts only with signatures, so an edge cannot forge it."""
 
     told: ToldRules | Literal["auto"] | None = None
     """What a Genie beside each edge's detector tells the cars of one another's looks; `null`:

@@ -10,7 +10,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from genie_sim.core.defences import Defence
 from genie_sim.core.maps import Viewer, as_change, object_lookups
 from genie_sim.core.messages import (
     SHARED,
@@ -42,10 +41,6 @@ class SharingGenie:
         Counts the looks of all cars of this edge and of its neighbours.
     told : ToldRules
         What cars are told.
-    defence : Defence, optional
-        Has a say in what cars are told.
-    signed : bool
-        Whether only looks count that their cars have signed; they ride along with frames.
     make_answer : Callable
         Makes an answer out of a header and objects.
     remote : str
@@ -63,8 +58,6 @@ class SharingGenie:
         object_map: TrackMap,
         told: ToldRules,
         make_answer: Callable[[Header, tuple[Detection, ...]], Answer],
-        defence: Defence | None = None,
-        signed: bool = False,
         remote: str = "-remote",
         names_changes: bool = True,
     ) -> None:
@@ -72,8 +65,6 @@ class SharingGenie:
         self.object_map = object_map
         self._told = told
         self._make_answer = make_answer
-        self._defence = defence
-        self._signed = signed
         self._names_changes = names_changes
         (self._images,), (self._objects,) = subscribed, published
         self._between_edges = self._objects + remote
@@ -93,7 +84,7 @@ class SharingGenie:
         """A frame that came up, an answer of the detector, or a look of a neighbour's."""
         if topic == self._images:
             self._remember(message)
-            return self._on_signed_looks(message, now_ns) if self._signed else []
+            return []
         answer: Answer = message
         if answer.source == SHARED:  # its own words
             return []
@@ -103,8 +94,6 @@ class SharingGenie:
             effects.append(Forgotten(forgotten))
         own = topic == self._objects
         viewer = self._viewers.pop(answer.header, None) if own else None
-        if self._signed and (own or answer.look is None or not answer.look.signed):
-            return effects if viewer is None else [*effects, self._words(answer, viewer, now_ns)]
         learned = self.object_map.enhanced_cache_new_data(
             answer, viewer, now_ns, own=own, names_changes=self._names_changes, leaves=own
         )
@@ -129,28 +118,10 @@ class SharingGenie:
                 pose=viewer.pose,
                 now_ns=now_ns,
                 rules=self._told,
-                defence=self._defence,
-                signed=self._signed,
             )
         )
         words = self._make_answer(answer.header, tracks).with_look(None, now_ns)
         return Publish(self._objects, words.served(SHARED, self.name))
-
-    def _on_signed_looks(self, frame: Any, now_ns: int) -> list[Effect]:
-        """Counts the looks that ride along with a frame, and passes them on."""
-        effects: list[Effect] = []
-        for look in frame.looks:
-            answer = self._make_answer(look.header, ()).with_look(look, None)
-            learned = self.object_map.enhanced_cache_new_data(
-                answer, None, now_ns, own=True, names_changes=self._names_changes
-            )
-            if learned.lookups is not None:
-                counts = learned.lookups
-                effects.append(
-                    object_lookups(look.header, "sighting", counts, len(self.object_map))
-                )
-            effects.append(Publish(self._between_edges, answer))
-        return effects
 
     def next_deadline_ns(self) -> int | None:
         """It waits for nothing."""

@@ -4,9 +4,7 @@ program: the memory that it may take for its first picture has a limit.
 """
 
 import hashlib
-import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -109,25 +107,3 @@ def _place(weights: Path, tensor: Any) -> _TensorPlace:
     if begin < 0 or not 0 <= length <= MAX_BYTES or begin + length > size:
         raise UserError(f"{what}: {length:,} bytes from {begin:,} on are not in {path} ({size:,})")
     return _TensorPlace(path, begin, length)
-
-
-@contextmanager
-def limited_memory(more_bytes: int) -> Iterator[None]:
-    """Within it this process gets no more than so many bytes beside those that it has; on Linux
-    alone.
-    """
-    if not sys.platform.startswith("linux"):
-        yield
-        return
-    import resource
-
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize() + more_bytes
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    if soft != resource.RLIM_INFINITY:
-        limit = min(limit, soft)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))

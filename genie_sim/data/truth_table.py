@@ -233,7 +233,7 @@ def read_truth_table(path: Path) -> TruthTable:
     columns, about = world_table.read(path, "truth table", _schema(), "trace")
     if not isinstance(about["provenance"].get("trace"), str):
         raise UserError(f"{path}: metadata: provenance: 'trace' is missing or not a str")
-    rows = tuple(TruthRow(**row) for row in columns.select(_schema().names).to_pylist())
+    rows = tuple(TruthRow(**row) for row in columns.to_pylist())
     for row in rows:
         if not world_table.in_range(row.location):
             raise UserError(

@@ -6,20 +6,20 @@ and where it comes from.
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError
+from genie_sim.base.units import MAX_M
 from genie_sim.core.geometry import Geodetic
 
 if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
-# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
-MAX_M, MAX_ORIGIN = 4e7, (90.0, 180.0, 1e5)
+MAX_ORIGIN = (90.0, 180.0, 1e5)
 
 
 def content_digest(content: Sequence[Any]) -> str:
@@ -56,20 +56,30 @@ def write(
 
 
 def read(
-    path: Path, what: str, schema: "pyarrow.Schema", *texts: str
+    path: Path,
+    what: str,
+    schema: "pyarrow.Schema",
+    *texts: str,
+    optional: Callable[[str], bool] = lambda _: False,
 ) -> "tuple[pyarrow.Table, dict[str, Any]]":
-    """The table in a file and its metadata, of which ``texts`` names more than all files have.
+    """The columns of ``schema`` in a file, those ``optional`` that are there, and its metadata, of
+    which ``texts`` names more than all files have.
 
     Raises UserError, naming file and field, for a missing, truncated or foreign file, another
     version of the format, broken metadata, and columns that are missing or have empty values.
     """
-    table, about = parquet.read(path, what)
-    version = about.get("format_version")
-    if version != FORMAT_VERSION:
-        raise UserError(
-            f"{path}: format_version: {what} has version {version!r}, "
-            f"this genie-sim reads {FORMAT_VERSION}"
-        )
+
+    def columns(found: "pyarrow.Schema", about: Mapping[str, Any]) -> list[str]:
+        version = about.get("format_version")
+        if version != FORMAT_VERSION:
+            raise UserError(
+                f"{path}: format_version: {what} has version {version!r}, "
+                f"this genie-sim reads {FORMAT_VERSION}"
+            )
+        parquet.check_columns(path, found, schema)
+        return [*schema.names, *filter(optional, found.names)]
+
+    table, about = parquet.read(path, what, columns)
     kinds = {"origin": list, "digest": str, "provenance": dict} | dict.fromkeys(texts, str)
     for name, kind in kinds.items():
         if not isinstance(about.get(name), kind):
@@ -78,7 +88,6 @@ def read(
     if not is_origin(origin):
         raise UserError(f"{path}: metadata: origin {origin!r} is not latitude, longitude, altitude")
     about["origin"] = tuple(origin)
-    parquet.check_columns(path, table, schema)
     for name in schema.names:
         if table.column(name).null_count:
             raise UserError(f"{path}: column {name!r} has empty values")

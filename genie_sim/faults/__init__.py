@@ -10,12 +10,6 @@ FAULTS: dict[str, str] = {
     "slow": "genie_sim.faults.slow:Slow",
     "partition": "genie_sim.faults.partition:Partition",
     "gnss": "genie_sim.faults.gnss:Gnss",
-    "clock": "genie_sim.faults.clock:ClockFault",
     "camera": "genie_sim.faults.camera:CameraFault",
-    "spoof": "genie_sim.faults.attacks.spoof:Spoof",
-    "remove": "genie_sim.faults.attacks.remove:Remove",
-    "shift": "genie_sim.faults.attacks.shift:Shift",
-    "replay": "genie_sim.faults.attacks.replay:Replay",
-    "inflate": "genie_sim.faults.attacks.inflate:Inflate",
 }
 MUST_HAVE = ("begin or run", "end or run")

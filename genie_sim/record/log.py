@@ -20,9 +20,9 @@ from genie_sim.core.messages import (
     ObjectLookups,
     Observation,
 )
-from genie_sim.core.monitor import FaultSpan, Forgery, HostUsage, Placement, Resource, Samples, Span
+from genie_sim.core.monitor import FaultSpan, HostUsage, Placement, Resource, Samples, Span
 from genie_sim.record.open_frame import OpenFrame
-from genie_sim.record.records import AttackRow, FaultRow, HostRow, LookRow, Tables
+from genie_sim.record.records import FaultRow, HostRow, LookRow, Tables
 from genie_sim.record.tables import Value
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
@@ -122,7 +122,6 @@ class Log:
         self._resources = tables["resources"]
         self._hosts = tables["hosts"]
         self._faults = tables["faults"]
-        self._attacks = tables["attacks"]
         self._lookups = tables["lookups"] if "lookups" in record else None
         self._looks = tables["looks"] if "looks" in record else None
         self._poses = tables["poses"] if "poses" in record else None
@@ -279,11 +278,6 @@ class Log:
         for span in spans:
             self._faults.append(FaultRow(self.method, *span))
 
-    def attacked(self, forgeries: Iterable[Forgery]) -> None:
-        """Writes what attackers added and left out."""
-        for forgery in forgeries:
-            self._attacks.append(AttackRow(self.method, *forgery))
-
     def close(self) -> None:
         """The run is over: every frame goes into the table."""
         self._settle(list(self._open))
@@ -296,8 +290,6 @@ class Log:
         """The row of a frame, taken out of the table if it is there already; ``None`` for what is
         no frame, and for one of the warm-up.
         """
-        if type(header) is not Header:  # of a car whose clock is wrong
-            header = header.original
         frame = self._open.get(header)
         if frame is None:
             stamp_ns, stream, car = header
@@ -340,7 +332,7 @@ class Log:
     ) -> None:
         is_hit = lookup.outcome == "hit"
         if self._lookups is not None:
-            stamp_ns, stream, car = lookup.header.original
+            stamp_ns, stream, car = lookup.header
             row = (
                 self.method,
                 now_ns,
@@ -370,7 +362,7 @@ class Log:
     ) -> None:
         if self._lookups is None:
             return
-        stamp_ns, stream, car = lookups.header.original
+        stamp_ns, stream, car = lookups.header
         row = (
             self.method,
             now_ns,
@@ -424,7 +416,7 @@ class Log:
         self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
     ) -> None:
         if self._looks is not None:
-            stamp_ns, stream, car = event.header.original
+            stamp_ns, stream, car = event.header
             row = LookRow(
                 method=self.method,
                 t_ns=now_ns,

@@ -334,24 +334,6 @@ class FaultRow(NamedTuple):
     end_ns: Annotated[int | None, "ns", "when it ended; null: not before the run did"]
 
 
-class AttackRow(NamedTuple):
-    """One row per method and object that an attacker adds to what it tells another host, or leaves
-    out, from the first such message to the last; in the order of the first ones. An object that
-    moves by more than 1 m has several rows.
-    """
-
-    method: Method
-    attack: Annotated[str, "", "the kind of attack"]
-    attacker: Annotated[str, "", "the car or edge that sends the messages"]
-    receiver: Annotated[str, "", "the car or edge that they go to"]
-    change: Annotated[str, "", "added (also with another place or score) or left_out"]
-    label: Annotated[str, "", "class of the object"]
-    east_m: Annotated[float, "m", "its place, in the scenario's one east-north-up frame"]
-    north_m: Annotated[float, "m", "its place"]
-    begin_ns: Annotated[int, "ns", "when the first message left, or was looked at if a picture"]
-    end_ns: Annotated[int, "ns", "the same of the last one"]
-
-
 class HostRow(NamedTuple):
     """One row per method and host: what it has used from the end of the warm-up until the end of
     the run. Cars and edges on
@@ -414,7 +396,6 @@ HELD_OBJECTS = Schema.of_rows("held_objects", HeldObjectRow, instant="end_ns")
 STEPS = Schema.of_rows("steps", StepRow, instant="stamp_ns")
 HOSTS = Schema.of_rows("hosts", HostRow)
 FAULTS = Schema.of_rows("faults", FaultRow, instant="end_ns")
-ATTACKS = Schema.of_rows("attacks", AttackRow, instant="end_ns")
 POWER = Schema.of_rows("power", PowerRow)
 SCHEMAS: Mapping[str, Schema] = {
     schema.name: schema
@@ -431,7 +412,6 @@ SCHEMAS: Mapping[str, Schema] = {
         STEPS,
         HOSTS,
         FAULTS,
-        ATTACKS,
         POWER,
     )
 }

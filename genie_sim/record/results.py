@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
     "verdicts.json": "a whole evaluation (read its verdicts.md)",
     "sweep.json": "a sweep (read its table.csv)",
-    "search.json": "a search (read its designs.csv)",
 }
 
 

@@ -6,7 +6,7 @@ The bytes of a file depend on its rows and on the version of pyarrow, which sign
 import json
 import struct
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -435,12 +435,18 @@ def read(path: Path, schema: Schema, *, trusted: bool = False) -> Columns:
     Raises UserError for a missing, truncated or foreign file, another table or another format
     version.
     """
-    table, about = parquet.read(path, "file", trusted=trusted)
-    if about.get("table") != schema.name:
-        raise UserError(f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}")
-    if about.get("format_version") != FORMAT_VERSION:
-        raise UserError(other_format(path, about.get("format_version"), FORMAT_VERSION))
-    parquet.check_columns(path, table, schema.arrow())
+
+    def columns(found: "pa.Schema", about: Mapping[str, Any]) -> list[str]:
+        if about.get("table") != schema.name:
+            raise UserError(
+                f"{path}: holds the table {about.get('table')!r}, expected {schema.name!r}"
+            )
+        if about.get("format_version") != FORMAT_VERSION:
+            raise UserError(other_format(path, about.get("format_version"), FORMAT_VERSION))
+        parquet.check_columns(path, found, schema.arrow())
+        return [column.name for column in schema.columns]
+
+    table, _ = parquet.read(path, "file", columns, trusted=trusted)
     return Columns({field.name: _read_column(table.column(field.name)) for field in table.schema})
 
 

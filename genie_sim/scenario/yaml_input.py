@@ -1,14 +1,12 @@
 """Reads untrusted YAML: plain data only, one clear line for everything else.
 
 Stricter than PyYAML's safe loader, and without its surprises: ``no`` and ``on`` are text, ``1e-3``
-is a number, ``02`` and ``2011_09_26`` stay text; duplicate keys, tags, and documents that explode
-when their aliases are written out are refused.
+is a number, ``02`` and ``2011_09_26`` stay text; duplicate keys, tags and anchors are refused.
 """
 
 import copy
 import functools
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +18,17 @@ from yaml.reader import Reader
 from yaml.resolver import BaseResolver
 from yaml.scanner import Scanner
 
+try:  # several times as fast
+    from yaml._yaml import CParser
+except ImportError:
+    CParser = None  # type: ignore[assignment, misc]
+
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import usable
 
 MAX_BYTES = 1_000_000
-MAX_NODES = 100_000
 MAX_DEPTH = 40
+_PARSER: Any = (Reader, Scanner, Parser) if CParser is None else (CParser,)
 _UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f\ud800-\udfff]")
 
 _PLAIN = {
@@ -72,37 +75,20 @@ def parse(text: str, where: str) -> Any:
 @functools.lru_cache(maxsize=64)
 def _parsed(text: str, where: str) -> Any:
     """The same, cached: the runs of an evaluation read the same few files thousands of times."""
-    if _FastLoader is not None:
-        try:
-            return _content(_FastLoader(text), where)
-        except (yaml.YAMLError, UnicodeError):
-            pass  # told by the other one, whose words do not depend on what is installed
+    if bad := Reader.NON_PRINTABLE.search(text):
+        line = text[: bad.start()].count("\n") + 1
+        raise UserError(f"{where}: line {line}: holds the character {bad[0]!r}")
     try:
-        return _content(_Loader(text), where)
-    except yaml.reader.ReaderError as error:
-        line = text[: error.position].count("\n") + 1
-        raise UserError(
-            f"{where}: line {line}: holds the character {chr(error.character)!r}"
-        ) from error
+        return _Loader(text).get_single_data()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        problem = str(error.problem)
-        if problem.startswith("but "):
+        lines, problem = text.split("\n"), str(error.problem)
+        line = min(mark.line + 1 if mark else 1, len(lines))
+        if problem.startswith(("but ", "did not ")):
             problem = f"{error.context} {problem}"
-        if "'\\t'" in problem:
+        if lines[line - 1].lstrip(" ").startswith("\t"):
             problem = "a tab stands where YAML allows only spaces"
-        raise UserError(f"{where}: line {mark.line + 1 if mark else 1}: {problem}") from error
-
-
-def _content(loader: Any, where: str) -> Any:
-    node = loader.get_single_node()
-    if node is None:
-        return None
-    if sum(1 for _ in _expanded(node)) > MAX_NODES:
-        raise UserError(
-            f"{where}: holds more than {MAX_NODES} values once its aliases are written out"
-        )
-    return loader.construct_document(node)
+        raise UserError(f"{where}: line {line}: {problem}") from error
 
 
 def dump(value: Any) -> str:
@@ -117,73 +103,47 @@ def dump(value: Any) -> str:
     )
 
 
-class _Strict(Composer, SafeConstructor, BaseResolver):
-    """Maps, lists and the four kinds of plain scalar, from the events of a parser."""
+class _Loader(Composer, SafeConstructor, BaseResolver, *_PARSER):  # type: ignore[misc]
+    """Maps, lists and the four kinds of plain scalar; no tags, anchors or aliases."""
 
-    def __init__(self) -> None:
-        Composer.__init__(self)
-        SafeConstructor.__init__(self)
-        BaseResolver.__init__(self)
+    def __init__(self, text: str) -> None:
+        for base in _Loader.__bases__:
+            base.__init__(self, *([text] if base in (Reader, CParser) else []))
         self._depth = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()  # type: ignore[attr-defined]
+        event, self._depth = self.peek_event(), self._depth + 1
+        problem = ""
         if getattr(event, "tag", None) is not None:
             problem = f"tags such as {event.tag!r} are not allowed"
+        elif getattr(event, "anchor", None) is not None:
+            problem = f"anchors and aliases such as {event.anchor!r} are not allowed"
+        elif self._depth > MAX_DEPTH:
+            problem = f"nested more than {MAX_DEPTH} deep"
+        elif bad := _UNPRINTABLE.search(getattr(event, "value", "")):
+            problem = f"holds the character {bad[0]!r}"
+        if problem:
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
-        if self._depth >= MAX_DEPTH:
-            raise yaml.MarkedYAMLError(
-                problem=f"nested more than {MAX_DEPTH} deep", problem_mark=event.start_mark
-            )
-        self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
-        if isinstance(node, yaml.ScalarNode) and (bad := _UNPRINTABLE.search(node.value)):
-            raise yaml.MarkedYAMLError(
-                problem=f"holds the character {bad[0]!r}", problem_mark=node.start_mark
-            )
         return node
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
         seen: set[str] = set()
         for key, _ in node.value:
+            problem = ""
             if key.tag != "tag:yaml.org,2002:str":
                 problem = "a key must be plain text; put it in quotes"
             elif key.value in seen:
                 problem = f"duplicate key {key.value!r}"
-            else:
-                seen.add(key.value)
-                continue
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            if problem:
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+            seen.add(key.value)
         return super().construct_mapping(node, deep=deep)
 
 
 for _tag, _pattern in _PLAIN.items():
-    _Strict.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), None)
-
-
-class _Loader(_Strict, Reader, Scanner, Parser):
-    """Parses in Python, and tells well what is wrong."""
-
-    def __init__(self, text: str) -> None:
-        Reader.__init__(self, text)
-        Scanner.__init__(self)
-        Parser.__init__(self)
-        _Strict.__init__(self)
-
-
-_FastLoader: Any = None
-if yaml.__with_libyaml__:
-    from yaml._yaml import CParser
-
-    class _CompiledLoader(_Strict, CParser):
-        """Parses several times as fast."""
-
-        def __init__(self, text: str) -> None:
-            CParser.__init__(self, text)
-            _Strict.__init__(self)
-
-    _FastLoader = _CompiledLoader
+    _Loader.add_implicit_resolver(_tag, re.compile(rf"(?:{_pattern.pattern})\Z"), None)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -199,20 +159,3 @@ def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
 
 
 _Dumper.add_representer(str, _represent_text)
-
-
-def _expanded(root: yaml.Node) -> Iterator[yaml.Node]:
-    """Every node as often as it would be written without aliases; stops soon after too many."""
-    seen, waiting = 0, [(root, 1)]
-    while waiting and seen <= MAX_NODES:
-        node, depth = waiting.pop()
-        seen += 1
-        yield node
-        if depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(
-                problem=f"nested more than {MAX_DEPTH} deep", problem_mark=node.start_mark
-            )
-        if isinstance(node, yaml.SequenceNode):
-            waiting += [(child, depth + 1) for child in node.value]
-        elif isinstance(node, yaml.MappingNode):
-            waiting += [(child, depth + 1) for pair in node.value for child in pair]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Message
+from genie_sim.core.messages import CameraPose, Detection, Detections, Image, Look, Message
 
 # Gives a message as it goes on to, or comes from, a host of this name; ``None``: it is lost.
 Change = Callable[[Message, str], Message | None]
@@ -83,8 +83,7 @@ def shifted(message: Message, east_m: float, north_m: float) -> Message:
     if isinstance(message, Image):
         pose = _shifted_pose(message.pose, east_m, north_m)
         change = partial(_shifted_all, east_m=east_m, north_m=north_m)
-        looks = tuple(_shifted_look(look, east_m, north_m) for look in message.looks)
-        return replace(message, pose=pose, content=bent(message.content, change), looks=looks)
+        return replace(message, pose=pose, content=bent(message.content, change))
     if isinstance(message, Detections):
         look = message.look
         if look is not None:
@@ -92,55 +91,6 @@ def shifted(message: Message, east_m: float, north_m: float) -> Message:
         objects = _shifted_all(message.objects, east_m, north_m)
         return replace(message, objects=objects, look=look)
     return message
-
-
-class Restamped(Header):
-    """A header with another stamp, as it is on the other side of the border of ``host``. ``before``
-    is the header that it replaces.
-    """
-
-    before: Header
-    host: str
-
-    def __new__(cls, before: Header, stamp_ns: int, host: str) -> "Restamped":
-        header = super().__new__(cls, stamp_ns, before.frame_id, before.origin)
-        header.before, header.host = before, host
-        return header
-
-    @property
-    def original(self) -> Header:
-        return self.before.original
-
-
-def restamped(
-    message: Message, header: Callable[[Header], Header], time_ns: Callable[[int], int]
-) -> Message:
-    """A message with all of its headers and times changed."""
-    if isinstance(message, Image):
-        looks = tuple(look._replace(header=header(look.header)) for look in message.looks)
-        return replace(message, header=header(message.header), looks=looks)
-    if isinstance(message, Detections):
-        look, seen_in, valid_ns = message.look, message.seen_in, message.valid_ns
-        return replace(
-            message,
-            header=header(message.header),
-            objects=tuple(_restamped_object(item, header) for item in message.objects),
-            look=None if look is None else look._replace(header=header(look.header)),
-            valid_ns=None if valid_ns is None else time_ns(valid_ns),
-            seen_in=None if seen_in is None else header(seen_in),
-        )
-    return message
-
-
-def _restamped_object(item: Detection, header: Callable[[Header], Header]) -> Detection:
-    motion, seen_in = item.motion, item.seen_in
-    if motion is None and seen_in is None:
-        return item
-    return replace(
-        item,
-        motion=None if motion is None else motion._replace(seen=header(motion.seen)),
-        seen_in=None if seen_in is None else header(seen_in),
-    )
 
 
 def bent(content: Any, change: Callable[[Objects], Objects]) -> Any:

@@ -10,8 +10,8 @@ from genie_sim.core.messages import Detections, Message
 
 
 def frame_key(header: Header) -> str:
-    """The key of a frame, whatever the clocks of others make of its stamp."""
-    stamp_ns, frame_id, origin = header if type(header) is Header else header.original
+    """The key of a frame."""
+    stamp_ns, frame_id, origin = header
     return f"{stamp_ns}\n{origin}\n{frame_id}"
 
 

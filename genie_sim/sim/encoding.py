@@ -75,8 +75,7 @@ class ImageCodec:
                 raw_bytes=message.size_bytes,
                 features=getattr(content, "features", {}),
             )
-        size_bytes = content.wire_bytes + sum(look.size_bytes for look in message.looks)
-        return replace(message, size_bytes=size_bytes, content=content)
+        return replace(message, size_bytes=content.wire_bytes, content=content)
 
     def in_memory(self, message: Message) -> Message:
         """The message after it was decoded."""

@@ -9,7 +9,6 @@ import numpy as np
 from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds
 from genie_sim.sim.bends import Bend, Sense
-from genie_sim.sim.forgeries import Forgeries
 
 if TYPE_CHECKING:
     import simpy
@@ -112,10 +111,6 @@ class AffectedNetwork(Protocol):
     @property
     def cars(self) -> tuple[str, ...]:
         """All cars."""
-
-    @property
-    def forgeries(self) -> Forgeries:
-        """Gets the ground truth of attacks."""
 
     def draws(self, *names: str) -> Draws:
         """The random numbers of these names, by key: that of a key is the same under every

@@ -19,7 +19,6 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.fault import EdgeConnection
-from genie_sim.sim.forgeries import Forgeries
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import BroadcastRadio, LinkEnds, LinkModel, Medium, Radio, Sender
@@ -84,7 +83,6 @@ class Network:
         self._radios: dict[int, Radio] = {}  # by the identity of the model
         self._bends: dict[str, list[Bend]] = defaultdict(list)  # by the host
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
-        self.forgeries = Forgeries()
         self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
         self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
@@ -271,20 +269,6 @@ class Network:
     def _check_host(self, host: str) -> None:
         if host not in self._host_names:
             raise UserError(unknown("host", host, self._host_names))
-
-    def clear(self) -> None:
-        """Takes everything apart after a run, so that it is freed at once and not by Python's
-        garbage collector.
-        """
-        for graph in self.graphs.values():
-            graph.clear()
-        self.graphs.clear()
-        self.uplinks.clear()
-        self.broadcasts.clear()
-        self.links.clear()
-        self.resources.clear()
-        self._radios.clear()
-        self.clock.clear()
 
 
 def is_at(link: Link, target: str) -> bool:

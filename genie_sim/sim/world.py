@@ -238,21 +238,7 @@ class World:
         self.monitor.sample(self._sampled, self.clock.now)
         self.monitor.used(map(self._since_warm_up, self._usage()))
         self.monitor.failed(self._fault_spans)
-        self.monitor.attacked(self.network.forgeries)
         self.monitor.close()
-
-    def dismantle(self) -> None:
-        """Takes everything apart after the run, so that it is freed at once and not by Python's
-        garbage collector.
-        """
-        for uplink in self._uplinks:
-            uplink.clear()
-        self.network.clear()
-        self.edges.clear()
-        self._uplinks.clear()
-        self._sampled.clear()
-        self._cameras.clear()
-        self._faults.clear()
 
     def _end_warm_up(self) -> None:
         """From now on what hosts, links and queues do counts."""

@@ -1,3 +1,3 @@
-"""Many runs: seeds, sweeps and searches, resumed, on several processes, judged into tidy tables. It
+"""Many runs: seeds and sweeps, resumed, on several processes, judged into tidy tables. It
 may import every room below it: all but ``paper``, ``ros``, ``cli`` and ``api``.
 """

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
 from genie_sim.base import files, settings, units
-from genie_sim.base.errors import short_repr
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
-from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.scenario.yaml_input import parse, read_mapping
 
 # the one path of an axis that is no setting of a scenario but names another one
 SCENARIO = "scenario"
@@ -423,6 +423,17 @@ def named_axes(axes: Mapping[str, Any]) -> dict[str, Any]:
 
 def _is_list(axis: object) -> bool:
     return isinstance(axis, Iterable) and not isinstance(axis, str | Mapping)
+
+
+def fixed_settings(overrides: Sequence[str]) -> dict[str, Any]:
+    """``path=value`` texts as settings. Raises ``UserError``."""
+    fixed = {}
+    for text in overrides:
+        path, equals, value = text.partition("=")
+        if not equals or not path.strip():
+            raise UserError(f"--set {text}: must be path=value, such as image_encoding=raw")
+        fixed[path.strip()] = parse(value, f"--set {text}")
+    return fixed
 
 
 def load_design(

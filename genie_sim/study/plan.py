@@ -1,35 +1,19 @@
 """From the points of a design to runs with ids."""
 
-import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Frames
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.runs.prepare import Prepared, facts, new_methods, prepare, prepare_with_frames
+from genie_sim.runs.prepare import facts, new_methods
+from genie_sim.runs.shared import SharedFrames
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, SweepPoint
-from genie_sim.study.tasks import PointRun, Shared
-
-# Settings that say nothing about which profiles and traces are needed.
-_SAME_FILES = {
-    "name",
-    "description",
-    "seed",
-    "methods",
-    "model",
-    "spread",
-    "start_jitter",
-    "queue_length",
-    "edge_network",
-    "genie",
-    "faults",
-}
+from genie_sim.study.work import PointRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,11 +30,10 @@ class Entry:
 
 @dataclass
 class Plan:
-    """Every place of the sweep, every run by its id, and what the runs need."""
+    """Every place of the sweep, and every run by its id."""
 
     entries: list[Entry] = field(default_factory=list)
     runs: dict[str, PointRun] = field(default_factory=dict)
-    shared: Shared = field(default_factory=dict)
 
 
 def plan(
@@ -104,7 +87,6 @@ def plan(
             raise UserError(f"{where}: {which}{str(error).removeprefix('--set ')}") from error
         if progress is not None:
             progress(number + 1, total, "checking points")
-    planned.shared = world.frames
     return planned
 
 
@@ -123,8 +105,6 @@ def runs_of(
 ) -> Iterator[PointRun]:
     """A point's run with each seed; ``point`` names it where a run fails. Raises ``UserError``."""
     prepared = world.prepare(scenario)
-    key = None if prepared.frames.seeded else _key(prepared)
-    frames = _frames(prepared)
     for seed in seeds:
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
@@ -139,55 +119,5 @@ def runs_of(
         else:  # nothing else differs
             written = {**prepared.facts["scenario"], "seed": seed}
             known = {**prepared.facts, "scenario": written}
-        yield PointRun(
-            provenance.run_id(known),
-            seeded,
-            source=key,
-            frames=frames,
-            place=", ".join(filter(None, [point, f"seed {seed}"])),
-        )
-
-
-class SharedFrames:
-    """Traces, read once for all points that need the same ones; ``frames`` is what their runs
-    share.
-    """
-
-    def __init__(self) -> None:
-        self.frames: dict[str, Frames] = {}
-        self._known: dict[str, Frames] = {}
-
-    def prepare(self, scenario: Scenario) -> Prepared:
-        """As ``prepare`` alone."""
-        needs = json.dumps(
-            {key: item for key, item in plain_data(scenario).items() if key not in _SAME_FILES}
-        )
-        known = self._known.get(needs)
-        prepared = prepare(scenario) if known is None else prepare_with_frames(scenario, known)
-        if not prepared.frames.seeded:
-            self._known[needs] = self.frames.setdefault(_key(prepared), prepared.frames)
-        return prepared
-
-
-def _key(prepared: Prepared) -> str:
-    """Names the frames that a scenario needs."""
-    scenario = prepared.facts["scenario"]
-    source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
-    return f"{source} {sorted(prepared.frames.digests().items())}"
-
-
-def _frames(prepared: Prepared) -> float:
-    """About how many frames the cameras take, under all methods."""
-    frames = 0.0
-    for car in prepared.scenario.cars:
-        for camera in prepared.scenario.cameras_of(car):
-            recorded = prepared.drives[car.name].frames[camera.recording]
-            length_ns = recorded[-1].stamp_ns - recorded[0].stamp_ns
-            window_ns = car.route.window_ns
-            driven = (
-                1.0
-                if window_ns is None or not length_ns
-                else min((window_ns[1] - window_ns[0]) / length_ns, 1.0)
-            )
-            frames += driven * len(recorded) * car.route.laps
-    return frames * len(prepared.scenario.methods)
+        place = ", ".join(filter(None, [point, f"seed {seed}"]))
+        yield PointRun(provenance.run_id(known), seeded, place)

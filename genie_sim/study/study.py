@@ -21,9 +21,8 @@ from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
-from genie_sim.study.parts import Parts
 from genie_sim.study.plan import Plan, plan
-from genie_sim.study.tasks import DaskWorkers, LocalWorkers
+from genie_sim.study.work import Parts, Workers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,7 +31,7 @@ FORMAT = 2
 ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
-RESULTS = ("table.*", "differences.*", "runs.parquet", "summary.md")
+RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
 SHOWN = ("figures/*", "report.html")
 
 
@@ -106,7 +105,7 @@ class Study:
 
     def run(
         self,
-        workers: LocalWorkers | DaskWorkers,
+        workers: Workers,
         shard: tuple[int, int] = (1, 1),
         progress: Progress | None = None,
     ) -> None:
@@ -117,17 +116,18 @@ class Study:
         of_shard = set(sorted(self.plan.runs)[number - 1 :: shards])
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
         lost = [run.run_id for run in runs if not run.is_kept(self.folder)]
+        self._parts.done(self.plan.runs)  # parts that cannot be read are refused before tables go
         with usable(self.folder):
-            self._parts.parts.mkdir(parents=True, exist_ok=True)
+            (self.folder / "parts").mkdir(parents=True, exist_ok=True)
             is_same = not lost and not self.design.axes and self._is_as_written()
             self._write_about()
         self._remove(*RESULTS, *(() if is_same else SHOWN))  # of earlier axes or fewer seeds
-        self._parts.run(runs, workers, self.plan.shared, progress, lost=lost)
+        self._parts.run(runs, workers, progress, lost)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
         """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
         kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
-        done = len(self._parts.done() & kept)
+        done = len(self._parts.done(kept))
         status = StudyStatus(
             self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done
         )

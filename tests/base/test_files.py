@@ -104,20 +104,23 @@ def test_what_is_not_there(
             b"hello\n",
             "x.yaml: is the single value 'hello'; expected a mapping such as 'name: value'",
         ),
-        (b"a: 1\nb: [1\n", "x.yaml: line 3: expected ',' or ']', but got '<stream end>'"),
-        (b"a: 1\nb: c: d\n", "x.yaml: line 2: mapping values are not allowed here"),
+        (
+            b"a: 1\nb: [1\n",
+            "x.yaml: line 3: while parsing a flow sequence did not find expected ',' or ']'",
+        ),
+        (b"a: 1\nb: c: d\n", "x.yaml: line 2: mapping values are not allowed in this context"),
         (b"a: 1\nb: 2\na: 3\n", "x.yaml: line 3: duplicate key 'a'"),
         (b"a:\n\tb: 1\n", "x.yaml: line 2: a tab stands where YAML allows only spaces"),
         (b"a: 1\nb: \x00\n", "x.yaml: line 2: holds the character '\\x00'"),
         (b'a: "\\0"\n', "x.yaml: line 1: holds the character '\\x00'"),
-        (b'a: "\\uD800"\n', "x.yaml: line 1: holds the character '\\ud800'"),
+        (b'a: "\\uD800"\n', "x.yaml: line 1: found invalid Unicode character escape code"),
         (b"a: 1\nb: \xff\xfe\n", "x.yaml: line 2: is not UTF-8 text"),
         (b"1: a\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
         (
             b"a: 1\n---\nb: 1\n",
             "x.yaml: line 2: expected a single document in the stream but found another document",
         ),
-        (b"a: *b\n", "x.yaml: line 1: found undefined alias 'b'"),
+        (b"a: *b\n", "x.yaml: line 1: anchors and aliases such as 'b' are not allowed"),
         (
             b"a: !!python/object/apply:os.system [ls]\n",
             (
@@ -130,8 +133,9 @@ def test_what_is_not_there(
             "x.yaml: line 1: tags such as 'tag:yaml.org,2002:binary' are not allowed",
         ),
         (b"a: !mine x\n", "x.yaml: line 1: tags such as '!mine' are not allowed"),
-        (b"a: " + b"[" * 100_000, "x.yaml: line 1: nested more than 40 deep"),
-        (b"a: &a [*a]\n", "x.yaml: line 1: nested more than 40 deep"),
+        (b"a: " + b"[" * 100, "x.yaml: line 1: nested more than 40 deep"),
+        (b"a: &a [*a]\n", "x.yaml: line 1: anchors and aliases such as 'a' are not allowed"),
+        (b"? [1]\n: 2\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
         (
             b"a: " + b"x" * 1_000_000,
             "x.yaml: is larger than 1000000 bytes; a file of settings is smaller",
@@ -149,13 +153,6 @@ def test_yaml_may_be_nested_as_deep_as_the_message_says() -> None:
     parse(nested(40), "text")
     with pytest.raises(UserError, match="nested more than 40 deep"):
         parse(nested(41), "text")
-
-
-def test_a_billion_laughs(tmp_path: Path) -> None:
-    lines = ["a0: &a0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]"]
-    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 10)]
-    told = refusal("\n".join(lines).encode(), tmp_path)
-    assert told == "x.yaml: holds more than 100000 values once its aliases are written out"
 
 
 def test_a_missing_file_is_told_as_such(tmp_path: Path) -> None:

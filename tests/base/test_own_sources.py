@@ -56,11 +56,49 @@ def test_a_file_that_is_not_imported_counts_nowhere(folder: Path):
     assert found() == before
 
 
-def test_installed_packages_are_not_looked_into(folder: Path):
-    sys.modules.pop("scipy.io.wavfile", None)
-    own = {name for name, _ in own_sources._own_modules("mine_link")}
-    assert own == {"mine_link", "mine_helper", "mine_pack", "mine_pack.inner", "mine_pack.deep"}
-    assert "scipy.io.wavfile" not in sys.modules
+def test_only_what_is_imported_from_beside_it_identifies_a_class(folder: Path, tmp_path_factory):
+    elsewhere = tmp_path_factory.mktemp("lib")
+    (elsewhere / "mine_library.py").write_text("VALUE = 1\n")
+    sys.path.append(str(elsewhere))
+    try:
+        (folder / "mine_helper.py").write_text("from mine_library import VALUE\n")
+        before = found()
+        (elsewhere / "mine_library.py").write_text("VALUE = 20\n")
+        assert found() == before
+    finally:
+        sys.path.remove(str(elsewhere))
+
+
+def test_a_file_that_is_imported_late_counts_as_well(folder: Path):
+    (folder / "mine_link.py").write_text(
+        "class Link:\n    value = 11\n\n    def run(self):\n        import mine_late\n"
+    )
+    (folder / "mine_late.py").write_text("VALUE = 1\n")
+    before = found()
+    (folder / "mine_late.py").write_text("VALUE = 2\n")
+    assert found()[1] != before[1]
+
+
+def test_packages_beside_an_installed_one_are_not_its_own(folder: Path, monkeypatch):
+    installed = folder / "site-packages"
+    (installed / "mine_installed").mkdir(parents=True)
+    (installed / "mine_installed" / "__init__.py").write_text("")
+    (installed / "mine_installed" / "link.py").write_text(
+        "import mine_other\nfrom mine_installed import law\n\n\nclass Link:\n    pass\n"
+    )
+    (installed / "mine_installed" / "law.py").write_text("")
+    (installed / "mine_other.py").write_text("")
+    monkeypatch.syspath_prepend(str(installed))
+
+    def digest() -> str:
+        plugins.resolve("link model", "mine_installed.link:Link", {})
+        return plugins.code_digest("link model", "mine_installed.link:Link")
+
+    before = digest()
+    (installed / "mine_other.py").write_text("VALUE = 2\n")
+    assert digest() == before
+    (installed / "mine_installed" / "law.py").write_text("VALUE = 2\n")
+    assert digest() != before
 
 
 def test_a_class_without_a_file_is_like_no_other():

@@ -12,12 +12,21 @@ import pytest
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError
+from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.record import tables
 from genie_sim.record.records import SCHEMAS
 
 SCHEMA = pa.schema([("t_ns", pa.int64()), ("name", pa.string())])
 ROWS = [{"t_ns": 1, "name": "a"}, {"t_ns": 2, "name": "b"}]
 ABOUT: dict[str, Any] = {"kind": "trace", "answer": [1, None]}
+
+
+def every(found: pa.Schema, _: Any) -> list[str]:
+    return list(found.names)
+
+
+def read(path: Path, kind: str) -> Any:
+    return parquet.read(path, kind, every)
 
 
 @pytest.fixture
@@ -28,8 +37,8 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_rows_and_what_a_file_says_of_itself_come_back(path: Path, tmp_path: Path):
-    table, about = parquet.read(path, "trace")
-    assert table.to_pylist() == ROWS and about == ABOUT == parquet.about(path, "trace")
+    table, about = read(path, "trace")
+    assert table.to_pylist() == ROWS and about == ABOUT == parquet.described(path, "trace")[1]
     again = tmp_path / "again.parquet"
     parquet.write(again, SCHEMA, iter(ROWS), dict(reversed(ABOUT.items())))
     assert again.read_bytes() == path.read_bytes(), "whatever the order of its description"
@@ -41,7 +50,7 @@ def refused(message: str, read: Any, *arguments: Any) -> None:
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("read", [parquet.read, parquet.about])
+@pytest.mark.parametrize("read", [read, parquet.described])
 def test_files_that_are_no_such_file(read: Any, path: Path, tmp_path: Path):
     missing, foreign, broken = (tmp_path / name for name in ("missing", "foreign", "broken"))
     refused("missing: no such trace$", read, missing, "trace")
@@ -55,34 +64,62 @@ def test_files_that_are_no_such_file(read: Any, path: Path, tmp_path: Path):
 
 
 def test_every_column_must_be_there_with_its_type(path: Path):
-    table, _ = parquet.read(path, "trace")
-    parquet.check_columns(path, table, SCHEMA)
-    parquet.check_columns(path, table, pa.schema([("name", pa.string())]))
+    parquet.check_columns(path, SCHEMA, SCHEMA)
+    parquet.check_columns(path, SCHEMA, pa.schema([("name", pa.string())]))
     for column, kind in (("t_ns", pa.float64()), ("late_ns", pa.int64())):
         wrong = pa.schema([("name", pa.string()), (column, kind)])
         refused(
-            f"column {column}: missing, or not {kind}$", parquet.check_columns, path, table, wrong
+            f"column {column}: missing, or not {kind}$", parquet.check_columns, path, SCHEMA, wrong
         )
 
 
 def test_a_small_file_may_not_claim_much_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A million equal numbers take 8 MB of cells; the file has a few kilobytes. What is small
-    anyway is read, however small the file.
+    anyway is read, however small the file, and what nobody asks for does not count.
     """
     path, count = tmp_path / "table.parquet", 1_000_000
     metadata = {parquet.METADATA_KEY: b"{}"}
-    table = pa.table({"t_ns": pa.array([7] * count, pa.int64())}).replace_schema_metadata(metadata)
-    pq.write_table(table, path)
-    footer = pq.ParquetFile(path).metadata
-    needed = 8 * count + footer.row_group(0).total_byte_size
+    columns = {name: pa.array([7] * count, pa.int64()) for name in ("t_ns", "other")}
+    pq.write_table(pa.table(columns).replace_schema_metadata(metadata), path)
+    needed = 9 * count
     monkeypatch.setattr(parquet, "MAX_SMALL_BYTES", needed)
-    assert parquet.read(path, "trace")[0].num_rows == count
-    monkeypatch.setattr(parquet, "MAX_SMALL_BYTES", needed - 1)
+    assert parquet.read(path, "trace", lambda *_: ["t_ns"])[0].num_rows == count
     size = f"{path.stat().st_size:,}"
-    line = f"1,000,000 rows in {size} bytes would take 8 MB of memory: more than 100 times the file"
-    refused(re.escape(line) + "$", parquet.read, path, "trace")
-    monkeypatch.setattr(parquet, "MAX_EXPANSION", -(-needed // path.stat().st_size))
-    assert parquet.read(path, "trace")[0].num_rows == count
+    line = f"1,000,000 rows in {size} bytes would take 15 MB of memory: more than 100 times"
+    refused(re.escape(line), read, path, "trace")
+    monkeypatch.setattr(parquet, "MAX_EXPANSION", -(-2 * needed // path.stat().st_size))
+    assert read(path, "trace")[0].num_rows == count
+
+
+TEXTS = pa.DictionaryArray.from_arrays(pa.array([0] * 20_000, pa.int32()), ["a" * 10**6])
+BOMBS = {
+    "a long text in each row": (pa.table({"x": TEXTS}), {"store_schema": False}),
+    "a long text in each row, told by number": (pa.table({"x": TEXTS}), {}),
+    "a list of nulls": (pa.table({"x": pa.array([[None] * 10**7], pa.list_(pa.float64()))}), {}),
+    "a page of zeros": (
+        pa.table({"x": pa.array([0] * 10**7, pa.int64())}),
+        {"use_dictionary": False, "data_page_size": 2**30},
+    ),
+}
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+def test_a_file_of_a_few_bytes_is_refused_before_it_fills_the_memory(
+    bomb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """What counts is what the chosen columns come to, not what the footer tells of rows."""
+    table, options = BOMBS[bomb]
+    path = tmp_path / "bomb.parquet"
+    schema = {parquet.METADATA_KEY: b"{}"}
+    pq.write_table(table.replace_schema_metadata(schema), path, compression="zstd", **options)
+    monkeypatch.setattr(parquet, "MAX_SMALL_BYTES", 2**25)
+    before = max_memory_bytes() or 0
+    message = "more than 100 times the file$|or there is not enough memory$"
+    refused(message, read, path, "trace")
+    assert parquet.read(path, "trace", lambda *_: [])[0].num_columns == 0
+    if "by number" not in bomb:
+        refused(message, lambda: list(parquet.batches(path, ["x"], 65_536)))
+    assert (max_memory_bytes() or 0) - before < 2**29
 
 
 def test_what_a_run_has_just_written_is_read_whatever_it_takes(

@@ -80,13 +80,6 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
     one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
 
 
-def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
-    folder = gs.run("street_1car_homo", {**SHORT, "record": ["lookups"]}, out="bare").folder
-    assert main(["export", str(folder)]) == 1
-    one_line(capsys.readouterr().err, "no poses")
-    assert not list(folder.glob("*mcap*")) + list(folder.glob(".*"))
-
-
 # Paths
 
 
@@ -113,7 +106,6 @@ def test_every_path_is_taken_in_one_way():
         ["run", "~/nothing.yaml"],
         ["sweep", "~/nothing.yaml"],
         ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
-        ["perceive", "--bag=~/nothing.bag", "--out=~/t.parquet"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
         ["run", "street_1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],

@@ -6,19 +6,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import simpy
 
-from genie_sim.core.defences import Defence
 from genie_sim.core.eviction import LRU
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.source import Drive, Frames, FrameSource
-from genie_sim.faults.attacks.attack import Attack
 from genie_sim.faults.outage import Outage
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
 
@@ -185,16 +183,6 @@ class Blackout:
 
     def end(self, network):
         pass
-
-
-@dataclass(kw_only=True)
-class Whisper(Attack):
-    """An attack: every object becomes a ``word``."""
-
-    word: str = "truck"
-
-    def forge(self, objects, scene):
-        return tuple(replace(item, label=self.word) for item in objects)
 
 
 @dataclass(frozen=True)
@@ -390,31 +378,6 @@ class OwnSimilarity(PoseGrid):
 
 class OwnEviction(LRU):
     """As the package's."""
-
-
-class Suspicious(Defence):
-    """A defence: believes only what is sure, and forgets nothing of a run."""
-
-    def __init__(self, at_least: float = 0.7):
-        self.at_least, self.asked = at_least, 0
-
-    def believes(self, told, own, now_ns):
-        self.asked += 1
-        return told.score >= self.at_least
-
-    def admits(self, detection, own, now_ns):
-        self.asked += 1
-        return detection.score >= self.at_least
-
-
-class LeakyDefence(Suspicious):
-    """All of the process count together, and after a while they believe nothing."""
-
-    shared: ClassVar[dict] = {"asked": 0}
-
-    def admits(self, detection, own, now_ns):
-        self.shared["asked"] += 1
-        return self.shared["asked"] < 200
 
 
 class OwnPolicy(Never):

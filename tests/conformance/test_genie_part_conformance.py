@@ -7,7 +7,6 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
-from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.similarity import SIMILARITIES
@@ -52,20 +51,12 @@ class TestFreshnessPolicies(GeniePartConformance):
         return {"object_map": {"freshness": freshness}}
 
 
-@pytest.mark.parametrize("defence", [*DEFENCES, f"{OWN}:Suspicious"])
-class TestDefences(GeniePartConformance):
-    @pytest.fixture
-    def genie(self, defence: str):
-        return {"algorithm": "recommended", "looks": {"defence": defence, "signed": True}}
-
-
 @pytest.mark.parametrize(
     "genie",
     [
         {"similarity": f"{OWN}:LeakySimilarity"},
         {"eviction": f"{OWN}:LeakyEviction"},
         {"object_map": {"freshness": f"{OWN}:LeakyPolicy"}},
-        {"algorithm": "recommended", "looks": {"defence": f"{OWN}:LeakyDefence"}},
     ],
 )
 def test_a_part_of_a_genie_that_keeps_state_between_methods_is_caught(genie):

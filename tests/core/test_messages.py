@@ -8,7 +8,7 @@ from genie_sim.core.messages import CameraPose, Detection, Detections, Header, I
 
 HEADER = Header(7, "camera_02", "car1")
 POSE = CameraPose(1.0, 2.0, 3.0, 0.5)
-SEEN = Motion((1.0, 2.0), 0.3, 0.9, HEADER, ("car2",), signed=True)
+SEEN = Motion((1.0, 2.0), 0.3, 0.9, HEADER)
 DETECTION = Detection(
     "car",
     0.5,
@@ -23,7 +23,7 @@ LOOK = Look(HEADER, POSE, 1.4, (DETECTION,))
 ANSWER = Detections(
     HEADER, (DETECTION,), "cache", "edge1/genie", LOOK, valid_ns=9, seen_in=Header(5, "", "car3")
 )
-IMAGE = Image(HEADER, 100, "digest", 3, POSE, 1.4, content="frame", looks=(LOOK,))
+IMAGE = Image(HEADER, 100, "digest", 3, POSE, 1.4, content="frame")
 
 
 @pytest.mark.parametrize("message", [DETECTION, ANSWER, IMAGE], ids=lambda it: type(it).__name__)

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from genie_sim.core.defences import FreeSpace, Guard
 from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.messages import (
     Detections,
@@ -38,7 +37,6 @@ def paced_genie(
     own: Any = "all",
     told: bool = False,
     edge: bool = True,
-    guarded: bool = False,
     **pace: int,
 ) -> PacedGenie:
     object_map = TrackMap(ObjectMapRules(), MeasuredExistence(p_min=0.5))
@@ -51,8 +49,6 @@ def paced_genie(
         own=own,
         object_map=object_map,
         told=ToldTracks(ToldRules(), object_map.contradicts) if told else None,
-        guard=Guard(FreeSpace(misses=1), object_map.has, signed=True) if guarded else None,
-        signs=guarded,
         map_answer=Detections,
         view_range_m=50.0,
     )
@@ -268,31 +264,3 @@ def test_without_sharing_words_are_ignored():
     words = Detections(Header(0, "02", "car1"), (told_car((30.5, 5.0)),), SHARED, "e", None, 0)
     assert genie.on_message(OBJECTS + "-remote", words, 60 * MS) == []
     assert served(on_frame(genie, frame(0.1))).objects == ()
-
-
-def test_a_look_is_checked_and_goes_up_signed_with_the_next_frame_alone():
-    """Its own detector sees free space at 10 m, where the edge says that there is something."""
-    genie = paced_genie(guarded=True)
-    image = frame(0.0)
-    assert _sent_up(on_frame(genie, image)).looks == ()
-    genie.on_message(OBJECTS + "-local", answer(image), 40 * MS)
-    second = frame(0.1)
-    (own,) = _sent_up(on_frame(genie, second)).looks
-    forged = seen("car", 0.9, at=(10.0, 0.0))
-    far = seen("car", 0.9, at=(45.0, 0.5))
-    genie.on_message(OBJECTS + "-remote", answer(second, forged, far), 150 * MS)
-    (admitted,) = _sent_up(on_frame(genie, frame(0.2))).looks
-    assert own.signed and own.detections == () and own.header == image.header
-    assert admitted.signed and admitted.detections == (far,) and admitted.header == second.header
-    assert len(genie.object_map) == 1
-    assert _sent_up(on_frame(genie, frame(0.3))).looks == (), "each goes up once"
-
-
-def _sent_up(effects: list[Effect]) -> Image:
-    (image,) = [
-        effect.message
-        for effect in effects
-        if isinstance(effect, Publish) and effect.topic == IMAGES + "-remote"
-    ]
-    assert isinstance(image, Image)
-    return image

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from livemap import WAYS, Controller, MapServer, Reporter
+from livemap import WAYS, Controller, MapServer, Reporter, Told
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
@@ -16,7 +16,6 @@ from genie_sim.core.messages import (
     Header,
     Image,
     Look,
-    Motion,
     Publish,
 )
 from genie_sim.core.recommended.track_map import TrackMap
@@ -39,12 +38,12 @@ def frame(stamp_ms: int, car: str = "car1", east_m: float = 0.0) -> Image:
     return Image(Header(stamp_ms * MS, "02", car), 1, "", 0, pose, 1.4)
 
 
-def seen(east_m: float, north_m: float = 0.0, origins: tuple[str, ...] | None = None) -> Detection:
-    place = (east_m, north_m, 0.0)
-    motion = None
-    if origins is not None:
-        motion = Motion((0.0, 0.0), 0.5, 0.9, Header(0, "02", "car2"), origins)
-    return Detection("car", 0.9, None, place, 0.9, "scan", motion)
+def seen(east_m: float, north_m: float = 0.0) -> Detection:
+    return Detection("car", 0.9, None, (east_m, north_m, 0.0), 0.9, "scan")
+
+
+def told(east_m: float, *others: str) -> Told:
+    return Told("car", 0.9, None, (east_m, 0.0, 0.0), 0.9, "map", others=others)
 
 
 def controller(where: str = "faster", others: int = 0) -> Controller:
@@ -100,9 +99,9 @@ def test_a_map_that_nobody_asked_for_is_no_answer():
 @pytest.mark.parametrize(
     ("objects", "way"),
     [
-        ([seen(20, origins=("car2",))], None),
-        ([seen(20, origins=("car2",)), seen(30, origins=())], REMOTE),  # one is seen by nobody
-        ([seen(20, origins=("car2",)), seen(-30, origins=())], None),  # which is out of view
+        ([told(20, "car2")], None),
+        ([told(20, "car2"), told(30)], REMOTE),  # one is seen by nobody
+        ([told(20, "car2"), told(-30)], None),  # which is out of view
         ([], REMOTE),  # nothing is known: it may look
     ],
 )
@@ -146,11 +145,13 @@ def test_the_map_combines_what_two_cars_see_and_goes_to_both():
     edge, first, second = server(), frame(0), frame(50, "car2", east_m=10.0)
     (own,) = look(edge, first, seen(20), now_ms=80)
     assert own.header == first.header and own.source == "detector" and places(own) == [(20, 0)]
-    told, own = look(edge, second, seen(20.4), seen(40), now_ms=200)
+    of_first, own = look(edge, second, seen(20.4), seen(40), now_ms=200)
     assert own.header == second.header and own.source == "detector"
     assert len(own.objects) == 2, "two sightings of one car, and another"
-    assert told.header == first.header and told.source == "map", "the last frame of that car"
-    assert places(told) == places(own) and told.valid_ns == 200 * MS
+    assert of_first.header == first.header and of_first.source == "map", (
+        "the last frame of that car"
+    )
+    assert places(of_first) == places(own) and of_first.valid_ns == 200 * MS
 
 
 def test_objects_found_on_board_are_combined_too():
@@ -173,8 +174,8 @@ def test_a_car_is_not_told_of_itself_and_of_what_is_far():
     edge = server()
     look(edge, frame(0), now_ms=0)
     maps = look(edge, frame(0, "car2", -40.0), seen(1.0), seen(10), seen(70), now_ms=150)
-    (told,) = (one for one in maps if one.source == "map")
-    assert places(told) == [(10, 0)]
+    (of_first,) = (one for one in maps if one.source == "map")
+    assert places(of_first) == [(10, 0)]
 
 
 def test_a_car_is_not_told_of_what_is_hardly_there():
@@ -190,12 +191,12 @@ def test_the_map_names_the_other_cars_that_saw_an_object_lately():
     edge = server()
     look(edge, frame(0), seen(20), now_ms=0)
     maps = look(edge, frame(500, "car2"), seen(20), now_ms=500)
-    assert {one.header.origin: one.objects[0].motion.origins for one in maps} == {
+    assert {one.header.origin: one.objects[0].others for one in maps} == {
         "car1": ("car2",),
         "car2": ("car1",),
     }
     maps = look(edge, frame(1000, "car2"), seen(20), now_ms=1000)
-    assert {one.header.origin: one.objects[0].motion.origins for one in maps} == {
+    assert {one.header.origin: one.objects[0].others for one in maps} == {
         "car1": ("car2",),
         "car2": (),  # a second ago is no longer lately
     }

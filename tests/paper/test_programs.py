@@ -8,17 +8,15 @@ import csv
 import math
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from scipy.stats import t
 
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.trace import Trace, TraceFrame, read_trace
+from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.paper.facts import Fact
-from genie_sim.paper.reproduce import calibrated_settings
 from genie_sim.paper.runs import EvaluationRun
-from studies import calibration, contradictions, drives, other_readings
+from studies import drives
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 RESULTS = REPOSITORY / "results"
@@ -33,177 +31,6 @@ def shown(part: str) -> str:
 def rows_of(name: str) -> list[dict[str, str]]:
     with (RESULTS / name).open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-# Calibration
-
-
-@pytest.mark.parametrize(
-    ("objects_of_gate", "images_of_overlap", "best"),
-    [(1 / 2, 1 / 4, (0.31, 0.62)), (1 / 20, 1 / 40, (0.8, 2.1))],
-    ids=["inside the ranges", "at their ends"],
-)
-def test_the_search_finds_the_point_that_fits_within_the_ranges(
-    objects_of_gate, images_of_overlap, best
-):
-    def world(points):
-        return [(gate * objects_of_gate, overlap * images_of_overlap) for overlap, gate in points]
-
-    tried = calibration.search(world)
-    assert next(iter(tried)) == pytest.approx(best, abs=0.1)
-    for values, (low, high) in zip(zip(*tried, strict=True), calibration.RANGES, strict=True):
-        assert low <= min(values) and max(values) <= high
-        finest = (high - low) / (calibration.GRID - 1) / 2**calibration.REFINEMENTS
-        assert np.diff(sorted(set(values))).min() == pytest.approx(finest, abs=1e-4)
-
-
-def test_the_committed_points_are_those_of_the_search_and_give_the_fitted_parameters():
-    committed = {
-        (float(row["overlap"]), float(row["gate_m"])): (
-            float(row["object_reuse"]),
-            float(row["image_reuse"]),
-        )
-        for row in rows_of("calibration/points.csv")
-    }
-    tried = calibration.search(lambda points: [committed[point] for point in points])
-    assert tried == committed
-    overlap, gate_m = next(iter(tried))
-    assert calibrated_settings() == (f"overlap={overlap:g}", f"gate_m={gate_m:g}")
-
-
-# Other readings
-
-
-@pytest.fixture(scope="module")
-def arms(tmp_path_factory):
-    return list(other_readings.arms(tmp_path_factory.mktemp("traces")))
-
-
-def test_every_other_reading_or_value_is_another_run(arms):
-    """But the values that the evaluation uses anyway, which are points of a curve."""
-    loaded = {
-        name: EvaluationRun("3car_hetero", 1, (*other_readings.street_settings(), *settings))
-        .load()
-        .to_yaml()
-        for name, _, settings in arms
-    }
-    same = {name for name, scenario in loaded.items() if scenario == loaded["as it is"]} - {
-        "as it is"
-    }
-    assert same == {
-        "gate_m=0.25",
-        "rate=0.1",
-        "threshold=0.6",
-        "image_cell_m=1",
-        "view_range_m=50",
-    }
-
-
-def test_a_value_is_as_plausible_as_was_said_before(arms):
-    plausible = {name: word for name, word, _ in arms}
-    assert (plausible["rule_ema"], plausible["one_camera"]) == ("yes", "arguable")
-    assert [plausible[f"gate_m={value}"] for value in (0.1, 0.25, 2.1, 4)] == [
-        "no",
-        "yes",
-        "yes",
-        "no",
-    ]
-
-
-def test_traces_have_fewer_frames_or_no_weak_detections(arms):
-    paths = {
-        name: settings[-1].split("=")[1] for name, _, settings in arms if "trace" in str(settings)
-    }
-    whole, seldom, sure = (
-        read_trace(Path(paths[name]))
-        for name in ("min_score=0.3", "frame_rate_hz=2", "min_score=0.7")
-    )
-    assert seldom.frames["02"] == whole.frames["02"][::5]
-    scores = [one.score for frame in sure.frames["02"] for one in frame.detections]
-    assert scores and min(scores) >= 0.7
-
-
-def test_the_table_says_where_a_claim_holds_and_where_nobody_tried():
-    rows = [
-        {"name": name, "plausible": "yes", **dict.fromkeys(other_readings.COLUMNS[3:], "0.5")}
-        | dict.fromkeys((claim.id for claim in other_readings.CLAIMS), "0")
-        | {"C11": holds, "C30": ""}
-        for name, holds in (("as it is", "0"), ("one", "1"), ("two", "0"), ("three", "1"))
-    ]
-    table = other_readings.tables(rows)
-    assert "| one | yes | 1 | 0.5 | 0.5 | 0.5 | 0.5 |" in table
-    assert "| C11 | 2 of 3 | one, three |" in table
-    assert "| C12 | 0 of 3 |  |" in table and "| C30 | 0 of 0 |  |" in table
-
-
-# Contradictions
-
-
-def row(number, holds):
-    """A point; ``holds``: of some claims whether they do, the others never hold."""
-    point = contradictions.points(64)[number]
-    return {**point, **dict.fromkeys(contradictions.NAMES, "0"), **holds}
-
-
-def test_levels_are_drawn_evenly_and_more_points_begin_with_the_same():
-    points = contradictions.points(64)
-    assert contradictions.points(10) == points[:10]
-    for name, levels in contradictions.LEVELS.items():
-        counts = [[point[name] for point in points].count(level) for level in levels]
-        assert max(counts) - min(counts) <= 2, name
-
-
-def test_the_first_levels_are_the_street_but_for_what_was_fitted():
-    usual = {name: levels[0] for name, levels in contradictions.LEVELS.items()}
-    settings = contradictions.settings_of(usual)
-    assert calibrated_settings()[0] in settings
-    mine, street = (
-        EvaluationRun("3car_hetero", 1, of).load().to_yaml()
-        for of in (settings, other_readings.street_settings())
-    )
-    assert mine == street
-
-
-def test_the_share_of_variance_is_that_beyond_chance():
-    """Omega squared by hand: of 2 in all, 1.5 is within the levels, and a degree of freedom is
-    worth 0.25.
-    """
-    holds, drawn = np.array([0.0, 0, 0, 1, 1, 1, 1, 0]), np.array([*"aaaabbbb"])
-    assert contradictions.explained(holds, drawn) == pytest.approx((2 - 1.5 - 0.25) / (2 + 0.25))
-
-
-def test_pairs_that_hardly_ever_hold_together_are_found():
-    holds = [
-        {"C1": n % 2, "C2": 1 - n % 2, "C3": n % 2 if n >= 8 else 1 - n % 2, "C5": n // 2 % 2}
-        for n in range(64)
-    ]
-    table = np.array([[of.get(name, 0.0) for of in holds] for name in contradictions.NAMES])
-    assert contradictions.contradictions(table) == [
-        ("C1 and C2", 0, 16.0),
-        ("C2 and C3", 4, 16.0),
-    ]
-
-
-def test_a_half_that_predicts_the_other_is_told_from_one_that_does_not():
-    first, second = contradictions.DESIGN["halves"].values()
-
-    def best_by_first(other):
-        table = np.zeros((len(contradictions.NAMES), 64))
-        for claims, holds in ((first, lambda n: n % 2), (second, other)):
-            for claim in claims:
-                table[contradictions.NAMES.index(claim)] = [holds(n) for n in range(64)]
-        return contradictions.halves(table)[0][1:4]
-
-    assert best_by_first(lambda n: n % 2) == ["100% (all points 50%)", "100.0%", "50.0%"]
-    assert best_by_first(lambda n: n // 2 % 2) == ["100% (all points 50%)", "50.0%", "50.0%"]
-
-
-def test_the_page_shows_what_the_committed_points_say():
-    """If not, ``python studies/contradictions.py`` prints the tables."""
-    rows = rows_of("contradictions/points.csv")
-    drawn = [{name: row[name] for name in contradictions.LEVELS} for row in rows]
-    assert drawn == contradictions.points(contradictions.DESIGN["points"])
-    assert contradictions.tables(rows).split("\n\n", 1)[1] == shown("contradictions")
 
 
 # Other drives

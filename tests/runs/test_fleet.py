@@ -5,7 +5,6 @@ other.
 from __future__ import annotations
 
 import gc
-import pickle
 from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
@@ -19,7 +18,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.analysis.metric import ZERO_DELAY
-from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -37,7 +35,7 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
-from genie_sim.study.tasks import Finished, Task, run_task
+from genie_sim.study.work import Parts, Workers
 from genie_sim.worlds.town import Town
 
 SMALL: dict[str, Any] = {
@@ -188,20 +186,6 @@ def test_whole_numbers_and_fractions_make_the_same_town():
     assert default.facts == whole.facts
     frames = [prepared.drives["car1"].frames["02"][0] for prepared in (default, whole)]
     assert frames[0].detections == frames[1].detections and frames[0].digest == frames[1].digest
-
-
-def test_a_worker_needs_no_device_file(tmp_path, monkeypatch):
-    Path("mine.yaml").write_text(files.find(files.DEVICE, "jetson_tx2").read_text())
-    Path("small.yaml").write_text(small(fleet=fleet(cars=1, devices="./mine.yaml")).to_yaml())
-    Path("s.yaml").write_text(
-        "scenario: ./small.yaml\nseeds: 1\naxes: {cars: {set: fleet.cars, list: [1]}}\n"
-    )
-    made = plan(load_design(Path("s.yaml")), "s.yaml")
-    task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    monkeypatch.chdir(elsewhere)
-    assert run_task(task, pickle.dumps(made.shared)) == Finished(1)
 
 
 def hand_overs(whole: Scenario, car: str) -> list[FaultEntry]:
@@ -510,15 +494,12 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
         "scenario: ./small.yaml\nseeds: [1, 2]\naxes: {cars: {set: fleet.cars, list: [1, 2]}}\n"
     )
     made = plan(load_design(Path("s.yaml")), "s.yaml")
-    assert len(made.runs) == 4 and not made.shared, "no worker is sent thousands of drives"
-    task = Task(tuple(made.runs.values()), str(tmp_path / "parts"))
-    assert run_task(task, pickle.dumps(made.shared)) == Finished(4)
-    (part,) = task.part.parent.glob("*.parquet")
-    table = pd.read_parquet(part)
+    assert len(made.runs) == 4
+    parts = Parts(tmp_path)
+    parts.run(list(made.runs.values()), Workers(1))
+    table = parts.read(made.runs)
     for run_id, one in made.runs.items():
-        mine = table[
-            (table["run_id"].astype(str) == run_id) & (table["component"].astype(str) == "")
-        ]
+        mine = table[(table["run_id"] == run_id) & (table["component"] == "")]
         mine = mine.set_index("metric")["value"]
         measured = run_in_memory(one.scenario).measured
         alone = {metric.metric: metric.value for metric in measured if not metric.component}

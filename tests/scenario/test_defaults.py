@@ -15,7 +15,6 @@ import pytest
 from genie_sim.analysis.registry import METRICS
 from genie_sim.base.plugins import resolve
 from genie_sim.base.settings import class_schema, keys_of
-from genie_sim.core.defences import DEFENCES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.freshness.laws import ASSUMED
@@ -29,7 +28,6 @@ from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
 
 REGISTRIES: dict[str, Mapping[str, Any]] = {
-    "defence": DEFENCES,
     "eviction": EVICTIONS,
     "fault": FAULTS,
     "freshness": FRESHNESS,

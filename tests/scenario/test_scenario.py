@@ -604,7 +604,7 @@ MISTAKES = [
     ),
     # YAML itself
     ("- a\n", "is a list; expected a mapping such as 'name: value'"),
-    ("cars: [\n", "line 2: expected the node content, but found '<stream end>'"),
+    ("cars: [\n", "line 2: while parsing a flow node did not find expected node content"),
     (TWO_CARS + "cars: []\n", "line 6: duplicate key 'cars'"),
     (
         "cars: !!python/object/apply:os.system [ls]\n",
@@ -661,7 +661,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
             "cannot read the path 'cars[-1].device'; write it like cars[0].device",
         ),
         ("cars[0]device=x", "cannot read the path 'cars[0]device'; write it like cars[0].device"),
-        ("genie={", "line 1: expected the node content, but found '<stream end>'"),
+        ("genie={", "line 1: while parsing a flow node did not find expected node content"),
     ],
 )
 def test_a_mistaken_override_is_named(override: str, message: str) -> None:

@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 from studies import keep, where_it_pays
-from studies.which_cache.__main__ import compared
 
 
 def csv(path: Path, header: str, *rows: str) -> None:
@@ -44,40 +43,6 @@ def test_the_usual_setting_stays_unless_another_is_clearly_better(
     assert (remote["p_min"], remote["tau"]) == (0.5, "0 ms")
     assert (local["p_min"], local["tau"]) == (0.8, "0 ms")
     assert len(pd.read_csv(tmp_path / "step.csv")) == 40
-
-
-def test_a_method_is_compared_by_the_design_that_the_tuning_set_says(tmp_path: Path):
-    """remote-1 is better on the tuning set, remote-0 on what is reported."""
-    prices = "bytes_up_per_frame,accelerator_time/edge"
-    csv(
-        tmp_path / "points.csv",
-        f"method,number,state,streaming_f1,{prices}",
-        "remote,0,COMPLETE,0.70,1,1",
-        "remote,1,COMPLETE,0.75,1,1",
-        "remote,2,FAIL,0.99,1,1",
-        "genie,0,COMPLETE,0.72,1,1",
-        "sim_lru,0,COMPLETE,0.6,1,1",
-    )
-    csv(
-        tmp_path / "designs.csv",
-        f"design,streaming_f1,streaming_f1 low,streaming_f1 high,{prices}",
-        "remote-0,0.80,0.7,0.9,9,9",
-        "remote-1,0.74,0.7,0.8,8,8",
-        "genie-0,0.76,0.7,0.8,2,4",
-        "sim_lru-0,0.66,0.6,0.7,2,4",
-    )
-    csv(
-        tmp_path / "differences.csv",
-        "design,from,metric,value,low,high",
-        "genie-0,remote-0,streaming_f1,-0.04,-0.05,-0.03",
-        "genie-0,remote-1,streaming_f1,0.02,0.01,0.03",
-        "sim_lru-0,genie-0,streaming_f1,-0.1,-0.13,-0.08",
-    )
-    rows = compared(tmp_path).set_index("method")
-    assert rows.loc["remote", "design"] == "remote-1"
-    assert rows.loc["remote", ["f1", "gain", "gain low"]].tolist() == [0.74, 0.02, 0.01]
-    assert rows.loc["sim_lru", ["gain", "gain low", "gain high"]].tolist() == [0.1, 0.08, 0.13]
-    assert rows.loc["genie", "bytes_up_per_frame"] == 2
 
 
 def test_a_sweep_keeps_the_metrics_of_its_page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):

@@ -94,7 +94,7 @@ def test_two_processes_give_the_same_bytes_and_skip_finished_runs(
         raise AssertionError("nothing is missing")
 
     monkeypatch.setattr("genie_sim.runs.simulate.simulate", refuse)
-    monkeypatch.setattr("genie_sim.study.tasks.simulate", refuse)
+    monkeypatch.setattr("genie_sim.study.work.simulate", refuse)
     assert main([*RUN, "--seeds", "2,5,9", "--jobs", "1", "--out", str(tmp_path)]) == 0
     assert "Other pairs" not in capsys.readouterr().out, "of two methods there is one pair"
 

@@ -15,13 +15,12 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 import genie_sim
@@ -33,16 +32,14 @@ from genie_sim.cli.main import main
 from genie_sim.core.similarity import Exact
 from genie_sim.record import provenance
 from genie_sim.record.results import MetricValue
-from genie_sim.record.tables import Table
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study import figures, tables, tasks
+from genie_sim.study import figures, tables, work
 from genie_sim.study.design import load_design
-from genie_sim.study.parts import Parts
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
-from genie_sim.study.tasks import LocalWorkers
+from genie_sim.study.work import Parts, PointRun, Workers
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
 from tests.made_up_run import METHODS
@@ -374,7 +371,7 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     measured: dict[tuple[str, ...], list[float]] = {}
     for seed in (1, 2, 3):
         made = simulate(prepare(load_scenario("street_1car_homo", overrides, seed)))
-        tables = {name: made[name].to_frame() for name in tasks.MEASURED}
+        tables = {name: made[name].to_frame() for name in work.MEASURED}
         for one in metrics.compute(METHODS, tables):
             values = measured.setdefault((one.metric, one.method, one.placement, one.component), [])
             values += [] if one.value is None else [one.value]
@@ -577,10 +574,10 @@ def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
 ):
     finished(uninterrupted)
     first = Study.of(load_design("s.yaml"), "s.yaml", Path("results"))
-    first.run(LocalWorkers(1))
+    first.run(Workers(1))
     Study.of(
         load_design(write(SMALL.replace("seeds: 3", "seeds: 1"))), "s.yaml", Path("results")
-    ).run(LocalWorkers(1))
+    ).run(Workers(1))
     first.finish()
     assert json.loads(Path("results/s/sweep.json").read_text())["runs"] == 12
     assert len(pd.read_parquet("results/s/runs.parquet")["run_id"].unique()) == 12
@@ -614,12 +611,7 @@ def test_a_killed_sweep_goes_on_to_the_same_bytes(uninterrupted):
     assert not Path("results/s/table.csv").exists()
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     same_bytes(uninterrupted)
-    ids = [
-        run_id
-        for path in Path("results/s/parts").iterdir()
-        for run_id in pd.read_parquet(path)["run_id"].unique()
-    ]
-    assert len(ids) == len(set(ids)) == 12, "no run was made twice, and no half part is left"
+    assert len(list(Path("results/s/parts").iterdir())) == 12, "no half part is left"
 
 
 @pytest.mark.process
@@ -722,43 +714,28 @@ def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, caps
     assert not simulated and not Path("results/s/failures").exists()
 
 
-class MadeUp:
+@dataclass(frozen=True, slots=True)
+class MadeUp(PointRun):
     """A run of a study that has one metric, or none and fails."""
 
-    frames, place = 1.0, "here"
+    fails: bool = False
 
-    def __init__(self, run_id: str, fails: bool) -> None:
-        self.run_id, self.fails = run_id, fails
-
-    def measure(self, shared, folder):
+    def measure(self, study: Path) -> list[MetricValue]:
         if self.fails:
             raise RuntimeError("the lens is dirty")
-        return {self.run_id: [MetricValue("streaming_f1", "local", "all", "", 0.5, "1")]}
+        return [MetricValue("streaming_f1", "local", "all", "", 0.5, "1")]
 
 
 def test_progress_counts_what_is_done_and_what_failed(tmp_path):
     parts, told = Parts(tmp_path), []
-    runs = [MadeUp("a", fails=False), MadeUp("b", fails=True)]
+    scenario = load_scenario("street_1car_homo")
+    runs = [MadeUp(name, scenario, "here", fails=name == "b") for name in "ab"]
     with pytest.raises(UserError, match="1 of 2 runs failed"):
-        parts.run(runs, LocalWorkers(1), progress=lambda *progress: told.append(progress))
+        parts.run(runs, Workers(1), progress=lambda *progress: told.append(progress))
     assert told[0] == (0, 2, "") and told[-1] == (1, 2, "1 failed")
     told.clear()
-    parts.run(runs[:1], LocalWorkers(1), progress=lambda *progress: told.append(progress))
+    parts.run(runs[:1], Workers(1), progress=lambda *progress: told.append(progress))
     assert told == [(1, 1, "")], "it is done"
-
-
-def test_a_run_that_lies_in_two_parts_counts_once(tmp_path):
-    parts = Parts(tmp_path)
-    parts.parts.mkdir()
-    for run_ids in (["first"], ["first", "second"]):
-        table = Table(tasks.PART)
-        for run_id in run_ids:
-            table.append((run_id, "image_reuse", "genie", "car", "", 0.5, "1", None, None, 10))
-        path = parts.parts / f"{len(run_ids)}.parquet"
-        table.write(path)
-        path.rename(path.with_stem(f"{path.stem}-{tasks.content_digest(path)}"))
-    assert sorted(parts.read(["first", "second"])["run_id"]) == ["first", "second"]
-    assert list(parts.read(["second"])["run_id"]) == ["second"]
 
 
 def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
@@ -806,16 +783,14 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 
 @pytest.mark.slow
 def test_profiles_and_traces_are_read_once(monkeypatch):
-    prepared, packed = [], []
-    unpack = tasks.pickle.loads
-    for module in ("plan", "tasks"):
-        counted = f"genie_sim.study.{module}.prepare"
-        monkeypatch.setattr(counted, lambda *a: prepared.append(1) or prepare(*a))
-    monkeypatch.setattr(tasks.pickle, "loads", lambda data: packed.append(1) or unpack(data))
+    prepared: list[int] = []
+    monkeypatch.setattr(
+        "genie_sim.runs.shared.prepare", lambda *a: prepared.append(1) or prepare(*a)
+    )
+    work._frames_of_process.cache_clear()
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
-    assert len(prepared) == 1
-    assert len(packed) <= 1
-    assert len(list(Path("results/s/parts").iterdir())) > 1
+    assert len(prepared) == 2, "once to plan and once to run"
+    assert len(list(Path("results/s/parts").iterdir())) == 16
 
 
 # Folders that are not as they should be
@@ -855,11 +830,9 @@ def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, 
     before = Path("results/s/table.csv").read_bytes()
     part = min(Path("results/s/parts").iterdir())
     if how == "another number":
-        edited = pq.read_table(part)
-        values = pa.array([0.001] * len(edited), pa.float64())
-        place = edited.schema.get_field_index("value")
-        edited = edited.set_column(place, edited.schema.field(place), values)
-        pq.write_table(edited.replace_schema_metadata(pq.read_schema(part).metadata), part)
+        edited = json.loads(part.read_text())
+        edited["metrics"][0][4] = 0.001
+        part.write_text(json.dumps(edited))
     elif how == "every one":  # each is made again under its own name
         for path in Path("results/s/parts").iterdir():
             path.write_bytes(b"")
@@ -870,11 +843,34 @@ def test_the_runs_of_a_part_that_was_changed_are_made_again(how, uninterrupted, 
     assert Path("results/s/table.csv").read_bytes() == before
 
 
-def test_a_worker_with_another_version_is_refused():
-    with pytest.raises(
-        UserError, match=r"a worker has genie-sim .*, the sweep 0\.0\.1: install the same"
-    ):
-        tasks.run_task(tasks.Task((), "parts", "0.0.1"), b"")
+def test_files_of_others_in_the_folder_of_the_parts_stay(uninterrupted, caplog):
+    finished(uninterrupted)
+    others = ("notes.parquet", ".notes.partial", "notes.json", ".0123456789ab.json.partial")
+    for name in others:
+        Path("results/s/parts", name).write_text("mine")
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
+    assert all(Path("results/s/parts", name).read_text() == "mine" for name in others)
+
+
+@pytest.mark.unix
+@pytest.mark.parametrize("what", ["parts", "a part"])
+def test_a_link_in_place_of_parts_is_not_followed(what, uninterrupted, tmp_path, capsys):
+    finished(uninterrupted)
+    parts, elsewhere = Path("results/s/parts"), tmp_path / "elsewhere"
+    if what == "a part":
+        parts = min(parts.iterdir())
+    parts.rename(elsewhere)
+    parts.symlink_to(elsewhere)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
+    one_line(capsys, f"{parts}: is a link")
+    assert all(path.read_bytes() == text for path, text in before.items())
+
+
+def test_a_worker_that_plans_other_runs_is_refused(tmp_path):
+    run = PointRun("0" * 12, load_scenario("street_1car_homo"), "here")
+    with pytest.raises(UserError, match="is not the one that was planned with"):
+        Parts(tmp_path).run([run], Workers(1))
 
 
 # On Dask
@@ -901,7 +897,7 @@ def test_a_dask_worker_that_is_killed_loses_nothing(uninterrupted):
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_gets_one_line(capsys, monkeypatch):
     pytest.importorskip("distributed", reason="Dask comes with '.[dask]'")
-    monkeypatch.setattr("genie_sim.study.tasks.SCHEDULER_TIMEOUT_S", 1)
+    monkeypatch.setattr("genie_sim.study.work.SCHEDULER_TIMEOUT_S", 1)
     assert main(["sweep", write(SMALL), "--scheduler", "tcp://127.0.0.1:1"]) == 1
     one_line(capsys, "--scheduler tcp://127.0.0.1:1: no Dask scheduler answers there")
 
@@ -915,7 +911,7 @@ def in_the_middle(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     are not.
     """
     with begun(*arguments) as run:
-        while not list(Path("results/s/parts").glob("*.parquet")):
+        while not list(Path("results/s/parts").glob("[!.]*.json")):
             assert run.poll() is None, run.communicate()
             time.sleep(0.005)
         yield run
@@ -971,19 +967,18 @@ def is_importing(process: int) -> bool:
 def count_runs(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What is simulated in this process from now on."""
     simulated: list[str] = []
-    measured = tasks.measured
+    measured = work.measured
 
     def counted(prepared: Prepared) -> object:
         simulated.append(prepared.scenario.name)
         return measured(prepared)
 
-    monkeypatch.setattr(tasks, "measured", counted)
+    monkeypatch.setattr(work, "measured", counted)
     return simulated
 
 
 def runs_in_parts() -> set[str]:
-    paths = Path("results/s/parts").glob("*.parquet")
-    return {run_id for path in paths for run_id in pd.read_parquet(path)["run_id"]}
+    return {path.stem for path in Path("results/s/parts").glob("[!.]*.json")}
 
 
 def finished(uninterrupted: Path) -> None:

@@ -32,7 +32,7 @@ from genie_sim.study import printed
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
-from genie_sim.study.tasks import LocalWorkers
+from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
 from tools.fuzz.harness import Case, Target
@@ -166,7 +166,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "reproduce": ("--seeds", "--jobs", "--out"),
     "perceive": (
         "--drive",
-        "--bag",
         "--size",
         "--origin",
         "--threads",
@@ -192,8 +191,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--scheduler",
         "--out",
     ),
-    "ros attach /x": ("--role", "--fov", "--set", "--listen", "--connect", "--pid", "--name"),
-    "ros detach": ("--network",),
     "list": (),
     "show": ("--kind", "--copy-to", "--schema"),
     "": ("--version",),
@@ -223,7 +220,6 @@ def options(folder: Path) -> Case:
             "data.fetch.urlopen",
             "scenario.device_fit.measure",
             "study.study.Study.run",
-            "ros.attach._graph",
         )
         with contextlib.ExitStack() as stack:
             for name in stopped:
@@ -267,7 +263,7 @@ def result_folders(folder: Path) -> Case:
         }
         (folder / "s.yaml").write_text(yaml.safe_dump(sweep))
         work = Study.of(load_design(folder / "s.yaml"), "s.yaml", folder)
-        work.run(LocalWorkers(1))
+        work.run(Workers(1))
         swept = work.finish().folder
     whole = {
         path: path.read_bytes() for path in [*run.iterdir(), *swept.iterdir()] if path.is_file()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import click
 from click.testing import CliRunner
@@ -22,7 +23,7 @@ from genie_sim.analysis import (
     registry,
     resource_metrics,
 )
-from genie_sim.base import files, removed
+from genie_sim.base import add_ons, files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
@@ -86,7 +87,6 @@ method the number is made, [better](../how-to/compare.md) which way is. [Add a
 metric](../extend/metric.md).
 """
 SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
-OLD = "What to write instead of a name that no longer exists. Commands say the same.\n"
 
 COMMANDS = (
     *("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export"),
@@ -96,10 +96,10 @@ STEPS = ("frames", "lookups", "looks", "steps", "answers", "held", "held_objects
 BOARD = "NVIDIA Jetson"
 MAP = "Genie's object map (Algorithm 2)"
 KINDS = (
-    *("methods", "faults", "defences", "sources", "link-models", "similarities", "evictions"),
+    *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
     *("rules", "detectors", "models"),
 )
-SHIPPED = ("scenarios", "sweeps", "searches", "spaces")
+SHIPPED = ("scenarios", "sweeps")
 METRICS = (
     ("metrics", "answers and accuracy", (frame_metrics, correctness, looks)),
     (
@@ -121,12 +121,11 @@ ROOMS = (
     ),
     (
         "python-freshness",
-        "freshness and defences",
+        "freshness",
         (
             "core.freshness.never",
             "core.freshness.track",
             "core.freshness.existence",
-            "core.defences",
         ),
     ),
     (
@@ -160,7 +159,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     first = chain(_help(), commands(lambda name: name in COMMANDS))
     yield "cli", _page("Command line", CLI, first)
     others = commands(lambda name: name not in COMMANDS)
-    yield "cli-more", _page("Command line: import, measure, sweep, ROS", "", others)
+    yield "cli-more", _page("Command line: import, measure, sweep", "", others)
     run = ("The run", "Cars", "Convoy", "Fleet", "Cameras")
     yield "scenario", _page("Settings of a scenario", SETTINGS, settings(run))
     for name, title, groups in (
@@ -182,7 +181,7 @@ def _pages() -> Iterator[tuple[str, str]]:
     yield "devices-servers", _page("Devices: servers", LAWS, devices(servers))
     yield "links", _page("Links", LINK, links())
     yield "names", _page("Methods, faults and other names", NAMES, names(KINDS))
-    yield "names-scenarios", _page("Shipped scenarios, sweeps and searches", SHOW, names(SHIPPED))
+    yield "names-scenarios", _page("Shipped scenarios and sweeps", SHOW, names(SHIPPED))
     for name, title, modules in METRICS:
         yield name, _page(f"Metrics: {title}", METRIC, metrics(modules))
     exported = ((name, getattr(genie_sim, name)) for name in genie_sim.__all__ if name[0] != "_")
@@ -191,7 +190,6 @@ def _pages() -> Iterator[tuple[str, str]]:
     for name, title, modules in ROOMS:
         lines = (line for module in modules for line in python.module(f"genie_sim.{module}"))
         yield name, _page(f"Python: {title}", PYTHON, lines)
-    yield "removed", _page("Old names", OLD, old_names())
 
 
 def _page(title: str, intro: str, lines: Iterable[str]) -> str:
@@ -215,9 +213,9 @@ def commands(which: Callable[[str], bool]) -> Lines:
 
 
 def _help(*words: str) -> Lines:
-    ran = CliRunner(env={"NO_COLOR": "1", "COLUMNS": "100"}).invoke(
-        app, [*words, "--help"], prog_name="genie-sim", terminal_width=100
-    )
+    runner = CliRunner(env={"NO_COLOR": "1", "COLUMNS": "100"})
+    with mock.patch.object(add_ons, "names", return_value=()):  # of this package alone
+        ran = runner.invoke(app, [*words, "--help"], prog_name="genie-sim", terminal_width=100)
     assert ran.exit_code == 0, ran.output
     yield f"## {' '.join(('genie-sim', *words))}\n\n```text\n{ran.output.strip()}\n```\n"
 
@@ -257,19 +255,6 @@ def names(kinds: Iterable[str]) -> Lines:
     for kind in kinds:
         yield f"## {kind}\n\n| name | about |\n|---|---|"
         yield from (f"| `{name}` | {_cell(about)} |" for name, about in catalogue.KINDS[kind]())
-        yield ""
-
-
-def old_names() -> Lines:
-    """Every table of ``base.removed``."""
-    for title, column, old in (
-        ("Commands and scenarios", "name", removed.NAMES),
-        ("Options", "option", removed.OPTIONS),
-        ("Settings", "setting", removed.SETTINGS),
-        ("Modules", "module of genie_sim", removed.MODULES),
-    ):
-        yield f"## {title}\n\n| {column} | instead |\n|---|---|"
-        yield from (f"| `{name}` | {_cell(instead)} |" for name, instead in old.items())
         yield ""
 
 

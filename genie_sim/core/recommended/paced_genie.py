@@ -11,7 +11,6 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
-from genie_sim.core.defences import Guard
 from genie_sim.core.maps import Viewer, as_change, object_lookups
 from genie_sim.core.messages import (
     SHARED,
@@ -20,7 +19,6 @@ from genie_sim.core.messages import (
     Effect,
     Forgotten,
     Header,
-    Look,
     LookEvent,
     NewestLook,
     Observation,
@@ -53,10 +51,6 @@ class PacedGenie:
         Counts looks and serves tracks.
     told : ToldTracks
         What the edge tells of other cars' looks; ``None`` where edges tell nothing.
-    guard : Guard
-        Decides what counts of the edge's answers to frames of this car; ``None``: all.
-    signs : bool
-        Whether looks, once the car has checked them, ride signed along with the next frame.
     map_answer : Callable
         Makes an answer out of a header and objects.
     view_range_m : float
@@ -77,8 +71,6 @@ class PacedGenie:
         own: OwnDetector,
         object_map: TrackMap,
         told: ToldTracks | None = None,
-        guard: Guard | None = None,
-        signs: bool = False,
         map_answer: Callable[[Header, tuple[Detection, ...]], Answer],
         view_range_m: float,
         suffixes: tuple[str, str] = ("-local", "-remote"),
@@ -87,9 +79,6 @@ class PacedGenie:
         self.name = name
         self.object_map = object_map
         self._told = told
-        self._guard = guard
-        self._signs = signs
-        self._signed: list[Look] = []  # that go up with the next frame
         self._pacer = pacer
         self._own = own
         self._map_answer = map_answer
@@ -156,17 +145,11 @@ class PacedGenie:
             goes_up = self._pacer.sends(frame.header, frame.pose.heading_rad, now_ns)
             if goes_up:
                 effects.append(LookEvent(frame.header, "edge", "sent", self._pacer.gap_ns))
-                effects.append(Publish(self._to_edge, self._with_signed_looks(frame)))
+                effects.append(Publish(self._to_edge, frame))
         if self._goes_to_own_detector(goes_up):
             self._own_pending = frame.header
             effects.append(Publish(self._to_node, frame))
         return effects
-
-    def _with_signed_looks(self, frame: Any) -> Any:
-        if not self._signed:
-            return frame
-        looks, self._signed = tuple(self._signed), []
-        return frame.with_looks(looks)
 
     def _goes_to_own_detector(self, goes_up: bool) -> bool:
         if self._own == "free":
@@ -197,8 +180,6 @@ class PacedGenie:
             return effects
         if answer.look is None or answer.look.header == answer.header:  # no stored one
             self._newest_looks.learned(answer.header)
-        if self._guard is not None:
-            answer = self._checked(answer, viewer, own, now_ns)
         learned = self.object_map.enhanced_cache_new_data(
             answer, viewer, now_ns, own=True, names_changes=self._names_changes
         )
@@ -206,22 +187,9 @@ class PacedGenie:
             effects.append(
                 object_lookups(answer.header, "sighting", learned.lookups, len(self.object_map))
             )
-        if self._signs and learned.answer.look is not None:
-            self._signed.append(learned.answer.look._replace(signed=True))
         answer = learned.to_clients
         effects.append(Publish(self._objects, self._with_told(answer, viewer, now_ns)))
         return effects
-
-    def _checked(self, answer: Answer, viewer: Viewer, own: bool, now_ns: int) -> Answer:
-        """What counts of an answer; the own detector's look is evidence about the edge's."""
-        assert self._guard is not None
-        objects = tuple(answer.objects or ())
-        if not own:
-            return answer.with_objects(self._guard.admitted(objects, now_ns))
-        placed = tuple(item for item in objects if item.location is not None)
-        look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, placed)
-        self._guard.looked(look)
-        return answer
 
     def _map_view(self, viewer: Viewer, now_ns: int) -> Answer:
         """The map's objects in view, where they are now."""

@@ -6,16 +6,13 @@ otherwise. A car never hears of itself: others see it, and would make it a ghost
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import replace
 
-from genie_sim.core.defences import Defence, Guard
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.core.rules import ToldRules
 from genie_sim.core.tracking import COAST_NS, VEHICLE, MotionClass, Track, kind_of
 
 SAME_M = 2.0  # told objects of a class this near to each other are one
 FASTEST_MPS = 2.0 * VEHICLE.v_max_mps  # no track is faster
-ORIGINS_NS = 2_000_000_000  # so long a car counts as one that has seen a track
 OLD_NS = 1_500_000_000  # what was seen longer ago is not served
 
 
@@ -27,8 +24,6 @@ def tracks_to_tell(
     pose: CameraPose,
     now_ns: int,
     rules: ToldRules,
-    defence: Defence | None = None,
-    signed: bool = False,
 ) -> Iterator[Detection]:
     """The tracks that an edge tells a car whose camera stood at ``pose``.
 
@@ -46,10 +41,6 @@ def tracks_to_tell(
         The time for which places are predicted.
     rules : ToldRules
         The gates.
-    defence : Defence, optional
-        Has a say; the origins travel along for that of the car.
-    signed : bool
-        Whether the map is made of signed looks, which travel along.
     """
     # Far tracks are most of a map: the exact place of one that cannot be in reach is not needed.
     around_m = rules.reach_m + FASTEST_MPS * COAST_NS * 1e-9
@@ -70,56 +61,20 @@ def tracks_to_tell(
         away_m = math.hypot(east_m - pose.east_m, north_m - pose.north_m)
         if not rules.self_m < away_m <= rules.reach_m:
             continue
-        if defence is not None and not defence.tells(track, car, now_ns):
-            continue
-        told = track.as_detection(now_ns, probability, probability)
-        if defence is not None or signed:
-            told = _with_origins(told, track, car, since_ns=now_ns - ORIGINS_NS, signed=signed)
-        yield told
-
-
-def _with_origins(
-    told: Detection, track: Track, car: str, *, since_ns: int, signed: bool
-) -> Detection:
-    """A told track with the cars that have seen it since a time, but for the one that is told.
-
-    Parameters
-    ----------
-    told : Detection
-        The track as it is told.
-    track : Track
-        The track.
-    car : str
-        Who is told.
-    since_ns : int
-        Older sightings do not count [ns].
-    signed : bool
-        Whether the sightings are signed.
-    """
-    assert told.motion is not None
-    origins = tuple(
-        origin
-        for origin, stamp_ns in sorted(track.seen_by_ns.items())
-        if origin != car and stamp_ns >= since_ns
-    )
-    return replace(told, motion=told.motion._replace(origins=origins, signed=signed))
+        yield track.as_detection(now_ns, probability, probability)
 
 
 class ToldTracks:
     """What a car was told last: one list, which the next one replaces, apart from its own tracks.
 
     ``contradicted`` says whether a look of the car's own that is newer than a stamp [ns] has a
-    place [m] in view, where no track of the car's own is. ``guard`` has a say in what is believed.
+    place [m] in view, where no track of the car's own is.
     """
 
     def __init__(
-        self,
-        rules: ToldRules,
-        contradicted: Callable[[str, float, float, int], bool],
-        guard: Guard | None = None,
+        self, rules: ToldRules, contradicted: Callable[[str, float, float, int], bool]
     ) -> None:
         self._rules = rules
-        self._guard = guard
         self._contradicted = contradicted
         self._told: Sequence[Detection] = ()
         self._valid_ns = 0
@@ -151,8 +106,6 @@ class ToldTracks:
                 or _is_near(believed, kind, east_m, north_m, within_m=SAME_M)
                 or self._contradicted(told.label, east_m, north_m, seen_ns)
             ):
-                continue
-            if self._guard is not None and not self._guard.believes(told, east_m, north_m, now_ns):
                 continue
             place = (east_m, north_m, up_m)
             believed.append(

@@ -12,7 +12,6 @@ from typing import Literal, NamedTuple
 from genie_sim.base.errors import UserError
 from genie_sim.base.grid import Area, Grid, area_around, widened
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
-from genie_sim.core.defences import Defence
 from genie_sim.core.freshness.never import Never
 from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, counts_again
 from genie_sim.core.messages import Answer, Detection, Header, Look
@@ -86,7 +85,6 @@ class TrackMap(Map):
         shares: Literal["look", "map"] = "map",
         view_range_m: float = 50.0,
         view_margin_rad: float = 0.0,
-        defence: Defence | None = None,
     ) -> None:
         fixed = rules.threshold != "empirical" and not isinstance(rules.threshold, Percentile)
         if not freshness.by_existence and not fixed:
@@ -95,7 +93,6 @@ class TrackMap(Map):
                 " track"
             )
         self._policy = freshness
-        self._defence = defence
         self._boosted_confidence = confidence_rule or CONFIDENCE_RULES[rules.rule]
         self._rate = rules.rate  # lambda
         self._counts_origins = rules.confidence_source == "origins"
@@ -266,17 +263,11 @@ class TrackMap(Map):
                         nearest, nearest_track = rank, track
         return nearest_track
 
-    def has(self, label: str, east_m: float, north_m: float, at_ns: int) -> bool:
-        """Whether a sighting at a place could be one of a track's, however unlikely that is."""
-        return self.match(label, east_m, north_m, at_ns) is not None
-
     def count(self, look: Look, now_ns: int) -> CountedLook:
         """Counts a look, unless it was counted before."""
         stamp_ns = look.header.stamp_ns
         detections = [detection for detection in look.detections if detection.location is not None]
-        if look.header in self._counted or (
-            self._defence is not None and not self._defence.counts(look)
-        ):
+        if look.header in self._counted:
             return CountedLook(self._tracks_shown(detections, stamp_ns), {}, [])
         view = View(look)
         self._remember(look, view)
@@ -292,12 +283,6 @@ class TrackMap(Map):
             and track.checked_ns <= stamp_ns
             and (range_m := view.range_m(east_m, north_m)) is not None
         ]
-        if self._defence is not None:
-            for track in shown.values():
-                self._defence.seen(track, look.header)
-            for track, range_m in unseen:
-                self._defence.unseen(track, range_m, look.header)
-
         before = {track.number: self._confidence(track, now_ns) for track in shown.values()}
         born: list[Track] = []
         for index, seen in enumerate(detections):

@@ -6,14 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from pathlib import Path
-from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files, parquet
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import remembered, sha256_of
 from genie_sim.base.units import NS_PER_S
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 WHOLE_COLUMNS = ("up_bps", "down_bps", "rtt_ns")
 TOLD = {  # in the report of an import
@@ -24,6 +26,8 @@ TOLD = {  # in the report of an import
 # The largest rate and the longest round trip of a link are in between.
 USUAL = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
+LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
+MAX_WHOLE = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -112,14 +116,18 @@ def read(name: str) -> LinkRecording:
 
 @remembered
 def _read(path: Path) -> LinkRecording:
-    table, about = parquet.read(path, "recorded link")
-    columns = {}
-    for name in table.column_names:
-        if name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
-            raise UserError(f"{path}: column {name}: unknown; known: {', '.join(_types())}")
-        if str(table.schema.field(name).type) != _types()[name]:
-            raise UserError(f"{path}: column {name}: must be of type {_types()[name]}")
-        columns[name] = table.column(name).to_pylist()
+    def checked(found: "pa.Schema", _: Mapping[str, Any]) -> Sequence[str]:
+        for column in found:
+            if column.name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
+                known = ", ".join(_types())
+                raise UserError(f"{path}: column {column.name}: unknown; known: {known}")
+            if str(column.type) != _types()[column.name]:
+                kind = _types()[column.name]
+                raise UserError(f"{path}: column {column.name}: must be of type {kind}")
+        return list(found.names)
+
+    table, about = parquet.read(path, "recorded link", checked)
+    columns = table.to_pydict()
     check(str(path), columns)
     digest = sha256_of(path)
     begin_ns = columns["t_ns"][0]
@@ -142,6 +150,9 @@ def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
             if value is None or value != value or (name in WHOLE_COLUMNS and value < 0):
                 text = "is unknown" if value is None or value != value else f"is {value}"
                 raise UserError(f"{where}: column {name}: row {row} {text}; must be 0 or more")
+            if name not in PLACE_COLUMNS and abs(value) > MAX_WHOLE:
+                text = f"is {value:.3g}; must be below {MAX_WHOLE:.2g}"
+                raise UserError(f"{where}: column {name}: row {row} {text}")
         if name.endswith("_bps") and not any(values):
             raise UserError(
                 f"{where}: column {name}: no rate is above 0: nothing would get through"
@@ -167,8 +178,7 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
                     f"{what}: at most {max(values):.4g} {unit}, which no link has (from {low:g} to "
                     f"{high:g} {unit}): is it in another unit?"
                 )
-    steps_s = [after - before for before, after in pairwise(times_s)]
-    report.gaps("times", times_s, 5 * median(steps_s or [0.0]))
+    report.times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
     if "east_m" in columns:
         report.way("places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True)))
 

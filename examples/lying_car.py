@@ -1,0 +1,70 @@
+"""A car that lies: its pictures show a car ahead of it that is not there.
+
+The fault bends what leaves the car, as the shipped ``gnss`` does: the edge's detector finds the
+phantom in its pictures, and a map tells others of it. What the car itself finds stays as it is. The
+same seam lets a captured edge forge its answers: what leaves it is a ``Detections``.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+
+from genie_sim.core.messages import CameraPose, Detection, Image, Message
+from genie_sim.faults.targets import FaultOfHost
+from genie_sim.sim.bends import Bend, Objects, bent
+from genie_sim.sim.fault import AffectedNetwork
+
+
+@dataclass(frozen=True)
+class LyingCar(FaultOfHost):
+    """The car ``target`` shows others an object ahead of each of its cameras."""
+
+    target: str
+    """The car."""
+
+    ahead_m: float = 20.0
+    """How far ahead of the camera the phantom drives."""
+
+    label: str = "car"
+    """Its class."""
+
+    score: float = 0.95
+    """How sure a detector is of it, from 0 to 1."""
+
+    befalls = "car"
+    dropped_by = "lying_car"  # it drops nothing
+
+    def __post_init__(self) -> None:
+        if not 0 < self.score <= 1:
+            raise ValueError(f"score: must be above 0 and at most 1, but is {self.score:g}")
+
+    def begin(self, network: AffectedNetwork) -> None:
+        network.bend(self.target, self._bend)
+
+    def end(self, network: AffectedNetwork) -> None:
+        network.unbend(self.target, self._bend)
+
+    @property
+    def _bend(self) -> Bend:
+        return Bend(_unchanged, self._told, self.dropped_by)
+
+    def _told(self, message: Message, receiver: str) -> Message:
+        """What leaves a car for another host."""
+        if not isinstance(message, Image):
+            return message
+        return replace(
+            message, content=bent(message.content, partial(self._with_phantom, message.pose))
+        )
+
+    def _with_phantom(self, pose: CameraPose, objects: Objects) -> Objects:
+        place = (
+            pose.east_m + self.ahead_m * math.cos(pose.heading_rad),
+            pose.north_m + self.ahead_m * math.sin(pose.heading_rad),
+            pose.up_m,
+        )
+        phantom = Detection(self.label, self.score, None, place, self.score, method="forged")
+        return (*objects, phantom)
+
+
+def _unchanged(message: Message, sender: str) -> Message:
+    return message

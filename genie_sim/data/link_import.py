@@ -1,0 +1,181 @@
+"""Measurements of links in the formats of others, as the columns of a recording."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.import_report import ImportReport
+from genie_sim.base.paths import read_text
+from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, FileTable
+from genie_sim.base.units import MAX_M, MAX_TIME_S, NS_PER_MS, NS_PER_S
+
+Direction = Literal["up", "down"]
+Columns = dict[str, list[Any]]
+PACKET_BITS = 1500 * 8  # what Mahimahi sends at each line of a trace
+BIN_MS = 100  # of such a trace, over which its packets become a rate
+MAX_BINS = 1_000_000  # a day and a bit
+KEPT_SHARE = 0.5  # of the messages of CICV5G; where fewer have a time of their own, it was rounded
+
+PLACES = (EAST, NORTH)
+MAX_MBPS, MAX_KBPS, MAX_MS = 1e9, 1e12, 1e9  # what no link has; products with units stay whole
+CSV = (
+    FileColumn("up_mbps", lowest=0.0, highest=MAX_MBPS),
+    FileColumn("down_mbps", lowest=0.0, highest=MAX_MBPS),
+    FileColumn("rtt_ms", lowest=0.0, highest=MAX_MS),
+)
+CICV5G = (
+    FileColumn("pub_time_ms", lowest=0.0, highest=MAX_TIME_S * 1e3),
+    FileColumn("delay_ms", lowest=0.0, highest=MAX_MS),
+    FileColumn("utmX_m", lowest=-MAX_M, highest=MAX_M),
+    FileColumn("utmY_m", lowest=-MAX_M, highest=MAX_M),
+)
+CSV_FACTORS = {
+    "up_mbps": ("up_bps", 1e6),
+    "down_mbps": ("down_bps", 1e6),
+    "rtt_ms": ("rtt_ns", NS_PER_MS),
+}
+
+
+def _read(
+    path: Path, columns: Sequence[FileColumn], uneven: bool = False
+) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """Where each row stands, and the values of each column. Raises ``UserError``."""
+    rows = list(FileTable(path, uneven=uneven).rows(columns))
+    values = list(zip(*(row.values for row in rows), strict=True)) or [()] * len(columns)
+    return [row.where for row in rows], values
+
+
+def _scaled(values: Iterable[float], factor: float) -> list[int]:
+    return [round(value * factor) for value in values]
+
+
+def _times_ns(where: Sequence[str], texts: Sequence[str], format: str) -> list[int]:
+    """Dates, in nanoseconds since the first. Raises ``UserError``."""
+    dates = []
+    for place, text in zip(where, texts, strict=True):
+        try:
+            dates.append(datetime.strptime(text, format))
+        except ValueError:
+            example = datetime(2022, 8, 11, 13, 42, 6).strftime(format)
+            problem = f"must be a time such as {example!r}, not {short_repr(text)}"
+            raise UserError(f"{place}: Time: {problem}") from None
+    return [round((date - dates[0]).total_seconds()) * NS_PER_S for date in dates]
+
+
+def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
+    """``time_s`` and any of ``up_mbps``, ``down_mbps``, ``rtt_ms``, ``east_m`` and ``north_m``."""
+    table = FileTable(path)
+    given = [column for column in (*CSV, *PLACES) if table.place(column) is not None]
+    where, (times_s, *values) = _read(path, [TIME, *given])
+    for place, (before, time_s) in zip(where[1:], pairwise(times_s), strict=True):
+        if time_s <= before:
+            problem = f"must be more than {before:g} of the line before, not {time_s:g}"
+            raise UserError(f"{place}: time_s: {problem}")
+    columns: Columns = {"t_ns": _scaled(times_s, NS_PER_S)}
+    for column, numbers in zip(given, values, strict=True):
+        name, factor = CSV_FACTORS.get(column.name, (column.name, 0.0))
+        columns[name] = _scaled(numbers, factor) if factor else list(numbers)
+    if not columns.keys() & {name for name, _ in CSV_FACTORS.values()}:
+        raise UserError(f"{path}: needs a column of up_mbps, down_mbps, rtt_ms")
+    for title in table.unused([TIME, *given]):
+        report.leave_out(f"column {title!r}")
+    return columns
+
+
+def from_cicv5g(path: Path, direction: Direction, report: ImportReport) -> Columns:
+    """Round trips and poses of CICV5G (zxr805/CICV5G, CC BY 4.0), east and north of the first
+    row's. Of several messages sent in the same millisecond the first is taken.
+    """
+    # some files have two columns more than titles
+    _, (sent_ms, delays_ms, *places) = _read(path, CICV5G, uneven=True)
+    first = [row for row, t_ms in enumerate(sent_ms) if row == 0 or t_ms != sent_ms[row - 1]]
+    if len(first) < KEPT_SHARE * len(sent_ms):
+        report.refuse(
+            f"pub_time(ms): {len(sent_ms):,} messages have only {len(first):,} times: rounded, "
+            "as spreadsheets do (1.66E+12)"
+        )
+    report.leave_out("messages sent in the millisecond of another", len(sent_ms) - len(first))
+    columns: Columns = {
+        "t_ns": _scaled((sent_ms[row] - sent_ms[0] for row in first), NS_PER_MS),
+        "rtt_ns": _scaled((delays_ms[row] for row in first), NS_PER_MS),
+    }
+    for column, values in zip(("east_m", "north_m"), places, strict=True):
+        columns[column] = [round(values[row] - values[0], 3) for row in first]
+    return columns
+
+
+def from_mtu(path: Path, direction: Direction, report: ImportReport) -> Columns:
+    """Saturated uplinks of MTU-Insectt/Measurements5G. A row's rate is the mean since the row
+    before, so it belongs to the time before it.
+    """
+    rate = FileColumn("rate_mbps", lowest=0.0, highest=MAX_MBPS)
+    where, (times, rates) = _read(path, [FileColumn("Time", "text"), rate])
+    t_ns = _times_ns(where, times, "%a %b %d %H:%M:%S UTC %Y")
+    return {"t_ns": t_ns[:-1], f"{direction}_bps": _scaled(rates, 1e6)[1:]}
+
+
+def from_irish(path: Path, direction: Direction, report: ImportReport) -> Columns:
+    """Downloads of uccmisl/5Gdataset: seconds in which the phone was downloading (state ``D``);
+    others say nothing of what the link could carry, and nor does the uplink, which had
+    acknowledgements only.
+    """
+    if direction == "up":
+        raise UserError(f"{path}: --direction: these drives are downloads: only 'down' is known")
+    texts = (FileColumn("Timestamp", "text"), FileColumn("State", "text"))
+    rate = FileColumn("DL_bitrate", lowest=0.0, highest=MAX_KBPS)
+    where, (times, states, rates) = _read(path, [*texts, rate])
+    times_ns = _times_ns(where, times, "%Y.%m.%d_%H.%M.%S")
+    seconds = zip(times_ns, _scaled(rates, 1e3), states, strict=True)
+    by_second = {t_ns: rate_bps for t_ns, rate_bps, state in seconds if state == "D"}
+    idle = sum(state != "D" for state in states)
+    report.leave_out("seconds without a download", idle)
+    report.leave_out("rows of the second of another", len(states) - idle - len(by_second))
+    return {"t_ns": list(by_second), "down_bps": list(by_second.values())}
+
+
+def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Columns:
+    """A packet-delivery trace of Mahimahi: a line for each packet of 1,500 bytes, the millisecond
+    at which it can leave. It begins again after its last time. Packets of about 100 ms at a time
+    are a rate: the time is cut into equal parts.
+    """
+    lines = read_text(path).split("\n")
+    where = [f"{path}: line {at}" for at, line in enumerate(lines, 1) if line.strip()]
+    column = FileColumn("time_ms", lowest=0.0, highest=MAX_BINS * BIN_MS)
+    times_ms: list[float] = []
+    for place, line in zip(where, filter(str.strip, lines), strict=True):
+        try:
+            times_ms.append(column.value(line.strip()))
+        except ValueError as error:
+            raise UserError(f"{place}: {error}") from None
+        if not times_ms[-1].is_integer():
+            problem = f"must be a whole number of milliseconds, not {short_repr(line.strip())}"
+            raise UserError(f"{place}: {problem}")
+        if times_ms[-1] < max(times_ms[-2:]):
+            raise UserError(f"{place}: {times_ms[-1]:g} ms is before {times_ms[-2]:g} ms")
+    end_ms = times_ms[-1] if times_ms else 0.0
+    if end_ms == 0:
+        raise UserError(f"{path}: the last packet leaves at 0 ms, must be later")
+    count = math.ceil(end_ms / BIN_MS)
+    packets = [0] * count
+    for t_ms in times_ms:
+        packets[max(0, math.ceil(t_ms * count / end_ms) - 1)] += 1
+    return {
+        "t_ns": [round(number * end_ms / count * NS_PER_MS) for number in range(count)],
+        f"{direction}_bps": [
+            round(packet * PACKET_BITS * 1000 * count / end_ms) for packet in packets
+        ],
+    }
+
+
+Importer = Callable[[Path, Direction, ImportReport], Mapping[str, Sequence[Any]]]
+IMPORTERS: dict[str, Importer] = {
+    "csv": from_csv,
+    "cicv5g": from_cicv5g,
+    "mtu": from_mtu,
+    "irish": from_irish,
+    "mahimahi": from_mahimahi,
+}

@@ -1,0 +1,296 @@
+"""The runs of a study. A worker simulates a run and writes its metrics to a file of the run's id:
+what has such a file is not run again.
+
+Workers are processes on this machine, or those of a Dask cluster that shares the folder. They read
+profiles and traces themselves, each once.
+"""
+
+import contextlib
+import functools
+import hashlib
+import json
+import logging
+import re
+import traceback
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.analysis import metrics
+from genie_sim.analysis.seed_runs import RUNS, folder_name
+from genie_sim.base.errors import UserError
+from genie_sim.base.parallel import in_processes
+from genie_sim.base.paths import PARTIAL, atomic_write, usable
+from genie_sim.base.progress import Progress
+from genie_sim.record import provenance
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
+from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.runs import folder as run_folder
+from genie_sim.runs.prepare import Prepared
+from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.simulate import simulate
+from genie_sim.scenario.scenario import Scenario
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SCHEDULER_TIMEOUT_S, WORKERS_TIMEOUT_S = 10, 120
+log = logging.getLogger(__name__)
+# the tables that a sweep's metrics are from, and what must be recorded for them
+MEASURED = ("frames", "lookups", "answers", "held", "hosts", "power", "faults")
+NEEDED = {"lookups", "resources", "poses", "objects", "answers", "held"}
+RUN_ID = re.compile("[0-9a-f]{12}")
+# what ``atomic_write`` writes beside a part
+BESIDE = re.compile(rf"\.{RUN_ID.pattern}\.json\.[0-9a-f]{{8}}{re.escape(PARTIAL)}")
+_frames_of_process = functools.cache(SharedFrames)
+
+
+@dataclass(frozen=True, slots=True)
+class PointRun:
+    """A scenario with one seed. ``keep``: its whole results are kept, with what ``output`` says."""
+
+    run_id: str
+    scenario: Scenario
+    place: str
+    keep: bool = False
+    output: Output = DEFAULT_OUTPUT
+
+    def measure(self, study: Path) -> Sequence[MetricValue]:
+        """Simulates it. Raises ``UserError``, also where a file is not as it was when planned."""
+        prepared = _frames_of_process().prepare(self.scenario)
+        if provenance.run_id(prepared.facts) != self.run_id:
+            raise UserError("genie-sim or a file is not the one that was planned with")
+        if not self.keep:
+            return measured(prepared)
+        with provenance.result_folder(self._results(study)) as partial:
+            run = run_folder.write(partial, prepared, self.run_id, output=self.output)
+        return _metrics_of(prepared, run.tables)
+
+    def is_kept(self, study: Path) -> bool:
+        """Whether its results are there as they were written, or need not be kept."""
+        if not self.keep:
+            return True
+        folder = self._results(study)
+        try:
+            about = provenance.read_run_json(folder)
+            changed = changed_files(folder, about)
+        except UserError:
+            return False
+        if changed:
+            log.warning("%s: %s: changed since: the run is made again", folder, ", ".join(changed))
+        return about["run_id"] == self.run_id and not changed
+
+    def _results(self, study: Path) -> Path:
+        return study / RUNS / folder_name(self.scenario.seed)
+
+
+def measured(prepared: Prepared) -> Sequence[MetricValue]:
+    """The metrics of a run's methods and Genies, not of single resources: a fleet has many."""
+    record = tuple(name for name in prepared.scenario.record if name in NEEDED)
+    tables = simulate(replace(prepared, scenario=replace(prepared.scenario, record=record)))
+    return _metrics_of(prepared, {name: tables[name].columns() for name in MEASURED})
+
+
+def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[MetricValue]:
+    used = {name: tables[name] for name in MEASURED}
+    return metrics.compute(run_folder.methods_of(prepared), used, own=prepared.scenario.metrics)
+
+
+@dataclass(frozen=True)
+class Workers:
+    """So many processes of this machine, or those of the Dask ``scheduler``."""
+
+    jobs: int
+    scheduler: str | None = None
+
+    def results(
+        self, runs: Sequence[PointRun], study: Path
+    ) -> Generator[tuple[str, str], None, None]:
+        """The id of each run as it is done, and why it failed, or nothing."""
+        work = functools.partial(_work, study=study.absolute())
+        if self.scheduler is None:
+            return in_processes(work, runs, self.jobs, ordered=False)
+        return self._on_dask(work, runs)
+
+    def _on_dask(
+        self, work: Callable[[PointRun], tuple[str, str]], runs: Sequence[PointRun]
+    ) -> Generator[tuple[str, str], None, None]:
+        where = f"--scheduler {self.scheduler}"
+        try:
+            from distributed import CancelledError, Client, KilledWorker, as_completed
+        except ImportError:
+            text = "dask is not installed: pip install 'genie-sim[dask]'"
+            raise UserError(f"--scheduler: {text}") from None
+        try:
+            client = Client(self.scheduler, timeout=SCHEDULER_TIMEOUT_S)
+        except (OSError, ValueError, TypeError) as error:
+            raise UserError(f"{where}: no Dask scheduler answers there") from error
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=WORKERS_TIMEOUT_S)
+                futures = client.map(work, runs, key=[f"genie-sim-{run.run_id}" for run in runs])
+                for future in as_completed(futures):
+                    yield future.result()
+            except TimeoutError:
+                text = f"has no workers, and got none in {WORKERS_TIMEOUT_S} s"
+                raise UserError(f"{where}: {text}") from None
+            except KilledWorker as error:
+                text = "a run was lost with several workers, for want of memory?"
+                raise UserError(f"{where}: {text}") from error
+            except (CancelledError, OSError) as error:
+                raise UserError(f"{where}: the connection to it was lost") from error
+
+
+def _work(run: PointRun, study: Path) -> tuple[str, str]:
+    """What a worker does. What a run raises does not keep the others from being done."""
+    parts = Parts(study)
+    try:
+        parts.write(run.run_id, run.measure(study))
+    except (Exception, SystemExit) as error:
+        parts.write_failure(run, traceback.format_exc())
+        return run.run_id, f"{type(error).__name__}: {error}"
+    return run.run_id, ""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The metrics of finished runs, a file of JSON each, named by the run's id, in ``folder /
+    "parts"``; why others failed, in ``folder / "failures"``.
+
+    A part says which versions wrote it and has a digest of its numbers. What was changed since is
+    made again; files of other names are left alone.
+    """
+
+    folder: Path
+
+    @property
+    def parts(self) -> Path:
+        return self.folder / "parts"
+
+    def done(self, run_ids: Collection[str]) -> set[str]:
+        """Those of the runs that are there. Raises ``UserError`` if ``parts`` is a link."""
+        return {run_id for run_id in run_ids if self._rows(run_id) is not None}
+
+    def write(self, run_id: str, metrics_of_run: Sequence[MetricValue]) -> None:
+        """Keeps a run's metrics. Raises ``UserError``."""
+        rows = [metric.row for metric in metrics_of_run]
+        part = {
+            "run_id": run_id,
+            **provenance.environment(),
+            "metrics": rows,
+            "digest": _digest(rows),
+        }
+        _write(self.parts / f"{run_id}.json", json.dumps(part))
+
+    def write_failure(self, run: PointRun, traceback_text: str) -> None:
+        """Keeps why a run failed. Raises ``UserError``."""
+        _write(self._failure(run.run_id), f"{run.place}\n\n{traceback_text}")
+
+    def run(
+        self,
+        runs: Collection[PointRun],
+        workers: Workers,
+        progress: Progress | None = None,
+        lost: Collection[str] = (),
+    ) -> None:
+        """Runs what is missing of ``runs``, those with many cars first.
+
+        Parameters
+        ----------
+        runs : collection of PointRun
+            In the order in which a failure is looked for to be named.
+        workers : Workers
+            Where they are simulated.
+        progress : callable, optional
+            Told how many runs are done, of how many, and how many failed.
+        lost : collection of str
+            The ids of runs whose metrics are there but not all else that they give.
+
+        Raises
+        ------
+        UserError
+            If a run failed, when all others are done, or if the workers wrote elsewhere.
+        """
+        done = self.done([run.run_id for run in runs]) - set(lost)
+        missing = [run for run in runs if run.run_id not in done]
+        tell = progress or (lambda *_: None)
+        tell(len(done), len(runs), "")
+        missing.sort(key=lambda run: -len(run.scenario.cars) * len(run.scenario.methods))
+        for run in missing:
+            self._failure(run.run_id).unlink(missing_ok=True)
+        failed: dict[str, str] = {}
+        with contextlib.closing(workers.results(missing, self.folder)) as results:
+            for count, (run_id, error) in enumerate(results, len(done) + 1):
+                if error:
+                    failed[run_id] = error
+                tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
+        if failed:
+            first = next(run for run in runs if run.run_id in failed)
+            raise UserError(
+                f"{self.folder}: {len(failed):,} of {len(runs):,} runs failed, the others are done;"
+                f" {first.place}: {failed[first.run_id]}; see {self._failure(first.run_id)}"
+            )
+        if {run.run_id for run in missing} - self.done([run.run_id for run in missing]):
+            raise UserError(
+                f"{self.parts}: the workers' files are not there; they must write to the same file"
+                " system"
+            )
+
+    def read(self, run_ids: Collection[str]) -> "pd.DataFrame":
+        """The metrics of these runs, which are done: ``run_id`` and the fields of
+        ``MetricValue``.
+        """
+        import pandas as pd
+
+        rows = [(run_id, *row) for run_id in sorted(run_ids) for row in self._rows(run_id) or ()]
+        table = pd.DataFrame(rows, columns=["run_id", *METRIC_FIELDS])
+        return table.astype(dict.fromkeys(("value", "low", "high"), float))
+
+    def tidy(self) -> None:
+        """Removes what killed workers left, and reasons of failures that are mended."""
+        for leftover in self.parts.glob(f".*{PARTIAL}"):
+            if BESIDE.fullmatch(leftover.name):
+                leftover.unlink(missing_ok=True)
+        failures = self.folder / "failures"
+        for reason in failures.glob("*.txt"):
+            if RUN_ID.fullmatch(reason.stem):
+                reason.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # not there, or somebody's file is in it
+            failures.rmdir()
+
+    def _rows(self, run_id: str) -> list[list[Any]] | None:
+        """The metrics of a run; ``None`` where they are not there, or not as they were written.
+        Raises ``UserError`` for what is no file of this folder.
+        """
+        path = self.parts / f"{run_id}.json"
+        for place in (self.parts, path):
+            if place.is_symlink():
+                raise UserError(f"{place}: is a link; links are not followed")
+        if not path.exists():
+            return None
+        try:
+            part = provenance.read_json(path)
+            if part["run_id"] == run_id and part["digest"] == _digest(part["metrics"]):
+                rows: list[list[Any]] = part["metrics"]
+                return rows
+        except (UserError, LookupError, TypeError) as error:
+            log.debug("%s: %s", path, error)
+        log.warning("%s: was changed since it was written: its run is made again", path)
+        return None
+
+    def _failure(self, run_id: str) -> Path:
+        """The file that tells why a run failed."""
+        return self.folder / "failures" / f"{run_id}.txt"
+
+
+def _digest(rows: Sequence[Sequence[Any]]) -> str:
+    return hashlib.sha256(json.dumps(rows).encode()).hexdigest()
+
+
+def _write(path: Path, text: str) -> None:
+    with usable(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path) as beside:
+            beside.write_text(text, encoding="utf-8", errors="backslashreplace")
