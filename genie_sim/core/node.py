@@ -18,7 +18,8 @@ topic         what arrives                     what leaves
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
 
-What is here is what a Genie does by default. Other readings of the paper stand in ``readings``.
+What is here is what a Genie does by default. Other readings of the paper stand in ``readings``;
+docs/explanation/print.md tells where the default leaves the print.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence

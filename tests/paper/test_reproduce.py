@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
+from genie_sim.analysis import renderers
 from genie_sim.analysis.figures import save
 from genie_sim.cli.main import main
 from genie_sim.paper import claims, curves, numbers, page, printed, table1
@@ -39,7 +40,7 @@ def generated() -> dict[str, str]:
     return {
         "table": printed.in_markdown(rows),
         "in short": printed.in_short(rows),
-        "accuracy": page.renderers.markdown(accuracy).rstrip(),
+        "accuracy": renderers.markdown(accuracy).rstrip(),
         "table I": table1.markdown(),
     }
 

@@ -32,7 +32,7 @@ def page() -> str:
 @pytest.fixture
 def folder() -> Path:
     """A copy of the same evaluation, to be changed."""
-    return copied(PAPER, Path("evaluation"))
+    return copied(PAPER, Path("evaluation"), "report.html")
 
 
 def signed(folder: Path) -> Path:
@@ -60,6 +60,7 @@ def test_every_claim_is_there_with_what_was_found_and_judged(page):
     assert len(embedded(page)["figures"]) == 5
 
 
+@pytest.mark.slow
 def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
     rewritten(folder / "run.json", lambda about: about.update(platform="moon", python="4"))
@@ -69,6 +70,7 @@ def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
 # The command
 
 
+@pytest.mark.slow
 def test_report_writes_the_page_of_an_evaluation(folder, page, capsys):
     assert main(["report", str(folder)]) == 0
     assert (folder / "report.html").read_text(encoding="utf-8") == page
@@ -184,6 +186,7 @@ def test_markup_in_results_is_shown_as_text(browser, folder):
     assert asked_for(browser) == [Path("report.html").absolute().as_uri()]
 
 
+@pytest.mark.slow
 def test_a_page_that_cannot_be_written_is_named():
     with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
         html_page.write_text(Path("no/such/r.html"), evaluation.page(PAPER))
