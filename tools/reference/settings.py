@@ -19,7 +19,6 @@ GROUPS = {  # a setting belongs to the longest path that it is below
     "Cameras": ("cameras", "image_encoding"),
     "Edges": ("edges", "edge_neighbours", "edge_network", "serving"),
     "Cars": ("cars", "interface", "broadcast"),
-    "Convoy": ("convoy",),
     "Fleet": ("fleet",),
     "Faults": ("faults",),
     "Genie's message cache (Algorithm 1)": ("genie",),
@@ -29,7 +28,7 @@ GROUPS = {  # a setting belongs to the longest path that it is below
 }
 SEE = {  # where more is written
     "methods": "[Add a method](../extend/method.md)",
-    "model": "[devices](devices.md)",
+    "model": "`genie-sim list devices`",
     "spread": "[the timing model](../explanation/timing-model.md)",
     "consumer": "[Freshness](../explanation/freshness.md)",
     "judged": "[Correctness](../explanation/correctness.md)",
@@ -38,13 +37,12 @@ SEE = {  # where more is written
     "perception": "[Perception](../perception.md)",
     "perception.source": "[Add a frame source](../extend/frame-source.md)",
     "perception.town[town]": "[The town](../explanation/town.md)",
-    "edges[].device": "[devices](devices.md)",
-    "edge_network": "[links](devices.md)",
+    "edges[].device": "`genie-sim list devices`",
+    "edge_network": "`genie-sim list links`",
     "edge_network.model": "[Add a link](../extend/link.md)",
     "broadcast": "[Let cars hear each other](../how-to/links.md#let-cars-hear-each-other)",
     "interface": "[Measure energy](../how-to/energy.md)",
     "serving": "[Serve in batches](../how-to/serving.md)",
-    "convoy": "[Write a scenario](../how-to/scenario.md)",
     "fleet": "[Simulate a fleet](../how-to/fleets.md)",
     "faults": "[Add a fault](../extend/fault.md)",
     "genie": "[How the paper is read](../explanation/paper-readings.md)",
@@ -80,8 +78,6 @@ REPEATED = (
     "cars[].link.",
     "cars[].further_uplinks[].link.",
     "fleet.link.",
-    "convoy.link.",
-    "convoy.route.",
     *(f"methods[].{key}" for key in keys_of(MethodSettings)),
 )
 
