@@ -12,11 +12,12 @@ from pathlib import Path
 
 import nox
 
-nox.options.sessions = ["lint", "types", "test", "rest"]
+nox.options.sessions = ["lint", "types", "test", "rest", "ros"]
 nox.options.reuse_existing_virtualenvs = True
 
 # What python -m pytest leaves out (tests/README.md), in two parts.
 REST = "(slow or browser or data) and not (process or ros or nightly)"
+ADD_ON = "packages/genie-sim-ros"
 PROCESSES = "(process or ros) and not nightly"
 
 
@@ -44,7 +45,7 @@ def lint(session: nox.Session) -> None:
 
 @nox.session
 def types(session: nox.Session) -> None:
-    """``mypy --strict`` over the package and the examples."""
+    """``mypy --strict`` over the package, its add-on and the examples."""
     install(session, ".[dev]")
     session.run("mypy")
 
@@ -60,23 +61,43 @@ def test(session: nox.Session) -> None:
 def rest(session: nox.Session) -> None:
     """What the fast tests leave out, and the tools, but nothing that takes minutes. What is missing
     on this machine is skipped.
-
-    Tests of processes and networks wait for other programs. Those that fail beside others run once
-    more, alone, and both runs are printed.
     """
     install(session, ".[test]")
-    pytest = ("python", "-m", "pytest", "--durations=15", *session.posargs)
-    failed = status_of(session, *pytest, "-m", REST) != 0
-    status = status_of(session, *pytest, "-m", PROCESSES)
-    if status:
-        session.warn("What failed beside other tests runs again, alone.")
-        again = ("--last-failed", "--last-failed-no-failures", "none", "-n0")
-        # where tests have failed (1), none is left (5) if their worker crashed and they passed then
-        passed = (0, 5) if status == 1 else (0,)
-        failed |= status_of(session, *pytest, "-m", PROCESSES, *again) not in passed
-    failed |= status_of(session, "python", "-m", "pytest", "-m", "not nightly", "tools") != 0
-    if failed:
+    pytest = ("python", "-m", "pytest", *session.posargs)
+    passed = [
+        status_of(session, *pytest, "--durations=15", "-m", REST) == 0,
+        processes_pass(session, "tests"),
+        status_of(session, *pytest, "-m", "not nightly", "tools") == 0,
+    ]
+    if not all(passed):
         session.error("Some tests failed; see above.")
+
+
+@nox.session
+def ros(session: nox.Session) -> None:
+    """All tests of the add-on for ROS, but nothing that takes minutes."""
+    install(session, ".[test]", f"./{ADD_ON}[test]")
+    quick = f"not ({PROCESSES}) and not nightly"
+    passed = [
+        status_of(session, "python", "-m", "pytest", *session.posargs, "-m", quick, ADD_ON) == 0,
+        processes_pass(session, ADD_ON),
+    ]
+    if not all(passed):
+        session.error("Some tests failed; see above.")
+
+
+def processes_pass(session: nox.Session, folder: str) -> bool:
+    """Whether the tests of processes and networks pass. They wait for other programs: those that
+    fail beside others run once more, alone, and both runs are printed.
+    """
+    pytest = ("python", "-m", "pytest", "--durations=15", *session.posargs, "-m", PROCESSES, folder)
+    status = status_of(session, *pytest)
+    if not status:
+        return True
+    session.warn("What failed beside other tests runs again, alone.")
+    again = ("--last-failed", "--last-failed-no-failures", "none", "-n0")
+    # where tests have failed (1), none is left (5) if their worker crashed and they passed then
+    return status_of(session, *pytest, *again) in ((0, 5) if status == 1 else (0,))
 
 
 @nox.session
@@ -102,7 +123,7 @@ def cpu(session: nox.Session) -> None:
 def docs(session: nox.Session) -> None:
     """Builds the documentation into ``site/``; a broken link is an error."""
     install(session, ".[docs]")
-    session.run("mkdocs", "build", "--strict")
+    session.run("mkdocs", "build", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
 
 
 @nox.session
@@ -141,6 +162,9 @@ def lock(session: nox.Session) -> None:
         "pip",
         "compile",
         "pyproject.toml",
+        f"{ADD_ON}/pyproject.toml",
+        "--no-emit-package",
+        "genie-sim",
         "--universal",
         "--python-version",
         "3.11",
@@ -154,7 +178,7 @@ def lock(session: nox.Session) -> None:
         silent=True,
     )
     path.write_text(
-        "# Versions known to work together, for Python 3.11 and later: genie-sim, all its extras.\n"
+        "# Versions known to work together, for Python 3.11 and later: of genie-sim and add-on.\n"
         "# Use:   python -m pip install -r requirements.lock && python -m pip install --no-deps .\n"
         "# Made:  nox -s lock\n" + fresh.read_text(encoding="utf-8"),
         encoding="utf-8",
@@ -182,6 +206,9 @@ def release_version(tag: str) -> str:
         sys.exit(f"release: the tag is {tag or 'missing'}, the package is {version}")
     if f"\n## [{version}]" not in Path("CHANGELOG.md").read_text(encoding="utf-8"):
         sys.exit(f"release: CHANGELOG.md has no section [{version}]")
+    add_on = tomllib.loads(Path(ADD_ON, "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    if add_on["version"] != version or f"genie-sim=={version}" not in add_on["dependencies"]:
+        sys.exit(f"release: {ADD_ON} has another version")
     if f"\nversion: {version}\n" not in Path("CITATION.cff").read_text(encoding="utf-8"):
         sys.exit("release: CITATION.cff has another version")
     return version

@@ -41,11 +41,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "analysis": ("core", "record"),
     "report": ("core", "data", "record", "analysis"),
     "runs": (*_READ, *_RESULTS),
-    "ros": ("core", "data", "scenario", "record"),
     "study": (*_READ, *_RESULTS, "runs"),
     "api": (*_READ, *_RESULTS, "runs", "study"),
     "paper": ("scenario", "record", "analysis", "report", "api"),
-    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper", "ros"),
+    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
     "__main__": ("cli",),
 }
 IN_THE_ROOT = {"__init__", "__main__", "api", "version"}
@@ -54,11 +53,9 @@ IN_THE_ROOT = {"__init__", "__main__", "api", "version"}
 # arithmetic and pages, and these two modules for files of settings.
 PAPER_MAY_READ_WITH = {"scenario.yaml_input", "scenario.profiles"}
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
-PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml", "zenoh": "eclipse-zenoh"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask", "rosbags": "ros", "zenoh": "ros"}
-# not on PyPI; only genie_sim.ros may import them
-FROM_ROS = {"rospy", "rosgraph", "roslib", "genpy", "rclpy"}
+FROM_EXTRAS = {"distributed": "dask"}
 LATE = (
     "pandas",
     "matplotlib",
@@ -70,8 +67,6 @@ LATE = (
     "simpy",
     "joblib",
     "distributed",
-    "rosbags",
-    "zenoh",
 )
 
 
@@ -202,12 +197,10 @@ def test_what_is_imported_is_declared():
     """
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     declared = {requirement.partition(">=")[0] for requirement in project["dependencies"]}
-    for module, path in MODULES.items():
+    for path in MODULES.values():
         for line, name, _ in imports(path):
             library = name.partition(".")[0]
             if library in sys.stdlib_module_names or library == "genie_sim":
-                continue
-            if library in FROM_ROS and package_of(module) == "ros":
                 continue
             if library in FROM_EXTRAS:
                 extra = project["optional-dependencies"][FROM_EXTRAS[library]]

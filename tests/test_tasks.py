@@ -15,6 +15,7 @@ TASKS = (
     "types",
     "test",
     "rest",
+    "ros",
     "coverage",
     "cpu",
     "docs",

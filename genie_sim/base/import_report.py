@@ -2,9 +2,9 @@
 why, what was chosen among several, and what is unusual or cannot be.
 """
 
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -15,7 +15,13 @@ MAX_NAMED = 6  # of labels, ranges and ways in one line
 FASTEST_MPS = 100.0  # no car; what goes faster from one step to the next has other units
 SLOWEST_MPS = 0.002  # what moves at all is faster; degrees taken for metres are not
 FAST_SHARE, FEW_STEPS = 0.01, 3  # of the steps may be faster: a fix that jumps
-LONG_GAP_S = 1.0
+LONG_GAP_S, GAP_PERIODS = 1.0, 5
+MAX_GAP_S = 3600.0  # no recording pauses for longer; a clock that is set does
+LONG_PERIOD_S = 5.0  # between two places of a car; in between it drives straight
+SHORT_PERIOD_S = 0.001  # nobody records as often; times in another unit look so
+DRIVES_MPS = 1.0  # what is faster has a course
+ASKEW_RAD = math.radians(45.0)  # what looks farther away from it is worth a word
+FROM_EAST = "count counter-clockwise from east; a compass bearing does not"
 DROPPED_SHARE = 0.5  # what loses more has another content than it claims
 
 
@@ -93,15 +99,49 @@ class ImportReport:
             self.refuse(f"{of - kept:,} of {of:,} {what} would be left out: {why}")
         self.leave_out(f"{what}: {why}", of - kept)
 
-    def gaps(self, what: str, times_s: Sequence[float], usual_s: float = 0.0) -> None:
-        """Warns of the longest gap between times in order, if it is longer than usual."""
-        longest_s = max((after - before for before, after in pairwise(times_s)), default=0.0)
-        if longest_s > max(LONG_GAP_S, usual_s):
+    def times(
+        self, what: str, times_s: Sequence[float], between: str, long_s: float = LONG_PERIOD_S
+    ) -> None:
+        """Times in order. Warns of long periods and gaps, and raises UserError for such as no
+        recording has.
+
+        Parameters
+        ----------
+        what : whose times they are
+        times_s : when there is a row
+        between : what is assumed between two rows
+        long_s : the longest usual time from row to row
+        """
+        import numpy as np
+
+        steps_s = np.diff(np.asarray(times_s, dtype=float))
+        if not len(steps_s):
+            return
+        period_s = float(np.median(steps_s))
+        told = f"{what}: a row every {period_s:.3g} s; {between}"
+        if period_s > long_s or period_s <= SHORT_PERIOD_S:
+            self.refuse(f"{told}: are the times in another unit than they say?")
+        elif period_s > long_s / GAP_PERIODS:
+            self.warn(told)
+        self.gaps(what, times_s)
+
+    def gaps(self, what: str, times_s: Sequence[float]) -> None:
+        """Warns of the longest gap between times in order, if it is longer than usual. Raises
+        UserError for one that no recording has.
+        """
+        import numpy as np
+
+        steps_s = np.diff(np.asarray(times_s, dtype=float))
+        longest_s = float(steps_s.max(initial=0.0))
+        usual_s = GAP_PERIODS * float(np.median(steps_s)) if len(steps_s) else 0.0
+        if longest_s > max(MAX_GAP_S, usual_s):
+            self.refuse(f"{what}: a gap of {longest_s:.3g} s: was the clock set in between?")
+        elif longest_s > max(LONG_GAP_S, usual_s):
             self.warn(f"{what}: a gap of {longest_s:.3g} s")
 
     def way(self, name: str, times_s: Sequence[float], places: Any) -> None:
         """Where one car was, in order of time; ``places`` (n, 2) [m]. Warns of gaps; raises
-        UserError where it goes faster than any car.
+        UserError where it goes faster than any car, or where too few places are known.
         """
         import numpy as np
 
@@ -114,7 +154,26 @@ class ImportReport:
         way = _Way(len(t_s), float(t_s[-1] - t_s[0]), float(steps_m.sum()), float(speeds.max()))
         self._ways[name] = way
         self.speeds(name, speeds, float(t_s[-1] - t_s[0]))
-        self.gaps(name, t_s.tolist())
+        self.times(name, t_s.tolist(), "in between it drives straight")
+
+    def heading(
+        self, what: str, off_rad: float, radians_rad: float, counts: str = FROM_EAST
+    ) -> None:
+        """Warns of a heading beside the way driven. Raises UserError for radians that were read as
+        degrees.
+
+        Parameters
+        ----------
+        what : whose heading
+        off_rad : ``askew_rad`` of it
+        radians_rad : the same, if its numbers are taken for radians; infinite: they cannot be
+        counts : how it must count
+        """
+        if off_rad > ASKEW_RAD / 3 and radians_rad < off_rad / 3:
+            self.refuse(f"{what} fits the way driven as radians, not as degrees")
+        if off_rad > ASKEW_RAD:
+            off_deg = math.degrees(off_rad)
+            self.warn(f"{what} is {off_deg:.0f} degrees beside the way driven: it must {counts}")
 
     def speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
         """The speeds from step to step. Raises UserError where they are none of a car."""
@@ -172,6 +231,26 @@ class ImportReport:
             "warnings": list(self.warnings),
         }
         return {name: value for name, value in facts.items() if value}
+
+
+def askew_rad(heading_rad: Any, steps_m: Any, passed_s: Any) -> float:
+    """How far a heading is beside the way driven from there, in the median; 0 where nobody drives.
+
+    Parameters
+    ----------
+    heading_rad : counter-clockwise from east (n,)
+    steps_m : how far east and north it goes (n, 2)
+    passed_s : how long that takes (n,)
+    """
+    import numpy as np
+
+    heading, steps = np.asarray(heading_rad, dtype=float), np.asarray(steps_m, dtype=float)
+    drives = np.hypot(*steps.T) > DRIVES_MPS * np.asarray(passed_s, dtype=float)
+    if not drives.any():
+        return 0.0
+    course = np.arctan2(*steps[drives].T[::-1])
+    off = (heading[drives] - course + math.pi) % math.tau - math.pi
+    return float(np.median(np.abs(off)))
 
 
 def class_map(option: str, pairs: Iterable[str], classes: Collection[str]) -> dict[str, str]:

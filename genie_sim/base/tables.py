@@ -23,7 +23,9 @@ from typing import Any, Literal, NamedTuple
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.paths import usable
+from genie_sim.base.units import MAX_M, MAX_TIME_S
 
+MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay finite
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
 MAX_TEXT = 100
 MAX_LINE = 1_000_000  # characters of a text
@@ -58,6 +60,8 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", math.degrees(1.0)),
     "radians": ("angle", math.degrees(1.0)),
 }
+SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}  # than a second, so often
+SOME_DATES_S = (9e8, MAX_TIME_S)  # since 1970: from 1998 on
 _BYTES = re.compile(r"[kKMG]?B(ps|/s)")  # bytes a second, which lower case would take for bits
 _IN_BRACKETS = re.compile(r"(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")
 _AT_THE_END = re.compile(r"(.+?)\s*[_ .,/-]\s*([^\W\d_]+(?:/s)?)")
@@ -84,14 +88,14 @@ class FileColumn:
     """A column that a table must or may have.
 
     Its name ends with the unit of its values; a table may have another unit of the kind. Numbers
-    must be finite and from ``lowest`` to ``highest``. An optional column may be missing, and its
+    must be from ``lowest`` to ``highest``. An optional column may be missing, and its
     values may be empty: they read as ``None``.
     """
 
     name: str
     kind: Literal["number", "text", "flag"] = "number"
-    lowest: float = -math.inf
-    highest: float = math.inf
+    lowest: float = -MAX_NUMBER
+    highest: float = MAX_NUMBER
     optional: bool = False
 
     def value(self, raw: object, factor: float = 1.0) -> Any:
@@ -111,6 +115,11 @@ class FileColumn:
             raise ValueError(f"must be 1 to {MAX_TEXT} printable characters, not {short_repr(raw)}")
         return text
 
+    @property
+    def is_time(self) -> bool:
+        """Whether its values are times or durations, by the unit in its name."""
+        return UNITS.get(title_of(self.name).unit, ("",))[0] == "time"
+
     def _number(self, raw: object, factor: float) -> float:
         try:  # what most cells hold
             number = float(raw if type(raw) is str and raw.isascii() and "_" not in raw else "")
@@ -118,14 +127,24 @@ class FileColumn:
             number = plain_number(raw)
         if factor != 1.0:
             number *= factor
-        if not (math.isfinite(number) and self.lowest <= number <= self.highest):
-            limits = ""
-            if math.isfinite(self.highest):
-                limits = f" from {self.lowest:g} to {self.highest:g}"
-            elif math.isfinite(self.lowest):
-                limits = f" of at least {self.lowest:g}"
-            raise ValueError(f"must be a number{limits}, not {short_repr(raw)}")
+        if not self.lowest <= number <= self.highest:
+            limits = f"from {self.lowest:g} to {self.highest:g}"
+            hint = since_1970(number / factor) if self.is_time else ""
+            raise ValueError(f"must be a number {limits}, not {short_repr(raw)}{hint}")
         return number
+
+
+TIME = FileColumn("time_s", lowest=-MAX_TIME_S, highest=MAX_TIME_S)
+EAST = FileColumn("east_m", lowest=-MAX_M, highest=MAX_M)
+NORTH = FileColumn("north_m", lowest=-MAX_M, highest=MAX_M)
+
+
+def since_1970(number: float) -> str:
+    """Which unit makes a date of a time that is out of range; nothing where none does."""
+    for unit, times in SMALLER.items():
+        if SOME_DATES_S[0] <= number / times <= SOME_DATES_S[1]:
+            return f": are these {unit} since 1970? Say so in the title"
+    return ""
 
 
 def plain_number(raw: object) -> float:

@@ -17,6 +17,9 @@ from genie_sim.base.errors import short_repr
 NS_PER_US = 1_000
 NS_PER_MS = 1_000_000
 NS_PER_S = 1_000_000_000
+# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
+MAX_M = 4e7
+MAX_TIME_S = 4e9  # a time since 1970 at most (2096): two of them apart still are 64 bits of ns
 
 DURATIONS: dict[str, int] = {
     "ns": 1,

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,6 +13,10 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.cli import completion
+from genie_sim.core.messages import Encoding
+
+if TYPE_CHECKING:
+    from genie_sim.data.detector import DetectorSettings
 
 MAX_COUNT = 1024
 _DIGITS = re.compile("[0-9]{1,9}")
@@ -125,6 +129,65 @@ map_option = click.option(
     metavar="LABEL=CLASS",
     help="Take a label of the file for a class, such as pedestrian=person, or =none.",
 )
+
+
+def detector_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The options of every command that runs a detector, for ``detector_settings``."""
+    options = (
+        click.option(
+            "--detector",
+            default="yolox_nano",
+            help="A detector ('list detectors'), or your own module:Class.",
+        ),
+        click.option(
+            "--weights",
+            type=PATH,
+            help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS.",
+        ),
+        click.option("--size", metavar="WxH", help="The network's input, such as 832x256."),
+        click.option(
+            "--providers",
+            default="CPUExecutionProvider",
+            help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
+        ),
+        click.option(
+            "--threads", type=click.IntRange(1, MAX_COUNT), default=1, help="The network's."
+        ),
+        map_option,
+    )
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def detector_settings(
+    *,
+    detector: str,
+    weights: Path | None,
+    size: str | None,
+    providers: str,
+    threads: int,
+    classes: tuple[str, ...],
+    min_score: float,
+    encoding: Encoding = "raw",
+) -> "DetectorSettings":
+    """What ``detector_options`` say. Raises ``UserError``."""
+    from genie_sim.base.import_report import class_map
+    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
+    from genie_sim.data.detector import DetectorSettings
+
+    return DetectorSettings(
+        name=detector,
+        weights=weights,
+        size=width_height("--size", size),
+        min_score=min_score,
+        providers=providers.split(","),
+        threads=threads,
+        encoding=encoding,
+        classes=class_map("--map", classes, [*ROAD_LABELS, NO_CLASS]),
+    )
+
+
 changed_option = click.option(  # of every command that reads result folders
     "--allow-changed",
     is_flag=True,

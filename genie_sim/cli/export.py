@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from genie_sim.base import add_ons
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import (
@@ -18,7 +19,7 @@ from genie_sim.cli.arguments import (
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
 
-NAMES = {"mcap": "run.mcap", "bag": "run.bag", "perfetto": "run.perfetto.json"}  # by format
+FORMATS = ("perfetto", *add_ons.OF_ROS[add_ons.EXPORTERS])
 OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
 
 
@@ -26,37 +27,39 @@ OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
 @click.argument("folder", type=PATH, help="A result folder of a run.")
 @click.option(
     "--format",
-    default="mcap",
-    shell_complete=completion.fixed(*NAMES),
-    help="mcap (Foxglove, ROS 2), bag (RViz, ROS 1) or perfetto (a timeline of hosts and frames for"
-    " ui.perfetto.dev).",
+    default="perfetto",
+    shell_complete=completion.fixed(*FORMATS),
+    help="perfetto (a timeline of hosts and frames for ui.perfetto.dev); with the add-on "
+    "packages/genie-sim-ros also mcap (Foxglove, ROS 2) and bag (RViz, ROS 1).",
 )
 @shown_methods_option
 @click.option(
-    "--out", type=PATH, help="The file; default: run.mcap and so on in the result folder."
+    "--out",
+    type=PATH,
+    help="The file; default: run.perfetto.json and so on in the folder.",
 )
 @changed_option
 @own_code_option
 def export(
     folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
 ) -> None:
-    """Write a run for Foxglove, RViz or Perfetto."""
-    if format not in NAMES:
-        raise UserError(f"--format: {unknown('format', format, NAMES)}")
+    """Write a run for Perfetto, Foxglove or RViz."""
     from genie_sim.record import results
+    from genie_sim.report import perfetto
+
+    if format == "perfetto":
+        write, ending = perfetto.export, "perfetto.json"
+    else:
+        write, ending = add_ons.offered(add_ons.EXPORTERS, format), format
+    if write is None:
+        known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}
+        raise UserError(f"--format: {unknown('format', format, known)}")
 
     run = _of_methods(
         results.load(folder, allow_changed=allow_changed), listed("--methods", methods)
     )
-    path = out if out is not None else folder / NAMES[format]
-    if format == "perfetto":
-        from genie_sim.report import perfetto
-
-        click.echo(f"{path}: {perfetto.export(run, path):,} events")
-    else:
-        from genie_sim.ros import export as bags
-
-        click.echo(f"{path}: {bags.export(run, path, format):,} messages")
+    path = out if out is not None else folder / f"run.{ending}"
+    click.echo(f"{path}: {write(run, path):,} entries")
 
 
 def _of_methods(run: "Run", names: list[str]) -> "Run":

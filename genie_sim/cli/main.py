@@ -5,7 +5,7 @@ import sys
 
 import click
 
-from genie_sim.base import plugins
+from genie_sim.base import add_ons, plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
 from genie_sim.cli import terminal
@@ -19,7 +19,6 @@ from genie_sim.cli.profile import profile
 from genie_sim.cli.report import report
 from genie_sim.cli.reproduce import reproduce
 from genie_sim.cli.rerun import rerun
-from genie_sim.cli.ros import ros
 from genie_sim.cli.run import run
 from genie_sim.cli.show import show
 from genie_sim.cli.sweep import sweep
@@ -33,7 +32,6 @@ COMMANDS: tuple[click.Command, ...] = (
     *(report, table, figures, compare, export),
     *(perceive, imports, profile),
     *(list_, show),
-    ros,
 )
 EXAMPLES = """\b
 genie-sim run 3car_hetero
@@ -44,9 +42,16 @@ Simulates Genie, the smart ROS cache for connected vehicles and edge servers.
 """
 
 
+class AllCommands(Commands):
+    """Those of this package, and those of add-ons by name."""
+
+    add_ons = add_ons.COMMANDS
+
+
 @click.group(
-    cls=Commands,
+    cls=AllCommands,
     help=EXAMPLES,
+    epilog="genie-sim ros, for real ROS, comes with the add-on packages/genie-sim-ros.",
     invoke_without_command=True,
     context_settings={"show_default": True},
 )
@@ -79,35 +84,27 @@ def main(argv: list[str] | None = None) -> int:
     try:
         status = app(args=argv, prog_name="genie-sim", standalone_mode=False)
     except SystemExit as stop:
-        return _status_of(stop)
+        if isinstance(stop.code, int | None):
+            return stop.code or 0
+        print(f"genie-sim: {one_line(str(stop.code))}", file=sys.stderr)
+        return 1
     except click.UsageError as error:
         command = "genie-sim" if error.ctx is None else error.ctx.command_path
         text = one_line(error.format_message()).rstrip(".")
         print(f"genie-sim: {text}; see {command} --help", file=sys.stderr)
         return 2
     except UserError as error:
-        print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
+        cause = error.__cause__
+        is_own = cause is not None and plugins.own_fault(cause) is not None
+        # looked for here: click keeps the option's value only while the command runs
+        if cause is not None and is_own and "--debug" in (sys.argv if argv is None else argv):
+            raise cause from None
+        more = "; genie-sim --debug shows more" if is_own else ""
+        print(f"genie-sim: {one_line(str(error))}{more}", file=sys.stderr)
         return 1
     except (OSError, MemoryError) as error:
         # the machine's fault; where a file is wrong, a UserError has named it
         terminal.drop_output()
         print(f"genie-sim: {terminal.machine_said(error)}", file=sys.stderr)
         return 1
-    except Exception as error:
-        fault = plugins.own_fault(error)
-        # looked for here: click keeps the option's value only while the command runs
-        is_debug = "--debug" in (sys.argv if argv is None else argv)
-        if fault is None or is_debug:
-            raise
-        print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
-        return 1
     return status or 0
-
-
-def _status_of(stop: SystemExit) -> int:
-    """The exit status. A class of the user's own that ends the program is named."""
-    fault = plugins.own_fault(stop)
-    if fault is None and isinstance(stop.code, int | None):
-        return stop.code or 0
-    print(f"genie-sim: {one_line(fault or str(stop.code))}", file=sys.stderr)
-    return 1

@@ -2,20 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import Any, get_args
 
 import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
-from genie_sim.cli.arguments import MAX_COUNT, PATH, accept_option, map_option
+from genie_sim.cli.arguments import PATH, accept_option, detector_options
 from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
-
-if TYPE_CHECKING:
-    from genie_sim.data.trace import Trace
 
 
 @click.command()
@@ -23,15 +20,6 @@ if TYPE_CHECKING:
 @click.option(
     "--drive", help="A drive: 2011_09_26/0005, tracking/0005, odometry/05 or kitti360/0003."
 )
-@click.option("--bag", type=PATH, help="Instead: a ROS 1 bag, a ROS 2 bag's folder, an MCAP file.")
-@click.option(
-    "--topic", "topics", multiple=True, metavar="[NAME=]TOPIC", help="Images of the bag, or all."
-)
-@click.option("--detections", metavar="TOPIC", help="The bag's own, not a detector's.")
-@click.option("--imu", metavar="TOPIC", help="Of the bag's IMUs this one.")
-@click.option("--fix", metavar="TOPIC", help="Of the bag's positions these.")
-@click.option("--lidar", metavar="TOPIC", help="Of the bag's lidars this one.")
-@map_option
 @accept_option
 @click.option(
     "--format",
@@ -46,21 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey."
 )
-@click.option(
-    "--detector",
-    default="yolox_nano",
-    help="A detector ('list detectors'), your own module:Class; for sequences pointrcnn or rrc.",
-)
-@click.option(
-    "--weights", type=PATH, help="The ONNX file, or its folder; default: $GENIE_SIM_WEIGHTS."
-)
-@click.option("--size", metavar="WxH", help="The network's input, such as 832x256.")
-@click.option(
-    "--providers",
-    default="CPUExecutionProvider",
-    help="ONNX Runtime's execution providers, best first, such as CUDAExecutionProvider.",
-)
-@click.option("--threads", type=click.IntRange(1, MAX_COUNT), default=1, help="The network's.")
+@detector_options
 @click.option(
     "--min-score",
     type=click.FloatRange(0.0, 1.0),
@@ -86,40 +60,28 @@ def perceive(
     *,
     root: Path | None,
     drive: str | None,
-    bag: Path | None,
     data_set: str | None,
     sequence: str | None,
     partner: int | None,
-    topics: tuple[str, ...],
-    detections: str | None,
-    imu: str | None,
-    fix: str | None,
-    lidar: str | None,
-    classes: tuple[str, ...],
     accept: bool,
     out: Path | None,
     kitti: Path | None,
     cameras: str,
-    detector: str,
-    weights: Path | None,
-    size: str | None,
-    providers: str,
-    threads: int,
     min_score: float | None,
     origin: str | None,
     allow_missing_scans: bool,
     evaluate: bool,
     labels: str | None,
     encoding: Encoding,
+    **network: Any,
 ) -> None:
-    """Run a detector over a drive, a bag or a data set; write traces."""
-    from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
+    """Run a detector over a drive or a data set; write traces."""
+    from genie_sim.base.import_report import ImportReport
     from genie_sim.data import perceive as perception
-    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.trace_report import write_told
 
-    if [drive, bag, data_set].count(None) != 2:
-        raise UserError("perceive: give either --drive, --bag or --format")
+    if [drive, data_set].count(None) != 1:
+        raise UserError("perceive: give either --drive or --format")
     if data_set is not None:
         if evaluate or encoding != "raw" or origin is not None:
             raise UserError(
@@ -127,53 +89,14 @@ def perceive(
             )
         _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
         return
-    if bag is None and (imu, fix, lidar) != (None, None, None):
-        raise UserError("perceive: --imu, --fix and --lidar go with --bag only")
     for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
         if value is not None:
             raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
     min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
     if out is None and not evaluate:
         raise UserError("perceive: say what you want: --out or --evaluate")
-    if bag is not None and encoding != "raw":
-        raise UserError(
-            "perceive: --encoding is for drives: a bag's pictures are looked at as they were "
-            "recorded"
-        )
-    if bag is not None and evaluate:
-        raise UserError("perceive: --evaluate needs KITTI; with --bag use --out only")
     world = arguments.geodetic("--origin", origin)
-    of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
-    settings = DetectorSettings(
-        name=detector,
-        weights=weights,
-        size=arguments.width_height("--size", size),
-        min_score=min_score,
-        providers=providers.split(","),
-        threads=threads,
-        encoding=encoding,
-        classes=of_labels,
-    )
-    if bag is not None:
-        from genie_sim.ros.bags import BagTopics, perceive_bag
-
-        report = ImportReport(bag, accept)
-        with ProgressBar(unit="frames") as progress:
-            trace = perceive_bag(
-                bag,
-                detector=None if detections else settings.opened(),
-                cameras=topics,
-                detections=detections,
-                origin=world,
-                min_score=min_score,
-                progress=progress,
-                sensors=BagTopics(imu, fix, lidar),
-                classes=of_labels,
-                report=report,
-            ).at_least(min_score)
-        _write(out, trace)
-        tell(report)
-        return
+    settings = arguments.detector_settings(**network, min_score=min_score, encoding=encoding)
     assert drive is not None
     if evaluate:  # weak detections count for average precision; they need no place
         lowest = min(min_score, perception.LOWEST_SCORE)
@@ -186,7 +109,8 @@ def perceive(
     with ProgressBar(unit="frames") as progress:
         whole = perception.perceive(root, selection, settings, progress=progress, report=report)
     trace = whole.at_least(min_score)
-    _write(out, trace)
+    if out is not None:
+        click.echo(write_told(out, trace))
     tell(report)
     if evaluate:
         from genie_sim.data import evaluation, truth
@@ -217,6 +141,7 @@ def _of_pair(
     """
     from genie_sim.base.import_report import ImportReport
     from genie_sim.data import v2v4real
+    from genie_sim.data.trace_report import write_told
     from genie_sim.data.truth_table import path_beside, write_truth
 
     if sequence is None or out is None:
@@ -233,7 +158,7 @@ def _of_pair(
     for car, recording in pair.items():
         path = out / f"{car}.parquet"
         write_truth(path_beside(path), recording.truth)
-        _write(path, recording.trace)
+        click.echo(write_told(path, recording.trace))
     about = recording.trace.provenance
     click.echo(
         f"the ego's poses are recovered: what stands scatters by {about['scatter_m']:.2f} m; "
@@ -241,15 +166,3 @@ def _of_pair(
         f"{about['partner']}"
     )
     tell(report)
-
-
-def _write(out: Path | None, trace: "Trace") -> None:
-    from genie_sim.data.trace import write_trace
-
-    if out is not None:
-        write_trace(out, trace)
-        frames = [frame for sequence in trace.frames.values() for frame in sequence]
-        detections = sum(len(frame.detections) for frame in frames)
-        click.echo(
-            f"{out}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
-        )

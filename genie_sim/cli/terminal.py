@@ -16,8 +16,10 @@ from typing import Any
 
 import click
 
+from genie_sim.base import add_ons
 from genie_sim.base.errors import unknown
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.plugins import own_faults_told
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
@@ -84,9 +86,18 @@ class Commands(click.Group):
     status 130, and a reader that has gone away ends it quietly.
     """
 
+    add_ons = ""  # the group of entry points through which packages add commands
+
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order in which they are written."""
         return list(self.commands)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> click.Command | None:
+        own = super().get_command(ctx, cmd_name)
+        if own is not None or not self.add_ons or ctx.resilient_parsing:
+            return own
+        command: click.Command | None = add_ons.offered(self.add_ons, cmd_name)
+        return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         name = args[0]
@@ -96,7 +107,7 @@ class Commands(click.Group):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable():
+            with _terminable(), own_faults_told():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)

@@ -39,7 +39,7 @@ FRESHNESS_POLICY = PlugIn("freshness policy", FRESHNESS, MUST_HAVE)
 
 MissPolicy = Literal["immediate", "blocking", "hits_only"]
 # The Genie that this project recommends. What edges tell cars is added where all cars share one
-# world. The pass time was measured in real ROS on an x86 processor (docs/reality.md).
+# world. The pass time was measured in real ROS on an x86 processor (reality.md of genie-sim-ros).
 RECOMMENDED: dict[str, Any] = {
     "share_requests": False,
     "pass_time": "0.236 ms",

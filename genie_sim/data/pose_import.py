@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.import_report import ImportReport
+from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.paths import sha256_of
-from genie_sim.base.tables import FileColumn, read_rows
+from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, read_rows
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.core.geometry import Array, Geodetic
@@ -36,8 +36,8 @@ from genie_sim.data.trace import (
     scan_frame,
     write_trace,
 )
+from genie_sim.data.trace_report import tell_distances
 from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
-from genie_sim.data.world_table import MAX_M
 
 RECORDING = "sensor"  # what the one recording of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
@@ -45,28 +45,22 @@ ONLY_CAR = "car1"  # of tables without a column car
 # on which.
 ORIGIN: Geodetic = (0.0, 0.0, 0.0)
 SAME_TIME_S = 0.0005  # what differs by less is one instant
-MAX_TIME_S = 1e11
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
+MAX_UP_M = 1e5  # above the plane
 BEYOND_M = 10.0  # the truth is told so much beyond the range, for what is held a little off
-DRIVES_MPS = 1.0  # what is faster has a course
-ASKEW_RAD = math.radians(45.0)  # a sensor that looks farther away from it is worth a word
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
 
-_PLACE = (
-    FileColumn("east_m", lowest=-MAX_M, highest=MAX_M),
-    FileColumn("north_m", lowest=-MAX_M, highest=MAX_M),
-)
-_UP = FileColumn("up_m", lowest=-MAX_M, highest=MAX_M, optional=True)
-_TIME = FileColumn("time_s", lowest=-MAX_TIME_S, highest=MAX_TIME_S)
+_PLACE = (EAST, NORTH)
+_UP = FileColumn("up_m", lowest=-MAX_UP_M, highest=MAX_UP_M, optional=True)
 _CAR = FileColumn("car", "text", optional=True)
 _LABEL = FileColumn("label", "text")
-POSES = (_CAR, _TIME, *_PLACE, FileColumn("heading_deg", lowest=-3600, highest=3600), _UP)
-DETECTIONS = (_CAR, _TIME, _LABEL, *_PLACE, FileColumn("score", lowest=0.0, highest=1.0), _UP)
+POSES = (_CAR, TIME, *_PLACE, FileColumn("heading_deg", lowest=-3600, highest=3600), _UP)
+DETECTIONS = (_CAR, TIME, _LABEL, *_PLACE, FileColumn("score", lowest=0.0, highest=1.0), _UP)
 TRUTH = (
     _CAR,
-    _TIME,
+    TIME,
     FileColumn("object", "text"),
     _LABEL,
     *_PLACE,
@@ -211,6 +205,12 @@ def import_recordings(
         objects = tracks.get(None, tracks.get(car, []))
         table = _truth_table(truth, trace, by_car[car], objects, sensor=sensor)
         recordings[car] = ImportedCar(trace, table, outside[car])
+    if not any(recording.truth.rows for recording in recordings.values() if recording.truth):
+        report.refuse(
+            f"no object is ever within {sensor.range_m + BEYOND_M:g} m of a car: are the places on "
+            "the plane of the poses?",
+            truth,
+        )
     return recordings
 
 
@@ -294,28 +294,15 @@ def _tell_way(car: str, rows: Sequence[_Pose], places: Array, report: ImportRepo
     for name, values in zip(("east", "north"), places.T, strict=True):
         report.span(name, values.tolist(), "m")
     report.way(car, times_s, places)
-    step_m = np.diff(places, axis=0)
-    drives = np.hypot(*step_m.T) > DRIVES_MPS * np.diff(times_s)
-    if drives.any():
-        heading = np.array([row.pose[3] for row in rows])[:-1][drives]
-        course = np.arctan2(*step_m[drives].T[::-1])
-        off, as_radians = _apart_rad(heading, course), _apart_rad(np.degrees(heading), course)
-        is_small = np.abs(np.degrees(heading)).max() <= math.tau
-        if is_small and off > ASKEW_RAD / 3 and as_radians < off / 3:
-            report.refuse(
-                f"{car}: heading_deg fits the way driven as radians, not as degrees: call it "
-                "heading_rad"
-            )
-        if off > ASKEW_RAD:
-            report.warn(
-                f"{car}: heading_deg is {math.degrees(off):.0f} degrees beside the way driven: it "
-                "counts counter-clockwise from east; a compass bearing does not"
-            )
-
-
-def _apart_rad(heading: Array, course: Array) -> float:
-    """How far two directions are apart, in the median."""
-    return float(np.median(np.abs((heading - course + math.pi) % math.tau - math.pi)))
+    heading = np.array([row.pose.heading_rad for row in rows[:-1]])
+    way = np.diff(places, axis=0), np.diff(times_s)
+    degrees = np.degrees(heading)
+    is_small = np.abs(degrees).max(initial=0.0) <= math.tau
+    report.heading(
+        f"{car}: heading_deg",
+        askew_rad(heading, *way),
+        askew_rad(degrees, *way) if is_small else math.inf,
+    )
 
 
 def _read_detections(
@@ -367,7 +354,6 @@ def _read_detections(
         distances_m.append(math.hypot(east_m - pose[0], north_m - pose[1]))
         outside[car] += ViewSector(pose, sensor.fov_rad).distance_m(east_m, north_m) is None
     report.read("detections", len(distances_m))
-    report.span("detections", distances_m, "m away")
     if 2 * unknown_labels > count:
         labels = ", ".join(short_repr(label) for label, _ in report.unused.most_common(3))
         report.refuse(
@@ -382,6 +368,7 @@ def _read_detections(
             "plane of its poses?",
             path,
         )
+    tell_distances(report, distances_m)
     for frames in detected.values():
         for found in frames:
             found.sort(key=lambda detection: -detection.score)

@@ -44,6 +44,7 @@ PIXEL_DECIMALS = 2
 ANGLE_DECIMALS = 6
 
 MAX_HEADING_RAD = 2 * math.pi
+MAX_STAMP_NS = 2**63 - 1
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
 
@@ -355,6 +356,8 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
             )
         if frame.kind not in KINDS:
             raise UserError(f"{where}: {unknown('kind of sensor', frame.kind, KINDS)}")
+        if frame.stamp_ns > MAX_STAMP_NS:
+            raise UserError(f"{where}: stamp_ns {frame.stamp_ns} is more than {MAX_STAMP_NS:.2g}")
         if frame.stamp_ns < 0 or frame.size_bytes <= 0:
             raise UserError(f"{where}: stamp_ns and size_bytes must not be negative or zero")
         pictured = frame.kind == "camera"
@@ -373,10 +376,15 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
             raise UserError(f"{where}: horizontal_fov_rad {fov_rad} is not between 0 and 2 pi")
         for detection in frame.detections:
             numbers = (detection.score, *(detection.box or ()), *(detection.location or ()))
-            if not (in_range(numbers) and 0 <= detection.score <= 1):
+            if not in_range(numbers):
                 raise UserError(
                     f"{where}: a {detection.label} whose score, box or location is not a number "
                     "in range"
+                )
+            if not 0 <= detection.score <= 1:
+                raise UserError(
+                    f"{where}: a {detection.label} of score {detection.score:g}; must be from 0 "
+                    "to 1"
                 )
             if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
                 raise UserError(f"{where}: a detection without a label or a method")

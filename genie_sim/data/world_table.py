@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError
+from genie_sim.base.units import MAX_M
 from genie_sim.core.geometry import Geodetic
 
 if TYPE_CHECKING:
     import pyarrow
 
 FORMAT_VERSION = 1
-# Nothing real is farther away than around the Earth, and squares of such numbers are still finite.
-MAX_M, MAX_ORIGIN = 4e7, (90.0, 180.0, 1e5)
+MAX_ORIGIN = (90.0, 180.0, 1e5)
 
 
 def content_digest(content: Sequence[Any]) -> str:

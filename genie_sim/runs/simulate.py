@@ -117,6 +117,28 @@ def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:
     return report
 
 
+@contextmanager
+def gc_disabled() -> Iterator[None]:
+    """Disables Python's garbage collector while a simulation runs, and collects what was left by
+    it.
+
+    A simulation makes very many small objects and leaves no reference cycles while time runs, so
+    the collector would find nothing; with ten thousand cars in memory its passes would take longer
+    than the simulation. What was there before is not searched.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.collect()
+        gc.unfreeze()
+        if was_enabled:
+            gc.enable()
+
+
+@gc_disabled()
 def simulate_method(
     prepared: Prepared,
     entry: MethodEntry,
@@ -154,7 +176,7 @@ def simulate_method(
         earlier_cars=earlier_cars,
     )
     note_power(tables["power"], entry.name, prepared, setup)
-    with gc_disabled(), own_code_named(scenario):
+    with own_code_named(scenario):
         world = World(setup, new_method(entry), log)
         check_warm_up(scenario, world.last_frame_ns)
         if observer is not None:
@@ -163,7 +185,6 @@ def simulate_method(
         if observer is not None:
             observer.after(entry.name, world)
         cars = {car.name for car in setup.cars if car.name in world.network.graphs}
-        world.dismantle()
     return cars
 
 
@@ -272,25 +293,3 @@ def make_judge(
         objects=tables["held_objects"] if "held_objects" in record else None,
         all_streams=prepared.scenario.judged == "all",
     )
-
-
-@contextmanager
-def gc_disabled() -> Iterator[None]:
-    """Disables Python's garbage collector while a simulation runs.
-
-    A simulation makes very many small objects and leaves no reference cycles (``World.dismantle``),
-    so the collector would find nothing; with ten thousand cars in memory its passes would take
-    longer than the simulation. Cycles that classes of the user's own leave stay until a full
-    collection.
-    """
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            # This moves everything to the oldest generation. Otherwise enabling the collector would
-            # start a pass over all objects made meanwhile.
-            gc.freeze()
-            gc.unfreeze()
-            gc.enable()

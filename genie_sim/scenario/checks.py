@@ -9,6 +9,7 @@ import logging
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 from genie_sim.base import files, plugins
@@ -470,6 +471,19 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
         raise UserError(
             f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} "
             f"at {last_s:g} s"
+        )
+    period_ns = max(
+        (
+            later.stamp_ns - frame.stamp_ns
+            for frames in recordings
+            for frame, later in pairwise(frames)
+        ),
+        default=0,
+    )
+    if end_ns > max(stamps_ns) + max(period_ns, 1) and scenario.sequence is None:
+        end_s, last_s = end_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
+        raise UserError(
+            f"{where}: ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
         )
     if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
         after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S

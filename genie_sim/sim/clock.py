@@ -5,40 +5,16 @@ wait for.
 """
 
 from collections.abc import Callable, Generator
-from contextlib import suppress
-from heapq import heappop, heappush
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 import simpy
-from simpy.events import NORMAL, URGENT
+from simpy.events import NORMAL
 
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.plugins import own_place
 from genie_sim.core.messages import Header
 from genie_sim.core.monitor import Span, SpanLabel
 
 Steps = Generator[simpy.Event, Any, None]  # what a process does
-
-
-class Delay(simpy.Timeout):
-    """SimPy's timeout, of a whole number of nanoseconds.
-
-    Raises ValueError for a delay that is negative or no whole number.
-    """
-
-    def __init__(self, clock: "Clock", delay: float, value: Any = None) -> None:
-        if type(delay) is not int:
-            delay = _whole_ns(delay)
-        if delay < 0:
-            raise ValueError(f"a delay of {delay} ns is negative")
-        # what SimPy's constructors do, in one call: most events are timeouts
-        self.env = clock
-        self.callbacks = []
-        self._value = value
-        self._delay = delay
-        self._ok = True
-        heappush(clock._queue, (clock._now + delay, NORMAL, next(clock._eid), self))
 
 
 class Clock(simpy.Environment):
@@ -57,38 +33,22 @@ class Clock(simpy.Environment):
         self.path: Span | None = None
         self.in_flight = 0
         self._is_traced = is_traced
-        self._alive: dict[simpy.Event, None] = {}  # processes that have not ended
-
-    now: int = property(attrgetter("_now"))  # type: ignore[assignment]
-    """Time since the start of the run [ns]; SimPy's own takes a call."""
 
     if TYPE_CHECKING:
+
+        @property
+        def now(self) -> int:
+            """Time since the start of the run [ns]."""
 
         @property
         def active_process(self) -> simpy.Process:
             """The process that runs now, asked from within it."""
 
-    def process(self, generator: Steps) -> simpy.Process:
-        """Starts a process."""
-        process = simpy.Process(self, generator)
-        self._alive[process] = None
-        process.callbacks.append(self._alive.pop)
-        return process
-
-    def timeout(self, delay: float = 0, value: Any = None) -> simpy.Timeout:
-        """Happens after a delay [ns]. Raises ValueError for one that is negative or no whole
-        number.
+    def schedule(self, event: simpy.Event, priority: Any = NORMAL, delay: float = 0) -> None:
+        """An event happens after a delay [ns]. Raises ValueError for one that is negative or no
+        whole number.
         """
-        return Delay(self, delay, value)
-
-    def event(self) -> simpy.Event:
-        """Happens when somebody says so."""
-        return simpy.Event(self)
-
-    def wake(self, event: simpy.Event, value: Any = None) -> None:
-        """An event happens now, before all others of this instant that are due already."""
-        event._ok, event._value = True, value
-        heappush(self._queue, (self._now, URGENT, next(self._eid), event))
+        super().schedule(event, priority, delay if type(delay) is int else _whole_ns(delay))
 
     def after(
         self,
@@ -113,7 +73,7 @@ class Clock(simpy.Environment):
             call has nothing to do with that message.
         """
         if label is None:
-            Delay(self, delay_ns).callbacks.append(lambda _: call(*arguments))
+            self.timeout(delay_ns).callbacks.append(lambda _: call(*arguments))
             return
         path = self.path
         self.in_flight += 1
@@ -123,7 +83,7 @@ class Clock(simpy.Environment):
             self.waited(path, label)
             call(*arguments)
 
-        Delay(self, delay_ns).callbacks.append(carry_on)
+        self.timeout(delay_ns).callbacks.append(carry_on)
 
     def begin(self, header: Header) -> None:
         """A new frame is handled from now on."""
@@ -139,68 +99,23 @@ class Clock(simpy.Environment):
     def run(self, until: Any = None) -> Any:
         """Lets time pass: to an instant [ns], to an event, or until nothing is due; see SimPy.
 
-        Raises what a process raises that no other waits for, and ``UserError`` where one yields
-        what is no event.
+        Raises what a process raises that no other waits for, itself and not SimPy's copy, and
+        ``UserError`` where one yields what is no event.
         """
         try:
-            if until is None or isinstance(until, simpy.Event):
-                return super().run(until)
-            return self._pass_time(until)
-        except RuntimeError:
-            process = self._active_proc
-            if process is None:
+            return super().run(until)
+        except RuntimeError as error:
+            if self.active_process is None:
                 raise
             raise UserError(
-                f"{_place(process)}: a process yields the event that it waits for, such as "
-                "clock.timeout(10**6); this is none"
+                f"{' '.join(str(error).split())}: a process yields the event that it waits for, "
+                "such as clock.timeout(10**6)"
             ) from None
-
-    def _pass_time(self, until_ns: int) -> None:
-        """What SimPy's ``run`` and ``step`` do, in one loop, and without a copy of what is
-        raised.
-        """
-        if until_ns < self._now:
-            raise ValueError(f"until {until_ns} ns: it is {self._now} ns already")
-        queue = self._queue
-        while queue and queue[0][0] < until_ns:
-            self._now, _, _, event = heappop(queue)
-            callbacks, event.callbacks = event.callbacks, None  # type: ignore[assignment]
-            for callback in callbacks:
-                callback(event)
-            if not event._ok and not hasattr(event, "_defused"):
-                raise event._value
-        self._now = until_ns
-
-    def clear(self) -> None:
-        """Ends all processes after a run, and drops what is scheduled, so that nothing is left to
-        Python's garbage collector.
-        """
-        process: Any
-        for process in list(self._alive):
-            with suppress(RuntimeError):  # one of the user's own may go on all the same
-                process._generator.close()
-            _forget(process.target)
-        for _, _, _, event in self._queue:
-            _forget(event)
-        self._alive.clear()
-        self._queue.clear()
-
-
-def _place(process: simpy.Process) -> str:
-    """Where a process is, in the code of the user's own if it is there."""
-    place, generator = process.name, cast(Any, process._generator)
-    while hasattr(generator, "gi_frame"):
-        place = own_place(generator.gi_frame) or place
-        generator = generator.gi_yieldfrom
-    return place
-
-
-def _forget(event: Any) -> None:
-    """Nobody waits for an event any more, nor for what it is made of."""
-    if event.callbacks:
-        event.callbacks.clear()
-    for part in getattr(event, "_events", ()):
-        _forget(part)
+        except Exception as error:
+            original = error.__cause__
+            if type(original) is not type(error) or original.args != error.args:
+                raise
+            raise original from original.__cause__
 
 
 def _whole_ns(delay: Any) -> int:
@@ -298,7 +213,7 @@ class NewestQueue(Generic[Item]):
         of its flow, if that makes room for it.
         """
         if self._takers:
-            self._clock.wake(self._takers.pop(0), item)
+            self._takers.pop(0).succeed(item)
             return None
         oldest = self.in_the_way(item.flow) if self.items else None
         if oldest is not None:
@@ -311,7 +226,7 @@ class NewestQueue(Generic[Item]):
         """Happens when there is an item: ``item = yield queue.get()`` takes the oldest."""
         event = self._clock.event()
         if self.items:
-            self._clock.wake(event, self.items.pop(0))
+            event.succeed(self.items.pop(0))
             self.occupancy.leave()
         else:
             self._takers.append(event)

@@ -105,7 +105,7 @@ class Processor:
         if self._stalls:
             return
         self._stalled_ns += self.clock.now - self._stall_began_ns
-        self.clock.wake(self._go_on)
+        self._go_on.succeed()
         self._go_on = self.clock.event()
         self._begin_next()
 
@@ -136,7 +136,7 @@ class Processor:
         """Free servers take the jobs that have waited for longest."""
         while self._waiting and self._free and not self._stalls:
             self._take_server()
-            self.clock.wake(self._waiting.pop(0))
+            self._waiting.pop(0).succeed()
             self.occupancy.leave()
 
     def _take_server(self) -> None:

@@ -272,20 +272,6 @@ class Network:
         if host not in self._host_names:
             raise UserError(unknown("host", host, self._host_names))
 
-    def clear(self) -> None:
-        """Takes everything apart after a run, so that it is freed at once and not by Python's
-        garbage collector.
-        """
-        for graph in self.graphs.values():
-            graph.clear()
-        self.graphs.clear()
-        self.uplinks.clear()
-        self.broadcasts.clear()
-        self.links.clear()
-        self.resources.clear()
-        self._radios.clear()
-        self.clock.clear()
-
 
 def is_at(link: Link, target: str) -> bool:
     """Whether a link is called ``target`` or has an end there."""

@@ -114,13 +114,6 @@ class Graph:
         """Whether a node has a message."""
         return any(node.is_busy for node in self._nodes.values())
 
-    def clear(self) -> None:
-        """Removes all nodes, subscribers and bridges."""
-        self._clear_routes()
-        self._subscribers.clear()
-        self._bridges.clear()
-        self._nodes.clear()
-
     def publish(self, node: "Node", topic: str, message: Message, to: str | None = None) -> None:
         """Delivers to every other node that subscribes to the topic, or only to the one whose
         address is ``to``.

@@ -87,7 +87,7 @@ class BatchingDetectorNode(DetectorNode):
         if oldest is not None:
             self._lose(oldest.message, f"{self.name}:{topic}")
         if not self._arrived.triggered:
-            self.clock.wake(self._arrived)
+            self._arrived.succeed()
 
     def void(self, where: str) -> None:
         self._free_ns = 0.0

@@ -76,10 +76,6 @@ class CarUplink:
             self._bridges[edge] = self._connect(self._edges[edge])
         self.edge = edge
 
-    def clear(self) -> None:
-        """Removes all links."""
-        self._bridges.clear()
-
     def bytes_carried(self) -> tuple[int, int]:
         """How much went up and came down, over the links to all edges."""
         links = [(up.link, down.link) for up, down in self._bridges.values()]
@@ -145,13 +141,6 @@ class CarUplinks(Subscriber):
             self._send(topic, message, sender)
         else:
             self._encoder.inject(topic, message, sender)
-
-    def clear(self) -> None:
-        """Removes all links."""
-        for uplink in self.uplinks:
-            uplink.clear()
-        self._by_topic.clear()
-        self._encoder = None
 
     def _send(self, topic: str, message: Message, sender: str) -> None:
         for uplink in self._by_topic[topic]:

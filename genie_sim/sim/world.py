@@ -239,19 +239,6 @@ class World:
         self.monitor.failed(self._fault_spans)
         self.monitor.close()
 
-    def dismantle(self) -> None:
-        """Takes everything apart after the run, so that it is freed at once and not by Python's
-        garbage collector.
-        """
-        for uplink in self._uplinks:
-            uplink.clear()
-        self.network.clear()
-        self.edges.clear()
-        self._uplinks.clear()
-        self._sampled.clear()
-        self._cameras.clear()
-        self._faults.clear()
-
     def _end_warm_up(self) -> None:
         """From now on what hosts, links and queues do counts."""
         self._used_in_warm_up = {usage.host: usage for usage in self._usage()}

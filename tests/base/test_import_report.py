@@ -21,7 +21,10 @@ def test_however_much_there_is_to_tell_it_is_ten_lines():
         report.way(f"car{number}", [0.0, 3.0], [(0.0, 0.0), (30.0, 40.0)])
     lines = report.lines()
     assert len(lines) == 10 and not any("\n" in line for line in lines)
-    assert lines[-1] == "warning: 97 more, such as car3: a gap of 3 s"
+    assert (
+        lines[-1]
+        == "warning: 97 more, such as car3: a row every 3 s; in between it drives straight"
+    )
     assert "and 94 more" in lines[0] and "car0: 3 s at 0.333 Hz, path 50 m" in lines[5]
     assert json.loads(json.dumps(report.facts()))["left_out"]["things\n7"] == 1
 

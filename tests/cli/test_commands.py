@@ -74,6 +74,11 @@ BAD = {
         "[90 s, 91 s]",
         "cars[0].route.window: begins at 90 s, after the last frame",
     ),
+    "a route that goes on after the end": (
+        "[0 s, 1 s]",
+        "[9 s, 19 s]",
+        "cars[0].route.window: ends at 19 s, after the last frame",
+    ),
     "a route between two frames": (
         "[0 s, 1 s]",
         "[10 ms, 20 ms]",

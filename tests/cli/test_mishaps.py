@@ -4,6 +4,7 @@ that go away.
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -80,13 +81,6 @@ def test_a_table_without_one_of_its_columns_is_told(folder, capsys):
     one_line(capsys.readouterr().err, "frames.parquet: column bytes_up: missing, or not int64")
 
 
-def test_a_run_that_wrote_down_no_poses_is_no_bag(capsys):
-    folder = gs.run("street_1car_homo", {**SHORT, "record": ["lookups"]}, out="bare").folder
-    assert main(["export", str(folder)]) == 1
-    one_line(capsys.readouterr().err, "no poses")
-    assert not list(folder.glob("*mcap*")) + list(folder.glob(".*"))
-
-
 # Paths
 
 
@@ -113,7 +107,6 @@ def test_every_path_is_taken_in_one_way():
         ["run", "~/nothing.yaml"],
         ["sweep", "~/nothing.yaml"],
         ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
-        ["perceive", "--bag=~/nothing.bag", "--out=~/t.parquet"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
         ["run", "street_1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],
@@ -312,6 +305,44 @@ def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
     perception = {"source": "town", "duration": "1 s"}
     run = gs.run({"fleet": fleet, "perception": perception, "methods": ["local"]})
     assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("seeds", [()])
+def test_what_cannot_be_drawn_or_written_leaves_the_tables(seeds, monkeypatch, capsys, caplog):
+    """A library's exception, and a disk that is full when the page is written."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def broken(*_):
+        raise ZeroDivisionError("of a library")
+
+    monkeypatch.setattr("genie_sim.report.html_page.page", full)
+    monkeypatch.setattr("genie_sim.report.comparison.seeds_page", full)
+    monkeypatch.setattr("genie_sim.analysis.figures.of_run", broken)
+    line = ["run", "street_1car_homo", "--figures", "--jobs", "1", *seeds]
+    assert main([*line, "--set", "cars[0].route.window=[0 s, 1 s]"]) == 1
+    (folder,) = Path("results").iterdir()
+    said = capsys.readouterr().err.splitlines()
+    kept = f"genie-sim: {folder}: the results are kept, but without figures, report.html"
+    assert said[-1] == kept and len(gs.load(folder).metrics)
+    told = [record.getMessage() for record in caplog.records]
+    assert "figures: ZeroDivisionError: of a library" in told
+    assert f"report.html: OSError: {OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))}" in told
+    assert (folder / "summary.md").exists() and not (folder / "report.html").exists()
+
+
+def test_a_title_is_text_whatever_it_holds(capsys):
+    title = r"$\\frac$ & <b>|`x`"
+    methods = f'methods=[{{name: m, method: genie, title: "{title}"}}]'
+    line = ["run", "street_1car_homo", "--set", "cars[0].route.window=[0 s, 1 s]", "--figures"]
+    assert main([*line, "--set", methods]) == 0
+    (folder,) = Path("results").iterdir()
+    assert r"$\frac$ &amp; &lt;b&gt;|`x`" in (folder / "figures" / "latency_cdf.svg").read_text()
+    capsys.readouterr()
+    assert main(["table", str(folder), "--format", "latex"]) == 0
+    assert r"\$\textbackslash{}frac\$ \&" in capsys.readouterr().out
+    assert "<b>" not in (folder / "report.html").read_text()
 
 
 def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, capsys):

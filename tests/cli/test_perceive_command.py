@@ -13,8 +13,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import evaluation, perceive, trace, truth, truth_table, v2v4real
-from genie_sim.ros import bags
+from genie_sim.data import evaluation, perceive, trace, trace_report, truth, truth_table, v2v4real
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -55,11 +54,10 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
-    monkeypatch.setattr(trace, "write_trace", noting("write"))
+    monkeypatch.setattr(trace_report, "write_trace", noting("write"))
     monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
     monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
     monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
-    monkeypatch.setattr(bags, "perceive_bag", noting("bag", Trace()))
     monkeypatch.setattr(v2v4real, "folder", lambda root: root)
     monkeypatch.setattr(v2v4real, "recordings", noting("pair", {"ego": Trace(), "cav1": Trace()}))
     monkeypatch.setattr(truth_table, "write_truth", noting("write truth"))
@@ -117,15 +115,6 @@ def test_labels_are_those_of_the_drive_itself(asked):
     assert drive == "2011_09_26/0005"
 
 
-def test_a_bag_with_its_own_detections(asked):
-    bag = ["perceive", "--bag", "b.bag", "--out", "t.parquet"]
-    assert main([*bag, "--detections", "/found", "--topic", "left=/l", "--origin", "1,2,3"]) == 0
-    (((path,), asked_for),) = asked["bag"]
-    assert path == Path("b.bag") and asked_for["detector"] is None
-    assert asked_for["cameras"] == ("left=/l",) and asked_for["detections"] == "/found"
-    assert asked_for["origin"] == (1.0, 2.0, 3.0) and asked_for["min_score"] == 0.3
-
-
 def test_a_pair_of_real_cars(asked, capsys):
     line = ["perceive", "--format", "v2v4real", "/root", "--sequence", "train/0012", "--out", "o"]
     assert main(line) == 0
@@ -147,15 +136,13 @@ def test_a_pair_of_real_cars(asked, capsys):
 
 
 PAIR = ["--format", "v2v4real"]
-BAG = ["--bag", "b.bag", "--out", "t.parquet"]
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "give either --drive, --bag or --format"),
-        (["--drive", "a", "--bag", "b"], "give either --drive, --bag or --format"),
-        (["--drive", "a", *PAIR], "give either --drive, --bag or --format"),
+        ([], "give either --drive or --format"),
+        (["--drive", "a", *PAIR], "give either --drive or --format"),
         ([*PAIR, "--sequence", "s"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--out", "o"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--evaluate"], "--format goes with ROOT, --sequence, --partner, --min-score"),
@@ -165,9 +152,6 @@ BAG = ["--bag", "b.bag", "--out", "t.parquet"]
         (["--drive", "a", "--sequence", "s"], "--sequence s goes with --format v2v4real only"),
         (["--drive", "a", "--partner", "3"], "--partner 3 goes with --format v2v4real only"),
         (["--drive", "a"], "say what you want: --out or --evaluate"),
-        (["--bag", "b.bag"], "say what you want: --out"),
-        ([*BAG, "--encoding", "jpeg"], "--encoding is for drives: a bag's pictures are looked at"),
-        ([*BAG, "--evaluate"], "--evaluate needs KITTI; with --bag use --out only"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):

@@ -20,8 +20,8 @@ from tests.test_imports import MAY_IMPORT
 REPOSITORY = Path(__file__).resolve().parents[2]
 DOCS = REPOSITORY / "docs"
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
-# they need real ROS, the whole evaluation, KITTI, openssl
-WITH_TESTS_OF_THEIR_OWN = {"ros.md", "paper.md", "perception.md", "how-to/keys.md"}
+# they need the whole evaluation, KITTI
+WITH_TESTS_OF_THEIR_OWN = {"paper.md", "perception.md"}
 GENERATED = "<!-- Made by python -m tools.reference. -->"  # test_reference.py
 FOLLOWED = [
     name

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.seeds import Draws, stream
@@ -19,6 +18,7 @@ from genie_sim.sim.link_models.recording import Steps
 from genie_sim.sim.link_models.trace import RecordedLink, TraceRadio
 from genie_sim.sim.link_models.wire import Wire
 from tests.conformance import small
+from tools.make import urban_n78
 
 S, MBIT, MS = 1_000_000_000, 1_000_000, 1_000_000
 UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)
@@ -168,6 +168,9 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
 
 
 CSV = "time_s,up_mbps,down_mbps,rtt_ms\n10,1.5,50,20\n11,0,50,30.5\n12.5,20,40,25\n"
+MTU_TIME = "Thu Aug 11 13:42:01 UTC 2022"
+IRISH_TITLES = "Timestamp,State,DL_bitrate"
+CICV5G_TITLES = "pub_time(ms),delay(ms),utmX(m),utmY(m)"
 CICV5G = (
     "pub_time(ms)\tsub_time(ms)\tdelay(ms)\tutmX(m)\tutmY(m)\n"
     "1000 \t1017 \t17\t500.25\t70.5\n1000 \t1018 \t18\t500.25\t70.5\n1054 \t1077\t23\t501.5\t70\n"
@@ -270,7 +273,7 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
         (
             "csv",
             "time_s,up_mbps\n0,-1\n",
-            "line 2: up_mbps: must be a number of at least 0, not '-1'",
+            "line 2: up_mbps: must be a number from 0 to 1e+09, not '-1'",
         ),
         ("csv", "time_s,up_mbps\n0,0\n1,0\n", "column up_bps: no rate is above 0"),
         ("csv", "time_s,up_mbps\n1,5\n0.5,7\n", "line 3: time_s: must be more than 1 of"),
@@ -281,9 +284,35 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
         ("csv", "time_s,up_mbps\n0,15000000\n", "up: at most 1.5e+07 Mbit/s, which no link has"),
         ("csv", "time_s,rtt_ms\n0,0.02\n1,0.03\n", "rtt: at most 0.03 ms, which no link has"),
         ("mahimahi", "7\n3\n", "line 2: 3 ms is before 7 ms"),
-        ("mahimahi", "1\n999999999999\n", "the last packet leaves at 1e+12 ms, must be above 0"),
+        ("mahimahi", "1\n999999999999\n", "line 2: must be a number from 0 to 1e+08, not"),
+        ("mahimahi", "0\n0\n", "the last packet leaves at 0 ms, must be later"),
         ("mahimahi", "x\n", "line 1: must be a number, not 'x'"),
         ("cicv5g", "pub_time(ms)\n0\n", "column 'delay_ms' is missing"),
+        ("csv", "time_s,up_mbps\n1700000000000,30\n", "are these milliseconds since 1970?"),
+        ("csv", "time_s,up_mbps\n1700000000000000000,30\n", "are these nanoseconds since 1970?"),
+        ("csv", "time_ms,up_mbps\n1700000000000000000,30\n", "nanoseconds since 1970?"),
+        ("csv", "time_s,up_mbps\n0,1\n500,2\n1000,3\n", "times: a row every 500 s"),
+        ("csv", "time_ms,up_mbps\n0.1,1\n0.2,2\n0.3,3\n", "times: a row every 0.0001 s"),
+        ("csv", "time_s,up_mbps\n0,1\n1,2\n2,3\n1700000000,4\n", "times: a gap of"),
+        ("csv", "time_s,up_mbps\n1,40\n2,1e308\n", "line 3: up_mbps: must be a number from 0"),
+        ("csv", "time_s,up_mbps\n1,40\n2,1e18\n", "line 3: up_mbps: must be a number from 0"),
+        ("csv", "time_s,rtt_ms\n1,1e300\n", "line 2: rtt_ms: must be a number from 0"),
+        ("csv", "time_s,rtt_ms,east_m\n1,1,1e300\n", "line 2: east_m: must be a number from"),
+        ("mtu", f"Time,RATE(MBit/s)\n{MTU_TIME},1e308\n", "line 2: rate_mbps: must be a number"),
+        (
+            "irish",
+            f"{IRISH_TITLES}\n2019.12.14_10.16.30,D,1e308\n",
+            "line 2: DL_bitrate: must be a",
+        ),
+        ("cicv5g", f"{CICV5G_TITLES}\n100,-1e308,1,2\n", "line 2: delay_ms: must be a number"),
+        ("cicv5g", f"{CICV5G_TITLES}\n1e300,1,1,2\n", "line 2: pub_time_ms: must be a number"),
+        ("cicv5g", f"{CICV5G_TITLES}\n1,1,1e300,2\n", "line 2: utmX_m: must be a number"),
+        (
+            "mtu",
+            f"Time,RATE(MBit/s)\n{MTU_TIME},1\n{MTU_TIME.replace('2022', '9999')},1\n"
+            f"{MTU_TIME.replace('2022', '9999').replace('01', '02')},1\n",
+            "t_ns: row 1 is",
+        ),
     ],
 )
 def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, message):

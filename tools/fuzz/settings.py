@@ -166,7 +166,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "reproduce": ("--seeds", "--jobs", "--out"),
     "perceive": (
         "--drive",
-        "--bag",
         "--size",
         "--origin",
         "--threads",
@@ -192,8 +191,6 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--scheduler",
         "--out",
     ),
-    "ros attach /x": ("--role", "--fov", "--set", "--listen", "--connect", "--pid", "--name"),
-    "ros detach": ("--network",),
     "list": (),
     "show": ("--kind", "--copy-to", "--schema"),
     "": ("--version",),
@@ -223,7 +220,6 @@ def options(folder: Path) -> Case:
             "data.fetch.urlopen",
             "scenario.device_fit.measure",
             "study.study.Study.run",
-            "ros.attach._graph",
         )
         with contextlib.ExitStack() as stack:
             for name in stopped:

@@ -214,7 +214,7 @@ class CellSender:
         sent, self._sent = self._sent, None
         self._is_lost = is_lost
         assert sent is not None, "a message is being sent"
-        self._direction.clock.wake(sent)
+        sent.succeed()
 
 
 @dataclass(slots=True, eq=False)

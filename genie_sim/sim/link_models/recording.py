@@ -6,7 +6,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import accumulate, pairwise
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files, parquet
@@ -27,6 +26,8 @@ TOLD = {  # in the report of an import
 # The largest rate and the longest round trip of a link are in between.
 USUAL = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
+LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
+MAX_WHOLE = 2**63 - 1
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,9 @@ def check(where: str, columns: Mapping[str, Sequence[Any]]) -> None:
             if value is None or value != value or (name in WHOLE_COLUMNS and value < 0):
                 text = "is unknown" if value is None or value != value else f"is {value}"
                 raise UserError(f"{where}: column {name}: row {row} {text}; must be 0 or more")
+            if name not in PLACE_COLUMNS and abs(value) > MAX_WHOLE:
+                text = f"is {value:.3g}; must be below {MAX_WHOLE:.2g}"
+                raise UserError(f"{where}: column {name}: row {row} {text}")
         if name.endswith("_bps") and not any(values):
             raise UserError(
                 f"{where}: column {name}: no rate is above 0: nothing would get through"
@@ -174,8 +178,7 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
                     f"{what}: at most {max(values):.4g} {unit}, which no link has (from {low:g} to "
                     f"{high:g} {unit}): is it in another unit?"
                 )
-    steps_s = [after - before for before, after in pairwise(times_s)]
-    report.gaps("times", times_s, 5 * median(steps_s or [0.0]))
+    report.times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
     if "east_m" in columns:
         report.way("places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True)))
 

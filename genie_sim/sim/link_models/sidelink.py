@@ -246,4 +246,4 @@ class Station:
             self._busy_since_ns = None
         change, self._change = self._change, None
         if change is not None:
-            self.clock.wake(change)
+            change.succeed()

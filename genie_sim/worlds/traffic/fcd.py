@@ -18,16 +18,16 @@ from xml.parsers import expat
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.import_report import FAST_SHARE, ImportReport
+from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport, askew_rad
 from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
+from genie_sim.base.units import MAX_M, MAX_TIME_S
 from genie_sim.core.geometry import Array
-from genie_sim.data.world_table import MAX_M
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
 UNKNOWN_TYPE = ""  # of a vehicle without the attribute
-MAX_TIME_S = 1e11
+MAX_TURN_DEG = 3600.0
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
 SPEEDS = 20_000  # rows whose speed is compared with their way
 SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
@@ -140,7 +140,7 @@ class _Content:
             angle_deg = float(attributes["angle"])
         except (KeyError, ValueError, TypeError):
             raise self._wrong(attributes, is_person) from None
-        if not (abs(x_m) <= MAX_M and abs(y_m) <= MAX_M and abs(angle_deg) <= MAX_M):
+        if not (abs(x_m) <= MAX_M and abs(y_m) <= MAX_M and abs(angle_deg) <= MAX_TURN_DEG):
             if INVALID in (x_m, y_m, angle_deg):
                 self.invalid += 1
                 return
@@ -180,8 +180,8 @@ class _Content:
             return self.error(f"{what}: attribute 'id' is missing")
         what = f"{what} {short_repr(attributes['id'])}"
         try:
-            for name in ("x", "y", "angle"):
-                self.number(attributes, what, name)
+            for name, most in (("x", MAX_M), ("y", MAX_M), ("angle", MAX_TURN_DEG)):
+                self.number(attributes, what, name, most)
         except UserError as error:
             return error
         raise AssertionError("no attribute is wrong")
@@ -258,7 +258,8 @@ def _read_table(
 ) -> _Content:
     """The content of SUMO's CSV or Parquet."""
     prefixes = ("vehicle_", "person_") if "timestep_time" in table.titles else ("",)
-    columns = [FileColumn("timestep_time" if prefixes[0] else "time", highest=MAX_TIME_S)]
+    time = "timestep_time" if prefixes[0] else "time"
+    columns = [FileColumn(time, lowest=-MAX_TIME_S, highest=MAX_TIME_S)]
     for prefix in prefixes:
         columns += [FileColumn(f"{prefix}{name}", "text", optional=True) for name in TEXTS]
         columns += [FileColumn(f"{prefix}{name}", optional=True) for name in NUMBERS]
@@ -293,11 +294,12 @@ def _read_table(
 
 
 def _speed(value: Any) -> float:
-    """The attribute ``speed`` [m/s]; not a number where there is none."""
+    """The attribute ``speed`` [m/s]; not a number where there is none that is one."""
     try:
-        return math.nan if value is None else float(value)
+        speed_mps = math.nan if value is None else float(value)
     except ValueError:
         return math.nan
+    return speed_mps if abs(speed_mps) <= MAX_M else math.nan
 
 
 def read_fcd(
@@ -368,15 +370,39 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
         begins = [f"{time_s:g} s" for time_s in (content.begin_s, content.first_s)]
         report.choose("begin", begins[0], begins, "perception.begin")
     report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
+    known_s = float(rows.times_s[-1]) - (content.begin_s or 0.0)
+    if known_s + LONG_GAP_S < content.duration_s:
+        report.warn(
+            f"ends {known_s:.4g} s after the beginning, before 'duration' of "
+            f"{content.duration_s:.4g} s is over"
+        )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
+    report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
-    pairs = (np.diff(vehicle) == 0) & (np.diff(rows.step[order]) == 1)
+    same, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
+    if same.any() and np.median(apart[same]) > 1:
+        report.refuse(
+            f"a vehicle is there at every {np.median(apart[same]):g}th step only, and nowhere in "
+            "between: write all vehicles at all steps (--device.fcd.period)"
+        )
+    pairs = same & (apart == 1)
     if not pairs.any():
         return
     passed_s = np.diff(t_s)[pairs]
-    way_m = np.hypot(np.diff(rows.x_m[order]), np.diff(rows.y_m[order]))[pairs]
+    steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
+    drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
+    angle_deg = rows.angle_deg[order][1:][pairs][drives]
+    way = steps_m[drives], passed_s[drives]
+    is_small = np.abs(angle_deg).max(initial=0.0) <= math.tau
+    report.heading(
+        "vehicles: angle",
+        askew_rad(np.radians(90.0 - angle_deg), *way),
+        askew_rad(math.pi / 2 - angle_deg, *way) if is_small else math.inf,
+        "count clockwise from north, in degrees",
+    )
+    way_m = np.hypot(*steps_m.T)
     told_m = passed_s * np.array(content.speeds_mps)[order][1:][pairs]
     speeds_mps = way_m / passed_s
     if (speeds_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere

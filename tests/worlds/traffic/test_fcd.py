@@ -101,9 +101,20 @@ def test_a_table_that_is_none_of_sumo_is_one_line(tmp_path):
         read_fcd(path, None, 1.0)
 
 
-def driven(factor: float = 1.0, speed: str = "", begin_s: float = 0.0, count: int = 40) -> str:
+def driven(
+    factor: float = 1.0,
+    speed: str = "",
+    begin_s: float = 0.0,
+    count: int = 40,
+    *,
+    angle: float = 90.0,
+    step_s: float = 0.1,
+) -> str:
     """The text of a vehicle that drives at 10 m/s."""
-    steps = [(begin_s + k / 10, {"a": (100 + k * factor, 50.0, 90.0)}) for k in range(count)]
+    steps = [
+        (begin_s + k * step_s, {"a": (100 + k * step_s * 10 * factor, 50.0, angle)})
+        for k in range(count)
+    ]
     return fcd_text(steps).replace("/>", f" {speed}/>")
 
 
@@ -113,6 +124,12 @@ def driven(factor: float = 1.0, speed: str = "", begin_s: float = 0.0, count: in
         (driven(1e-5), "vehicles: nothing moves faster than 0.0001 m/s: are places in degrees"),
         (driven(1e-3, 'speed="10"'), "go 0.001 times as far as their speeds say"),
         (driven(30), "39 of 39 steps are faster than 100 m/s"),
+        (driven(step_s=20.0), "steps: a row every 20 s; in between vehicles drive straight"),
+        (driven(angle=1.5708), "vehicles: angle fits the way driven as radians"),
+        (
+            fcd_text([(k, {"a": (k, 1.0, 90.0)} if k % 3 == 0 else {}) for k in range(30)]),
+            "a vehicle is there at every 3th step only",
+        ),
     ],
 )
 def test_places_that_are_no_metres_are_refused(tmp_path, text, message):
@@ -127,9 +144,22 @@ def test_places_that_are_no_metres_are_refused(tmp_path, text, message):
 def test_feet_are_warned_of_and_metres_are_not(tmp_path):
     path = tmp_path / "a.xml"
     path.write_text(driven(3.28, 'speed="10"'))
-    assert "go 3.28 times as far" in read_fcd(path, None, 100.0).report.warnings[0]
+    assert "go 3.28 times as far" in read_fcd(path, None, 3.0).report.warnings[0]
     path.write_text(driven(1.0, 'speed="10"'))
-    assert not read_fcd(path, None, 100.0).report.warnings
+    assert not read_fcd(path, None, 3.0).report.warnings
+
+
+def test_an_angle_that_counts_from_east_is_warned_of(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text(driven(angle=0.0))
+    (warning,) = read_fcd(path, None, 3.0).report.warnings
+    assert "vehicles: angle is 90 degrees beside the way driven" in warning
+
+
+def test_a_file_that_ends_before_the_duration_says_so(tmp_path):
+    path = tmp_path / "a.xml"
+    path.write_text(driven())
+    assert "ends 3.9 s after" in " ".join(read_fcd(path, None, 9.0).report.warnings)
 
 
 def test_the_mark_of_no_place_is_counted_and_passed_over(tmp_path):
