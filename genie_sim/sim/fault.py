@@ -7,13 +7,8 @@ from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-import simpy
-
-from genie_sim.base.contracts import Contract, require
-from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
+from genie_sim.base.errors import unknown
 from genie_sim.base.settings import Bounds
-from genie_sim.core.monitor import FaultSpan
-from genie_sim.sim.clock import Steps
 from genie_sim.sim.settings import ALL
 
 if TYPE_CHECKING:
@@ -21,10 +16,6 @@ if TYPE_CHECKING:
 
 Problem = tuple[int, str, str]  # the fault's index, the field, and what is wrong with it
 Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the fault's end
-
-GENERATOR = Contract(
-    "a generator, a function that yields", lambda value: isinstance(value, Generator)
-)
 
 
 class Fault:
@@ -109,61 +100,3 @@ class TimedFault(FaultTimes):
     kind: str = ""
     begin_ns: int = 0
     mean_duration_ns: int = 0
-
-
-def run(timed: TimedFault, network: "Network", last_frame_ns: int, spans: list[FaultSpan]) -> Steps:
-    """The process of a fault: it begins and ends, once or again and again. A recurring one does not
-    begin again after the last frame. ``spans`` gets every time from a beginning to an end.
-    """
-    clock, target = network.clock, timed.fault.target
-    owner, between_ns = f"fault {timed.kind!r}", timed.mean_time_between_ns
-    rng = network.stream(timed.name)
-
-    def drawn(mean_ns: int) -> simpy.Timeout:
-        return clock.timeout(max(1, round(rng.exponential(mean_ns))))
-
-    yield clock.timeout(timed.begin_ns)
-    if between_ns is not None:
-        yield drawn(between_ns)
-    while between_ns is None or clock.now <= last_frame_ns:
-        text = target if isinstance(target, str) else ", ".join(target)
-        place = len(spans)
-        spans.append(FaultSpan(timed.kind, text, clock.now, None))
-        steps = require(owner, "strike()", timed.fault.strike(network), GENERATOR)
-        with as_user_error(owner, UserError):  # such as an unknown host
-            event = next(steps, None)
-        process = clock.process(_working(owner, steps, event))
-        if between_ns is not None:
-            yield drawn(timed.mean_duration_ns)
-        elif timed.end_ns is not None:
-            yield clock.timeout(timed.end_ns - timed.begin_ns)
-        else:
-            return
-        spans[place] = spans[place]._replace(end_ns=clock.now)
-        if process.is_alive:
-            process.interrupt("end")
-        else:
-            next(steps, None)
-        if between_ns is None:
-            return
-        if clock.now <= last_frame_ns:
-            yield drawn(between_ns)
-
-
-def _working(owner: str, steps: Strike, event: simpy.Event | None) -> Steps:
-    """Waits for what a fault waits for, until that is its end alone."""
-    try:
-        while event is not None:
-            if not isinstance(event, simpy.Event):
-                raise UserError(
-                    f"{owner}: strike() yields {short_repr(event)}, but must yield an event of the "
-                    "clock, or nothing to wait for its end"
-                )
-            try:
-                value = yield event
-            except Exception as error:
-                event = steps.throw(error)
-            else:
-                event = steps.send(value)
-    except (StopIteration, simpy.Interrupt):
-        return

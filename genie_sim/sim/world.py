@@ -14,7 +14,7 @@ from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.core.rules import GenieRules
-from genie_sim.sim import fault, wiring
+from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
@@ -88,7 +88,7 @@ class World:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            steps = fault.run(timed, self.network, self.last_frame_ns, self._fault_spans)
+            steps = fault_process.run(timed, self.network, self.last_frame_ns, self._fault_spans)
             self._faults.append(self.clock.process(steps))
         for camera in self._cameras:
             self.clock.process(camera.run())

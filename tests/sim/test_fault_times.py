@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.fault import TimedFault, run
+from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.fault_process import run
 
 MS = 1_000_000
 BEGIN_NS = 700 * MS

@@ -10,7 +10,8 @@ import pytest
 import simpy
 
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.fault import TimedFault, run
+from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.fault_process import run
 from genie_sim.sim.network import Network
 from tests.conformance import small
 
