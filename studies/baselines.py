@@ -1,4 +1,4 @@
-"""Other caches beside Genie: the study behind docs/baselines.md, which has the results.
+"""Other caches beside Genie: the study behind docs/results.md, which has the results.
 
     python -m studies.baselines cold|warm
 

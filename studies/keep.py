@@ -30,16 +30,6 @@ METRICS = {
         "fault_ghosts",
         "fault_recovery",
     ),
-    "freshness": (
-        "streaming_f1",
-        "object_recall",
-        "object_recall_static",
-        "object_recall_moving",
-        "ghost_share",
-        "first_answer_mean",
-        "bytes_up_per_frame",
-        "accelerator_time",
-    ),
     "shared_uplink": (
         "streaming_f1",
         "object_recall",

@@ -1,4 +1,4 @@
-"""Writes the tables of the documentation's pages from the committed tables of the studies.
+"""Writes the tables of docs/results.md from the committed tables of the studies.
 
     python -m studies.pages
 
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-RESULTS = Path("results")
+RESULTS, PAGE = Path("results"), Path("docs/results.md")
 METHODS = {
     "local": "local",
     "local_tracker": "local, tracker",
@@ -90,75 +90,34 @@ def by_metric(
 
 FRESH = Shown("frames with a fresh result [%]", "fresh_answered_share", 100)
 F1 = Shown("streaming F1 [%]", "streaming_f1", 100)
-RECALL = Shown("recall [%]", "object_recall", 100)
 ENERGY = Shown("energy per frame [J]", "energy_per_frame")
 WITH_TRACKERS = ("local", "local_tracker", "remote", "remote_tracker", "genie", "recommended")
 
 
 def batching() -> str:
-    """docs/batching.md."""
     servings = ("one by one", "a queue for each camera", "in fours", "in eights")
-    metrics = (FRESH, F1, RECALL, Shown("first answer, p95 [ms]", "first_answer_p95"), ENERGY)
     methods = ("remote", "remote_tracker", "genie", "recommended")
-    return by_metric("batching", metrics, methods, {name: {"serving": name} for name in servings})
+    columns = {name: {"serving": name} for name in servings}
+    return by_metric("batching", (F1, FRESH, ENERGY), methods, columns)
 
 
 def shared_uplink() -> str:
-    """docs/shared-uplink.md."""
     links = {"`nr5g`": "nr5g, not shared", "`cell`": "cell of 25 MHz"}
     columns: dict[str, dict[str, Any]] = {
         f"{cars} cars, {title}": {"cars": cars, "link": link}
         for cars in (30, 80)
         for title, link in links.items()
     }
-    return by_metric("shared_uplink", (FRESH, RECALL, F1, ENERGY), WITH_TRACKERS, columns)
+    return by_metric("shared_uplink", (F1,), WITH_TRACKERS, columns)
 
 
 def failing_edge() -> str:
-    """docs/failing-edge.md."""
-    metrics = (
-        Shown(FRESH.title, "fault_fresh_share", 100),
-        Shown(RECALL.title, "fault_recall", 100),
-        Shown("false objects [%]", "fault_ghosts", 100),
-    )
     faults = ("crash, cold", "crash, warm", "stall", "five times slower")
     columns = {"before": {"fault": faults[0], "component": "before"}} | {
         fault: {"fault": fault, "component": "during"} for fault in faults
     }
-    return by_metric("failing_edge", metrics, (*WITH_TRACKERS, "sim_lru"), columns)
-
-
-def freshness() -> str:
-    """docs/explanation/freshness.md."""
-    names = {
-        "never": "`never` (as printed)",
-        "ttl": "`ttl`",
-        "class_ttl": "`class_ttl`",
-        "corroborate": "`corroborate`",
-        "track": "`track`",
-        "autoware": "`existence`, `autoware`",
-        "ipda": "`existence`, `ipda`",
-        "recommended": "`recommended`",
-        "paced": "the recommended Genie",
-    }
-    metrics = {
-        "false objects": "ghost_share",
-        "recall, static": "object_recall_static",
-        "moving": "object_recall_moving",
-        "F1": "streaming_f1",
-    }
-    points = points_of("freshness")
-    places = ("drive", "town")
-    rows = [
-        [title]
-        + [
-            f"{value(points, where=place, metric=metric, method=method):.2f}"
-            for place in places
-            for metric in metrics.values()
-        ]
-        for method, title in names.items()
-    ]
-    return markdown(["policy", *(f"{place}: {m}" for place in places for m in metrics)], rows)
+    recall = (Shown("recall [%]", "fault_recall", 100),)
+    return by_metric("failing_edge", recall, (*WITH_TRACKERS, "sim_lru"), columns)
 
 
 def gain(row: Mapping[Any, Any]) -> str:
@@ -166,31 +125,22 @@ def gain(row: Mapping[Any, Any]) -> str:
     return f"{row['gain']:+.3f} ({row['low']:+.3f} to {row['high']:+.3f})"
 
 
-def where_it_pays(step: str) -> str:
-    """docs/where-it-pays.md, a row for each condition."""
-    table = pd.read_csv(RESULTS / "where_it_pays" / f"{step}_gains.csv")
+def where_it_pays() -> str:
+    """The towns, and the means over drives and towns."""
     rows = []
-    for row in table.to_dict("records"):
-        if isinstance(row["best"], str):
+    for row in pd.read_csv(RESULTS / "where_it_pays" / "reported_gains.csv").to_dict("records"):
+        if not isinstance(row["best"], str):
+            rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
+        elif row["condition"].startswith("town"):
             best = METHODS[row["best"].removesuffix("_for_towns")]
             numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
             rows.append([row["condition"], best, *numbers, ", ".join(f"{p:.0%}" for p in prices)])
-        else:
-            rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
-    header = [
-        "condition",
-        "best method without a Genie",
-        "its F1",
-        "Genie's F1",
-        "difference (95 %)",
-        "bytes, edge time, energy of remote",
-    ]
+    header = ["condition", "best without a Genie", "its F1", "Genie's F1", "difference", "prices"]
     return markdown(header, rows, texts=2)
 
 
 def baselines() -> str:
-    """docs/baselines.md."""
     points = pd.read_csv(RESULTS / "baselines" / "cold.csv", keep_default_na=False)
     points = points[points["case"] == "as in the scenario"]
     names = {
@@ -229,7 +179,7 @@ def baselines() -> str:
 
 
 def which_cache() -> str:
-    """docs/which-cache.md: in each search the tuned Genie beside the best other tuned method."""
+    """In each search the tuned Genie beside the best other tuned method."""
     names = {
         "ethernet": "three cars, Ethernet, encoding searched",
         "caches": "three cars, Ethernet, raw, other caches too",
@@ -259,7 +209,7 @@ def which_cache() -> str:
 
 
 def messages() -> str:
-    """docs/what-to-share.md: a sentence for each size of message."""
+    """A sentence for each size of message."""
     table: Any = pd.read_csv(RESULTS / "what_to_share" / "messages.csv")
     sentences = []
     for title, rows in table.groupby("message", sort=False):
@@ -275,44 +225,41 @@ def messages() -> str:
 
 
 def sharing() -> str:
-    """docs/what-to-share.md: each method at each place."""
+    """Each method at each place."""
     table: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
-    rows = [
-        [
-            row["place"],
-            METHODS[row["method"]],
-            f"{row['streaming_f1']:.3f}",
-            "best of these"
-            if row["method"] == row["best"]
-            else gain({"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}),
-            f"{row['first_answer_ms']:.0f}",
-            f"{row['bytes_up'] / 1000:.1f}",
-            f"{row['channel_busy']:.1%}",
-        ]
-        for row in table.to_dict("records")
-    ]
-    header = ["place", "method", "streaming F1", "difference (95 %)", "first answer [ms]"]
-    return markdown([*header, "up [kB a frame]", "channel busy"], rows, texts=2)
+    rows = []
+    for row in table.to_dict("records"):
+        difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
+        is_best = row["method"] == row["best"]
+        rows.append(
+            [
+                row["place"],
+                METHODS[row["method"]],
+                f"{row['streaming_f1']:.3f}",
+                "best of these" if is_best else gain(difference),
+                f"{row['bytes_up'] / 1000:.1f}",
+                f"{row['channel_busy']:.1%}",
+            ]
+        )
+    header = ["place", "method", "streaming F1", "difference", "up [kB a frame]", "channel busy"]
+    return markdown(header, rows, texts=2)
 
 
-TABLES: dict[str, dict[str, Callable[[], str]]] = {
-    "docs/batching.md": {"batching": batching},
-    "docs/shared-uplink.md": {"shared_uplink": shared_uplink},
-    "docs/failing-edge.md": {"failing_edge": failing_edge},
-    "docs/explanation/freshness.md": {"freshness": freshness},
-    "docs/where-it-pays.md": {
-        "reported": lambda: where_it_pays("reported"),
-        "development": lambda: where_it_pays("development"),
-    },
-    "docs/baselines.md": {"baselines": baselines},
-    "docs/which-cache.md": {"which_cache": which_cache},
-    "docs/what-to-share.md": {"messages": messages, "sharing": sharing},
+TABLES: Mapping[str, Callable[[], str]] = {
+    "which_cache": which_cache,
+    "where_it_pays": where_it_pays,
+    "messages": messages,
+    "sharing": sharing,
+    "baselines": baselines,
+    "batching": batching,
+    "shared_uplink": shared_uplink,
+    "failing_edge": failing_edge,
 }
 
 
-def with_tables(text: str, tables: Mapping[str, Callable[[], str]]) -> str:
-    """The text of a page with these tables in their places."""
-    for name, table in tables.items():
+def with_tables(text: str) -> str:
+    """The page's text with the tables in their places."""
+    for name, table in TABLES.items():
         begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
         place = re.compile(f"{begin}.*?{end}", re.DOTALL)
         assert len(place.findall(text)) == 1, name
@@ -321,6 +268,4 @@ def with_tables(text: str, tables: Mapping[str, Callable[[], str]]) -> str:
 
 
 if __name__ == "__main__":
-    for page, tables in TABLES.items():
-        path = Path(page)
-        path.write_text(with_tables(path.read_text(encoding="utf-8"), tables), encoding="utf-8")
+    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Where a Genie pays off: the study behind docs/where-it-pays.md, which has the results.
+"""Where a Genie pays off: the study behind docs/results.md, which has the results.
 
     GENIE_SIM_KITTI=... python -m studies.where_it_pays traces|choose|development|reported
 

@@ -45,6 +45,7 @@ RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "figure.constrained_layout.use": False,
     "savefig.dpi": 200,
     "svg.fonttype": "none",  # text stays text
+    "text.parse_math": False,  # also a user's, with dollar signs
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }

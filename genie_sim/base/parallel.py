@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.plugins import own_faults_told
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
@@ -129,7 +130,8 @@ def _deaf_to_ctrl_c() -> Generator[None]:
 
 def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:
     _become_worker(parent)
-    return run(job)
+    with own_faults_told():  # the traceback stays in this process
+        return run(job)
 
 
 @functools.cache

@@ -97,7 +97,7 @@ def resolve(
         if "" not in sys.path:
             sys.path.append("")
     # whatever an own module raises when it is imported
-    with as_user_error(f"{what} {name!r}", Exception):
+    with as_user_error(f"{what} {name!r}", Exception), own_faults_told():
         if entry is None:
             own_sources.forget_edited(module_name)
         made = getattr(importlib.import_module(module_name), class_name)
@@ -121,8 +121,31 @@ def own_fault(error: BaseException) -> str | None:
         place = own_place(frame, line)
         if place:
             whose, where = place.split(" (", 1)
-            return f"{whose}: {type(error).__name__}: {short_repr(str(error))} ({where}"
-    return None
+            return f"{whose}: {type(error).__name__}: {short_repr(_text_of(error))} ({where}"
+    # SimPy raises a copy of what ends a process
+    return None if error.__cause__ is None else own_fault(error.__cause__)
+
+
+def _text_of(error: BaseException) -> str:
+    """What an exception says, whose class may be the user's own."""
+    try:
+        return str(error)
+    except Exception as failure:
+        return f"its text fails with {type(failure).__name__}"
+
+
+@contextmanager
+def own_faults_told() -> Iterator[None]:
+    """Whatever comes out of a class of the user's own becomes a ``UserError`` that names
+    it.
+    """
+    try:
+        yield
+    except BaseException as error:
+        fault = own_fault(error)
+        if fault is None or isinstance(error, UserError | KeyboardInterrupt):
+            raise
+        raise UserError(fault) from error
 
 
 def own_place(frame: FrameType, line: int | None = None) -> str | None:
@@ -150,7 +173,7 @@ def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any)
     """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong
     arguments.
     """
-    with as_user_error(f"{what} {name!r}", TypeError, ValueError):
+    with as_user_error(f"{what} {name!r}", TypeError, ValueError), own_faults_told():
         return made(*arguments, **parameters)
 
 

@@ -84,35 +84,27 @@ def main(argv: list[str] | None = None) -> int:
     try:
         status = app(args=argv, prog_name="genie-sim", standalone_mode=False)
     except SystemExit as stop:
-        return _status_of(stop)
+        if isinstance(stop.code, int | None):
+            return stop.code or 0
+        print(f"genie-sim: {one_line(str(stop.code))}", file=sys.stderr)
+        return 1
     except click.UsageError as error:
         command = "genie-sim" if error.ctx is None else error.ctx.command_path
         text = one_line(error.format_message()).rstrip(".")
         print(f"genie-sim: {text}; see {command} --help", file=sys.stderr)
         return 2
     except UserError as error:
-        print(f"genie-sim: {one_line(str(error))}", file=sys.stderr)
+        cause = error.__cause__
+        is_own = cause is not None and plugins.own_fault(cause) is not None
+        # looked for here: click keeps the option's value only while the command runs
+        if cause is not None and is_own and "--debug" in (sys.argv if argv is None else argv):
+            raise cause from None
+        more = "; genie-sim --debug shows more" if is_own else ""
+        print(f"genie-sim: {one_line(str(error))}{more}", file=sys.stderr)
         return 1
     except (OSError, MemoryError) as error:
         # the machine's fault; where a file is wrong, a UserError has named it
         terminal.drop_output()
         print(f"genie-sim: {terminal.machine_said(error)}", file=sys.stderr)
         return 1
-    except Exception as error:
-        fault = plugins.own_fault(error)
-        # looked for here: click keeps the option's value only while the command runs
-        is_debug = "--debug" in (sys.argv if argv is None else argv)
-        if fault is None or is_debug:
-            raise
-        print(f"genie-sim: {one_line(fault)}; genie-sim --debug shows more", file=sys.stderr)
-        return 1
     return status or 0
-
-
-def _status_of(stop: SystemExit) -> int:
-    """The exit status. A class of the user's own that ends the program is named."""
-    fault = plugins.own_fault(stop)
-    if fault is None and isinstance(stop.code, int | None):
-        return stop.code or 0
-    print(f"genie-sim: {one_line(fault or str(stop.code))}", file=sys.stderr)
-    return 1

@@ -19,6 +19,7 @@ import click
 from genie_sim.base import add_ons
 from genie_sim.base.errors import unknown
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.plugins import own_faults_told
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
@@ -106,7 +107,7 @@ class Commands(click.Group):
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            with _terminable():
+            with _terminable(), own_faults_told():
                 return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("genie-sim: interrupted; nothing was written", err=True)

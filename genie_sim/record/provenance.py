@@ -4,6 +4,7 @@ atomically.
 
 import hashlib
 import json
+import logging
 import os
 import platform
 import re
@@ -11,13 +12,13 @@ import secrets
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from genie_sim.base.errors import UserError, as_user_error, short_repr
+from genie_sim.base.errors import UserError, as_user_error, first_line, short_repr
 from genie_sim.base.paths import (
     PARTIAL,
     locked,
@@ -27,9 +28,11 @@ from genie_sim.base.paths import (
     sync_folder,
     usable,
 )
+from genie_sim.base.text import one_line
 from genie_sim.record.tables import other_format
 from genie_sim.version import PACKAGE_FOLDER, VERSION
 
+log = logging.getLogger(__name__)
 RESULT_FORMAT = 4
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
@@ -142,26 +145,68 @@ def check_replaceable(final: Path) -> None:
         )
 
 
+class NotDerivedError(UserError):
+    """Results are kept, but not all that is made of them could be made."""
+
+
+@contextmanager
+def derived(folder: Path) -> Iterator[Callable[[str], AbstractContextManager[None]]]:
+    """What is made of results that are kept, whatever becomes of it: each thing is made within a
+    ``with`` of its own, which says its name.
+
+    Raises ``NotDerivedError`` at the end if one could not be made, whatever a library raised; a
+    line has told why.
+    """
+    missing = []
+
+    @contextmanager
+    def attempt(name: str) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            is_told = isinstance(error, UserError)
+            why = str(error) if is_told else f"{name}: {type(error).__name__}: {first_line(error)}"
+            log.error("%s", one_line(why.removeprefix(f"{folder}{os.sep}")))
+            missing.append(name)
+
+    yield attempt
+    if missing:
+        raise NotDerivedError(f"{folder}: the results are kept, but without {', '.join(missing)}")
+
+
 @contextmanager
 def result_folder(final: Path) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete and on the disk, and
-    vanishes if that fails. What killed processes have left beside it is cleared away.
+    vanishes if that fails. It is complete with a ``NotDerivedError``, too. What killed processes
+    have left beside it is cleared away.
     """
     check_replaceable(final)
     partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
+    incomplete = None
     try:
-        with usable(final), ExitStack() as locks:
-            final.parent.mkdir(parents=True, exist_ok=True)
-            with locked(final.parent):  # nobody clears the new folder away before its lock is held
-                _clear_away(final.parent)
-                partial.mkdir()
-                locks.enter_context(locked(partial))
-            yield partial
-            _sync(partial)
-            _take_place(partial, final)
-            sync_folder(final.parent)
+        with ExitStack() as locks:
+            with usable(final):
+                final.parent.mkdir(parents=True, exist_ok=True)
+                with locked(final.parent):  # nobody clears it away before its lock is held
+                    _clear_away(final.parent)
+                    partial.mkdir()
+                    locks.enter_context(locked(partial))
+            try:
+                yield partial
+            except NotDerivedError as error:
+                incomplete = error
+            with usable(final):
+                _sync(partial)
+                _take_place(partial, final)
+                sync_folder(final.parent)
+    except UserError as error:
+        if str(partial) not in str(error):
+            raise
+        raise UserError(str(error).replace(str(partial), str(final))) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
+    if incomplete is not None:
+        raise NotDerivedError(str(incomplete).replace(str(partial), str(final)))
 
 
 def _sync(folder: Path) -> None:
@@ -209,10 +254,14 @@ def _clear_away(folder: Path) -> None:
 
 
 def write_json(path: Path, value: object) -> None:
-    """JSON to read by eye and to compare by line."""
-    path.write_text(
-        json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n", encoding="utf-8"
-    )
+    """JSON to read by eye and to compare by line. Raises ``UserError``."""
+    write_text(path, json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """A text in a new folder, in UTF-8. Raises ``UserError``."""
+    with usable(path):
+        path.write_text(text, encoding="utf-8")
 
 
 def read_json(path: Path) -> Any:

@@ -17,6 +17,7 @@ import numpy as np
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import usable
 from genie_sim.record.columns import NO_TEXT, Array, Codes, Columns, Text
 
 if TYPE_CHECKING:
@@ -339,16 +340,17 @@ class Table:
         """Writes the table: zstd, groups of 65,536 rows, no time, no host. No row can be added
         afterwards to a table that spilled.
 
-        Raises OSError where the file cannot be written. Use it within ``paths.atomic_write`` or
+        Raises UserError where the file cannot be written. Use it within ``paths.atomic_write`` or
         ``provenance.result_folder``, so that no half table is left.
         """
         self._store()
         if self._writer is not None and self._spill is not None:
-            self._write_rows(self._writer)
-            self._open.close()
-            self._written = self._spill.replace(path)
+            with usable(path):
+                self._write_rows(self._writer)
+                self._open.close()
+                self._written = self._spill.replace(path)
             return
-        with path.open("wb") as file, self._parquet(file) as writer:
+        with usable(path), path.open("wb") as file, self._parquet(file) as writer:
             self._write_rows(writer)
 
     def columns(self) -> Columns:
@@ -381,11 +383,12 @@ class Table:
             writer.write_batch(batch, row_group_size=ROWS_PER_GROUP)
 
     def _spill_rows(self, spill: Path) -> None:
-        if self._writer is None:
-            self._writer = self._open.enter_context(
-                self._parquet(self._open.enter_context(spill.open("wb")))
-            )
-        self._write_rows(self._writer)
+        with usable(spill):
+            if self._writer is None:
+                self._writer = self._open.enter_context(
+                    self._parquet(self._open.enter_context(spill.open("wb")))
+                )
+            self._write_rows(self._writer)
         for buffer in self._buffers.values():
             del buffer.values[:]
         self._spilled += self._rows
@@ -422,7 +425,7 @@ def other_format(path: Path, version: object, expected: int) -> str:
 
 
 def write(path: Path, schema: Schema, columns: Columns) -> None:
-    """Writes columns as ``Table.write`` writes the same rows. Raises OSError."""
+    """Writes columns as ``Table.write`` writes the same rows. Raises UserError."""
     table = Table(schema)
     table.extend_columns(columns)
     table.write(path)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.base.paths import atomic_write
+from genie_sim.record.provenance import derived
 from genie_sim.report import comparison, html_page
 
 if TYPE_CHECKING:
@@ -31,20 +32,23 @@ class Output:
 
     def write(self, results: "Run | SeedRuns", folder: Path) -> None:
         """Writes the summary, the figures and the page of results into their folder. Raises
-        ``UserError``.
+        ``NotDerivedError``.
         """
-        with atomic_write(folder / "summary.md") as beside:
-            beside.write_text(summary.markdown(results), encoding="utf-8")
-        if self.figures:
-            from genie_sim.analysis import figures  # imports matplotlib
+        with derived(folder) as attempt:
+            with attempt("summary.md"), atomic_write(folder / "summary.md") as beside:
+                beside.write_text(summary.markdown(results), encoding="utf-8")
+            if self.figures:
+                from genie_sim.analysis import figures  # imports matplotlib
 
-            figures.save_all(figures.of_run(results), folder / "figures", self.figures)
-        if self.page:
-            if isinstance(results, SeedRuns):
-                page = comparison.seeds_page(results)
-            else:
-                page = html_page.page(results)
-            html_page.write_text(folder / html_page.NAME, page)
+                with attempt("figures"):
+                    figures.save_all(figures.of_run(results), folder / "figures", self.figures)
+            if self.page:
+                with attempt(html_page.NAME):
+                    if isinstance(results, SeedRuns):
+                        page = comparison.seeds_page(results)
+                    else:
+                        page = html_page.page(results)
+                    html_page.write_text(folder / html_page.NAME, page)
 
 
 DEFAULT_OUTPUT = Output()

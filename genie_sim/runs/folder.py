@@ -133,26 +133,22 @@ def write(
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
     run = replace(finished(prepared, run_id, tables), label=label)
-    _write_derived(folder, run, output)
     about = {
         "rows": {name: len(table) for name, table in tables.items()},
         "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
-    _write_about(folder, run, about)
+    _keep(folder, run, about, output)
     return run
 
 
-def _write_derived(folder: Path, run: Run, output: Output) -> None:
-    """Writes what follows from a run's tables: metrics, and what people look at."""
+def _keep(folder: Path, run: Run, more: Mapping[str, Any], output: Output) -> None:
+    """Writes what follows from a run's tables: metrics, the scenario, ``run.json``, with ``more``
+    that is known of the run, and then what people look at.
+    """
     metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
-    output.write(run, folder)
-    (folder / "scenario.resolved.yaml").write_text(run.yaml, encoding="utf-8")
-
-
-def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
-    """Writes ``run.json``, with ``more`` that is known of the run."""
+    provenance.write_text(folder / "scenario.resolved.yaml", run.yaml)
     about = {
         "format": provenance.RESULT_FORMAT,
         "run_id": run.run_id,
@@ -163,6 +159,7 @@ def _write_about(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
         **provenance.environment(),
     }
     provenance.write_json(folder / "run.json", about)
+    output.write(run, folder)
 
 
 def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
@@ -174,8 +171,8 @@ def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
     with provenance.result_folder(folder) as unfinished:
         for name, schema in SCHEMAS.items():
             write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
-        _write_derived(unfinished, run, output)
-        _write_about(unfinished, run, {"rows": {name: len(run.tables[name]) for name in SCHEMAS}})
+        rows = {name: len(run.tables[name]) for name in SCHEMAS}
+        _keep(unfinished, run, {"rows": rows}, output)
     return folder
 
 

@@ -233,6 +233,44 @@ def test_code_of_ones_own_that_raises_is_one_line_and_debug_shows_where(
     assert not list(tmp_path.glob("results/*"))
 
 
+STRANGE = {  # what a hook raises, and what the line tells of it
+    "open('w.bin')": "FileNotFoundError: \"[Errno 2] No such file or directory: 'w.bin'\"",
+    "raise BrokenPipeError": "BrokenPipeError: ''",
+    "raise EOFError": "EOFError: ''",
+    "raise SystemExit(3)": "SystemExit: '3'",
+    "raise MemoryError": "MemoryError: ''",
+    "raise type('E', (Exception,), {'__str__': None})": "E: 'its text fails with TypeError'",
+}
+
+
+@pytest.mark.parametrize("raised", STRANGE)
+@pytest.mark.parametrize("hook", ["__init__", "stored"])
+def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
+    tmp_path: Path, raised: str, hook: str, capsys: pytest.CaptureFixture[str]
+):
+    """What the machine, click and Python raise for reasons of theirs, too."""
+    text = RAISING.replace(
+        "def stored(self, *_)", f"stored = used\n    def {hook}(self, *_, **more)"
+    )
+    (tmp_path / "strange.py").write_text(text.replace('raise KeyError("why")', raised))
+    sys.modules.pop("strange", None)
+    short = ["--no-report", "--set", "cars[0].route.window=[0 s, 1 s]"]
+    assert main(["run", "street_1car_homo", *short, "--set", "genie.eviction=strange:Keep"]) == 1
+    line = f"eviction 'strange:Keep': {STRANGE[raised]} (strange.py, line "
+    assert capsys.readouterr().err.startswith(f"genie-sim: {line}")
+    assert not list(tmp_path.glob("results/*"))
+
+
+def test_a_class_of_ones_own_is_named_from_another_process(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "raising.py").write_text(RAISING)
+    line = ["run", "street_1car_homo", "--no-report", "--jobs", "2"]
+    line += ["--set", "cars[0].route.window=[0 s, 1 s]", "--set", "genie.eviction=raising:Keep"]
+    assert main(line) == 1
+    assert "eviction 'raising:Keep': KeyError: \"'why'\" (raising.py" in capsys.readouterr().err
+
+
 RAISING = """
 from genie_sim.methods.local import Local
 

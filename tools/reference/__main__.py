@@ -1,4 +1,4 @@
-"""``python -m tools.reference``: writes docs/reference and the metrics of docs/glossary.md anew."""
+"""``python -m tools.reference``: writes the committed pages of docs/reference anew."""
 
 from tools.reference.pages import DOCS, texts
 

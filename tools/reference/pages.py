@@ -1,10 +1,11 @@
-"""The pages of the reference: what stands in each of them."""
+"""The pages of the reference. Four are committed (``python -m tools.reference``), to be read beside
+the code; the others are made with the site (``tools/reference/site.py``).
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from itertools import chain
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -12,18 +13,7 @@ from unittest import mock
 import click
 from click.testing import CliRunner
 
-import genie_sim
-from genie_sim.analysis import (
-    correctness,
-    frame_metrics,
-    genie_metrics,
-    looks,
-    outages,
-    part_metrics,
-    prices,
-    registry,
-    resource_metrics,
-)
+from genie_sim.analysis import registry
 from genie_sim.base import add_ons, files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
@@ -32,11 +22,9 @@ from genie_sim.record import records
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.sim.link_models.presets import LINKS
-from tools.reference import python
 from tools.reference.settings import settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-BEGIN, END = "<!-- metrics: python -m tools.reference -->", "<!-- end -->"
 
 CLI = """\
 Exit status: 0, done; 1, an error in the input or the environment, reported in one line; 2, the
@@ -51,10 +39,6 @@ SETTINGS = """\
 carry units: `30 ms`, `1.4 MB` (10^6 bytes), `4 MiB`, `100 Mbit/s`, `50 cm`, `15 deg`. A name in
 brackets, as in `genie.similarity.cell[pose_grid]`, is not written in a scenario: the setting
 belongs to that choice of the setting above it.
-
-The other pages: [perception](scenario-perception.md), [edges and faults](scenario-edges.md),
-[Genie's caches](scenario-genie.md), [looks and freshness](scenario-looks.md), and [all settings
-in one file](scenario-all.md).
 """
 LAWS = """\
 Tags: **P** from the paper, **S** a public source, **M** measured, **D** derived, **A** assumed. A
@@ -63,6 +47,9 @@ device](../extend/device.md).
 """
 PYTHON = """\
 [Python](api.md) shows how to use these, [Extend it](../extend/method.md) how to add to them.
+
+::: genie_sim.api
+    options: {members: [run, sweep, load, compare, differences, load_scenario, Run, Runs, Plots]}
 """
 
 NULL = "A column holds measurements. Null means unknown or never, not zero.\n"
@@ -79,118 +66,43 @@ after a transfer (4G: 11.6 s).
 """
 NAMES = """\
 What `genie-sim list` shows: names for scenarios and commands. [Extend it](../extend/method.md)
-shows how to add one of your own, `module:Class`. The metrics, devices and links have pages of
-their own.
+shows how to add one of your own, `module:Class`; `genie-sim show NAME` prints a scenario or a
+sweep. The metrics, devices and links have pages of their own.
 """
 METRIC = """\
-The name is that in `metrics.json`; shares are from 0 to 1 there. *Reads* names the tables and
-columns that the number is computed from, [better](../how-to/compare.md) says which way. [Add a
-metric](../extend/metric.md).
+The name is that in `metrics.json`; shares are from 0 to 1 there. [Better](../how-to/compare.md)
+says which way. [Add a metric](../extend/metric.md).
 """
-SHOW = "`genie-sim show NAME` prints one, with `--copy-to FILE` it copies it.\n"
 
-COMMANDS = (
-    *("run", "report", "reproduce", "rerun", "compare", "figures", "table", "export"),
-    *("list", "show"),
-)
-STEPS = ("frames", "lookups", "looks", "steps", "answers", "held", "held_objects")
-BOARD = "NVIDIA Jetson"
-MAP = "Genie's object map (Algorithm 2)"
 KINDS = (
     *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
-    *("rules", "detectors", "models"),
-)
-SHIPPED = ("scenarios", "sweeps")
-METRICS = (
-    ("metrics", "answers and accuracy", (frame_metrics, correctness, looks)),
-    (
-        "metrics-more",
-        "caches, costs, faults",
-        (genie_metrics, resource_metrics, prices, outages, part_metrics),
-    ),
-)
-ROOMS = (
-    ("python-base", "units, random numbers, errors", ("base.units", "base.seeds", "base.errors")),
-    ("python-messages", "messages", ("core.messages", "core.monitor")),
-    (
-        "python-core",
-        "Genie's parts",
-        (
-            *("core.node", "core.message_cache", "core.object_map"),
-            *("core.similarity", "core.eviction", "core.confidence"),
-        ),
-    ),
-    (
-        "python-freshness",
-        "freshness",
-        (
-            "core.freshness.never",
-            "core.freshness.track",
-            "core.freshness.existence",
-        ),
-    ),
-    (
-        "python-sim",
-        "methods, faults and nodes",
-        ("sim.method", "sim.fault", "sim.nodes", "sim.ros_graph"),
-    ),
-    (
-        "python-devices",
-        "clock, devices and links",
-        ("sim.clock", "sim.device", "sim.link", "sim.network", "sim.world"),
-    ),
-    ("python-data", "frames, traces, detectors", ("data.source", "data.trace", "data.detector")),
-    ("python-worlds", "the town", ("worlds.town.town", "worlds.town.rules")),
-    ("python-results", "results and metrics", ("record.results", "analysis.metric")),
+    *("rules", "detectors", "models", "scenarios", "sweeps"),
 )
 
 Lines = Iterator[str]
 
 
 def texts() -> dict[str, str]:
-    """Every generated page below docs, and the glossary."""
-    glossary = (DOCS / "glossary.md").read_text(encoding="utf-8")
-    before, _, rest = glossary.partition(BEGIN)
-    after = rest.partition(END)[2]
-    pages = {f"reference/{name}.md": text for name, text in _pages()}
-    return {**pages, "glossary.md": f"{before}{BEGIN}\n{_text(glossary_metrics())}{END}{after}"}
+    """The pages below docs that are committed."""
+    pages = {
+        "cli": _page("Command line", CLI, commands()),
+        "scenario": _page("Settings of a scenario", SETTINGS, settings()),
+        "metrics": _page("Metrics", METRIC, metrics()),
+        "tables": _page("Tables", NULL, tables()),
+    }
+    return {f"reference/{name}.md": text for name, text in pages.items()}
 
 
-def _pages() -> Iterator[tuple[str, str]]:
-    first = chain(_help(), commands(lambda name: name in COMMANDS))
-    yield "cli", _page("Command line", CLI, first)
-    others = commands(lambda name: name not in COMMANDS)
-    yield "cli-more", _page("Command line: import, measure, sweep", "", others)
-    run = ("The run", "Cars", "Convoy", "Fleet", "Cameras")
-    yield "scenario", _page("Settings of a scenario", SETTINGS, settings(run))
-    for name, title, groups in (
-        ("perception", "what cameras see", ("What cameras see",)),
-        ("edges", "edges and faults", ("Edges", "Faults")),
-        ("genie", "Genie's caches", ("Genie's message cache (Algorithm 1)", MAP)),
-        ("looks", "looks and freshness", ("Genie's looks", "Freshness of the map")),
-    ):
-        yield f"scenario-{name}", _page(f"Settings: {title}", "", settings(groups))
-    yield "scenario-all", _page("All settings in one file", "", all_settings())
-    yield "tables", _page("Tables: frames and answers", NULL, tables(lambda name: name in STEPS))
-    others = tables(lambda name: name not in STEPS)
-    yield "tables-more", _page("Tables: hosts, places, faults", NULL, others)
-    boards, servers = {}, {}
-    for name in files.available(files.DEVICE):
-        device = load_profile(name)
-        (boards if device.title.startswith(BOARD) else servers)[name] = device
-    yield "devices", _page("Devices: boards", LAWS, devices(boards))
-    yield "devices-servers", _page("Devices: servers", LAWS, devices(servers))
-    yield "links", _page("Links", LINK, links())
-    yield "names", _page("Methods, faults and other names", NAMES, names(KINDS))
-    yield "names-scenarios", _page("Shipped scenarios and sweeps", SHOW, names(SHIPPED))
-    for name, title, modules in METRICS:
-        yield name, _page(f"Metrics: {title}", METRIC, metrics(modules))
-    exported = ((name, getattr(genie_sim, name)) for name in genie_sim.__all__ if name[0] != "_")
-    lines = (line for name, value in exported for line in python.entry(name, value))
-    yield "python", _page("Python: genie_sim", PYTHON, lines)
-    for name, title, modules in ROOMS:
-        lines = (line for module in modules for line in python.module(f"genie_sim.{module}"))
-        yield name, _page(f"Python: {title}", PYTHON, lines)
+def site_texts() -> dict[str, str]:
+    """The pages that the site has besides."""
+    profiles = {name: load_profile(name) for name in files.available(files.DEVICE)}
+    pages = {
+        "devices": _page("Devices", LAWS, devices(profiles)),
+        "links": _page("Links", LINK, links()),
+        "names": _page("Methods, faults and other names", NAMES, names(KINDS)),
+        "python": _page("Python: all functions and classes", PYTHON, ()),
+    }
+    return {f"reference/{name}.md": text for name, text in pages.items()}
 
 
 def _page(title: str, intro: str, lines: Iterable[str]) -> str:
@@ -204,13 +116,13 @@ def _text(lines: Iterable[str]) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
 
 
-def commands(which: Callable[[str], bool]) -> Lines:
+def commands() -> Lines:
     """What ``--help`` says of every command, and of what a command consists of."""
+    yield from _help()
     for name, command in app.commands.items():
-        if which(name):
-            yield from _help(name)
-            for inner in command.commands if isinstance(command, click.Group) else ():
-                yield from _help(name, inner)
+        yield from _help(name)
+        for inner in command.commands if isinstance(command, click.Group) else ():
+            yield from _help(name, inner)
 
 
 def _help(*words: str) -> Lines:
@@ -221,35 +133,23 @@ def _help(*words: str) -> Lines:
     yield f"## {' '.join(('genie-sim', *words))}\n\n```text\n{ran.output.strip()}\n```\n"
 
 
-def tables(which: Callable[[str], bool]) -> Lines:
+def tables() -> Lines:
     """The columns of every table."""
     for table in records.SCHEMAS.values():
-        if which(table.name):
-            yield f"## {table.name}.parquet\n\n{table.description}\n"
-            yield "| column | type | unit | meaning |\n|---|---|---|---|"
-            for column in table.columns:
-                kind = f"{column.kind} or null" if column.nullable else column.kind
-                yield f"| `{column.name}` | {kind} | {column.unit} | {_cell(column.description)} |"
-            yield ""
-
-
-def metrics(modules: Iterable[object]) -> Lines:
-    """Every metric: what it is, and what it is computed from."""
-    for module in modules:
-        first = (module.__doc__ or "").partition("\n\n")[0]
-        yield f"## {' '.join(first.split())}\n"
-        yield "| name | title | unit | better | reads |\n|---|---|---|---|---|"
-        for name, metric in module.METRICS.items():  # type: ignore[attr-defined]
-            reads = _cell(metric.reads)
-            yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {reads} |"
+        yield f"## {table.name}.parquet\n\n{table.description}\n"
+        yield "| column | type | unit | meaning |\n|---|---|---|---|"
+        for column in table.columns:
+            kind = f"{column.kind} or null" if column.nullable else column.kind
+            yield f"| `{column.name}` | {kind} | {column.unit} | {_cell(column.description)} |"
         yield ""
 
 
-def glossary_metrics() -> Lines:
+def metrics() -> Lines:
     """Every metric with its unit and its meaning."""
-    yield "| metric | unit | meaning |\n|---|---|---|"
+    yield "| name | title | unit | better | meaning |\n|---|---|---|---|---|"
     for name, metric in registry.METRICS.items():
-        yield f"| {metric.title} (`{name}`) | {metric.unit} | {_cell(metric.meaning)} |"
+        meaning = _cell(metric.meaning)
+        yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {meaning} |"
 
 
 def names(kinds: Iterable[str]) -> Lines:
@@ -258,12 +158,6 @@ def names(kinds: Iterable[str]) -> Lines:
         yield f"## {kind}\n\n| name | about |\n|---|---|"
         yield from (f"| `{name}` | {_cell(about)} |" for name, about in catalogue.KINDS[kind]())
         yield ""
-
-
-def all_settings() -> Lines:
-    """The scenario that shows every setting, without the editor's first line."""
-    text = files.available(files.SCENARIO)["all_settings"].read_text(encoding="utf-8")
-    yield f"```yaml\n{text.partition(chr(10))[2].strip()}\n```"
 
 
 def links() -> Lines:

@@ -29,7 +29,7 @@ GROUPS = {  # a setting belongs to the longest path that it is below
 }
 SEE = {  # where more is written
     "methods": "[Add a method](../extend/method.md)",
-    "model": "[devices](devices.md)",
+    "model": "`genie-sim list devices`",
     "spread": "[the timing model](../explanation/timing-model.md)",
     "consumer": "[Freshness](../explanation/freshness.md)",
     "judged": "[Correctness](../explanation/correctness.md)",
@@ -38,8 +38,8 @@ SEE = {  # where more is written
     "perception": "[Perception](../perception.md)",
     "perception.source": "[Add a frame source](../extend/frame-source.md)",
     "perception.town[town]": "[The town](../explanation/town.md)",
-    "edges[].device": "[devices](devices.md)",
-    "edge_network": "[links](devices.md)",
+    "edges[].device": "`genie-sim list devices`",
+    "edge_network": "`genie-sim list links`",
     "edge_network.model": "[Add a link](../extend/link.md)",
     "broadcast": "[Let cars hear each other](../how-to/links.md#let-cars-hear-each-other)",
     "interface": "[Measure energy](../how-to/energy.md)",
