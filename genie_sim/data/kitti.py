@@ -23,9 +23,8 @@ from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import numbers, size_of, within
+from genie_sim.data.files import numbers, picture_size, size_of, within
 from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
-from genie_sim.data.tracking import PICTURE_SIZES, SAME_FOCAL_PX
 
 log = logging.getLogger(__name__)
 
@@ -331,9 +330,7 @@ def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic |
     sizes: dict[str, tuple[int, int] | None] = {}
     for camera in cameras:
         focal_px = float(getattr(calibration, f"K_cam{int(camera)}")[0, 0])
-        nearest = min(PICTURE_SIZES, key=lambda focal: abs(focal - focal_px))
-        is_known = abs(nearest - focal_px) <= SAME_FOCAL_PX
-        sizes[camera] = PICTURE_SIZES[nearest] if is_known else None
+        sizes[camera] = picture_size(focal_px)
     return _Layout(
         origin=origin or SOMEWHERE,
         calibration=calibration,
