@@ -43,7 +43,7 @@ ATTRIBUTION = (
 
 # PointRCNN's scores are logits from -0.85 to 15.6. A detection is right with probability 1 / (1 +
 # exp(-(a logit + b))): (a, b) by logistic regression on the labels of 15 sequences
-# (benchmarks/pointrcnn_scores.py). On sequences left out of the fit the mean gap between score and
+# (tools/make/pointrcnn_scores.py). On sequences left out of the fit the mean gap between score and
 # share of right ones is 0.01 to 0.02 for cars, 0.08 to 0.09 for persons; that of the plain sigmoid
 # is 0.18 to 0.37.
 POINTRCNN_SCORES = {"car": (1.05, -3.15), "person": (1.21, -2.54)}
