@@ -96,10 +96,8 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
                 place_m = max(place_m, math.dist(detection.location, match.location))
         new += len(left)
     total = sum(len(before) for before, _ in pairs)
-    yield (
-        f"detections: of {total:,}, {missing:,} are not found here, and {new:,} are new; the "
-        f"others differ by at most {score:.3g} in score, {box_px:.3g} px in box, {place_m:.3g} m in place"
-    )
+    yield f"detections: of {total:,}, {missing:,} are not found here, and {new:,} are new"
+    yield f"the others differ by at most {score:.3g} in score, {box_px:.3g} px, {place_m:.3g} m"
 
 
 def _match(detection: Detection, among: list[Detection]) -> Detection | None:
