@@ -91,7 +91,8 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
                 continue
             left.remove(match)
             score = max(score, abs(detection.score - match.score))
-            box_px = max(box_px, *np.abs(np.subtract(detection.box, match.box)))
+            sides = zip(detection.box or (), match.box or (), strict=True)
+            box_px = max(box_px, *(abs(one - other) for one, other in sides))
             if detection.location is not None and match.location is not None:
                 place_m = max(place_m, math.dist(detection.location, match.location))
         new += len(left)
