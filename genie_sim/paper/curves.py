@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis import genie_metrics
+from genie_sim.analysis import frame_metrics, genie_metrics
 from genie_sim.paper.checks import CASE
-from genie_sim.paper.numbers import since_stamp_ms
 from genie_sim.record import tables
 from genie_sim.record.columns import Columns
 from genie_sim.record.tables import Column, Schema, Table
@@ -50,9 +49,9 @@ Curves = Mapping[Key, Points]
 def of_run(scenario: str, columns: Mapping[str, Columns]) -> dict[Key, Points]:
     """The curves of a run of a scenario of the paper, from its ``frames`` and ``lookups``."""
     curves = dict(_times(columns["frames"], scenario == CASE))
-    maps = columns["lookups"].rows(columns["lookups"]["kind"] != "image")
+    maps = genie_metrics.objects(columns["lookups"])
     for placement in genie_metrics.PLACEMENTS:
-        boost = genie_metrics.boost_over_events(maps.where(placement=placement), per_object=True)
+        boost = genie_metrics.running_boost(maps.where(placement=placement))
         if len(boost):
             curves["boost", placement] = _thinned(boost["events"], boost["boost"])
     if scenario == CASE:
@@ -68,7 +67,7 @@ def _times(frames: Columns, of_cars: bool) -> Iterator[tuple[tuple[str, str], Po
     """Times to the first answer of answered frames, a curve a method, or one a car with Genie."""
     groups = frames.where(method="genie").groups("car") if of_cars else frames.groups("method")
     for of, rows in groups:
-        times_ms = since_stamp_ms(rows, "first")
+        times_ms = frame_metrics.response_ms(rows, "first")
         answered = times_ms[~np.isnan(times_ms)]
         if len(answered):
             at = np.quantile(answered, SHARES, method="inverted_cdf")

@@ -3,7 +3,7 @@ what the paper tells besides. One table holds them: scenario x variant x seed x 
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +14,7 @@ from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.record import tables
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 from genie_sim.record.tables import Column, Schema, Table
 
 if TYPE_CHECKING:
@@ -72,13 +72,19 @@ def placed(metric: str, placement: str) -> Number:
 
 def of_run(run: Run) -> Numbers:
     """All numbers of a run: its metrics, and those that only the evaluation asks for."""
-    own = {
-        Number(row.metric, row.method, row.placement, row.component): (
-            math.nan if row.value is None else row.value
-        )
-        for row in run.measured
-    }
-    return own | of_tables(run.tables)
+    return of_metrics(run.measured) | of_tables(run.tables)
+
+
+def of_metrics(measured: Iterable[MetricValue]) -> Numbers:
+    """Each metric's value by its own name, and the ends of the range of a reuse."""
+    found: Numbers = {}
+    for row in measured:
+        number = Number(row.metric, row.method, row.placement, row.component)
+        found[number] = math.nan if row.value is None else row.value
+        if row.range_low is not None and row.range_high is not None:
+            found[number._replace(metric=f"{row.metric}_lowest")] = row.range_low
+            found[number._replace(metric=f"{row.metric}_highest")] = row.range_high
+    return found
 
 
 def of_tables(columns: Mapping[str, Columns]) -> Numbers:
@@ -120,29 +126,22 @@ def differences(known: Mapping[Number, float], found: Mapping[Number, float]) ->
     return lines
 
 
-def since_stamp_ms(frames: Columns, answer: str) -> np.ndarray:
-    """From the camera's stamp to the ``first``, ``fresh`` or ``result`` answer [ms]; NaN where
-    there is none.
-    """
-    return frame_metrics.response_ms(frames.assign(received_ns=frames["stamp_ns"]), answer)
-
-
 def _of_answers(frames: Columns) -> Numbers:
-    """Of each method its times to the first answer and to the result, a detection or a cached
-    answer of this very frame; and what the last third of the frames gets.
+    """Of each method the early percentiles of first answers; its times to the result, a detection
+    or a cached answer of this very frame; each car's times; and what the last third of the frames
+    gets.
     """
     found: Numbers = {}
     for method, rows in frames.groups("method"):
-        first_ms, result_ms = (since_stamp_ms(rows, answer) for answer in ("first", "result"))
+        first_ms, result_ms = (
+            frame_metrics.response_ms(rows, answer) for answer in ("first", "result")
+        )
         early = _percentiles(first_ms, EARLY_PERCENTILES)
         found |= {
             Number(f"first_answer_p{percent}", method): time_ms
             for percent, time_ms in zip(EARLY_PERCENTILES, early, strict=True)
         }
         found |= {
-            Number("first_answer_mean", method): _mean(first_ms),
-            Number("first_answer_p95", method): _percentiles(first_ms, [95])[0],
-            Number("under_deadline_share", method): float(np.mean(first_ms < DEADLINE_MS)),
             Number("result_answer_mean", method): _mean(result_ms),
             Number("result_under_deadline_share", method): float(np.mean(result_ms < DEADLINE_MS)),
             Number("result_answered_share", method): float(np.mean(~np.isnan(result_ms))),
@@ -174,30 +173,11 @@ def _of_bytes(frames: Columns) -> Numbers:
 
 
 def _of_lookups(lookups: Columns, frames: Columns) -> Numbers:
-    """Reuse, its range, and the confidence boost, by placement; object reuse of each Genie; when
-    the image reuse of cars was highest, as a share of the run.
-    """
-    is_image = lookups["kind"] == "image"
-    asked = {"image_reuse": lookups.rows(is_image), "object_reuse": lookups.rows(~is_image)}
-    found: Numbers = {}
-    for placement in genie_metrics.PLACEMENTS:
-        for metric, rows in asked.items():
-            of_genies = genie_metrics.reuse(rows.where(placement=placement)).values()
-            ratios = genie_metrics.running_reuse(rows.where(placement=placement))["ratio"]
-            ends = (ratios.min(), ratios.max()) if len(ratios) else (math.nan, math.nan)
-            found |= {
-                placed(metric, placement): float(np.mean([*of_genies])) if of_genies else math.nan,
-                placed(f"{metric}_lowest", placement): float(ends[0]),
-                placed(f"{metric}_highest", placement): float(ends[1]),
-            }
-        maps = asked["object_reuse"].where(placement=placement)
-        stored = sum(genie_metrics.last_of_genies(maps))
-        found[placed("confidence_boost", placement)] = ratio(maps["boost_sum"].sum(), stored)
-    for genie, reused in genie_metrics.reuse(asked["object_reuse"]).items():
-        found[Number("object_reuse", component=genie)] = reused
-    running = genie_metrics.running_reuse(asked["image_reuse"].where(placement="car"))
-    found[placed("image_peak_at", "car")] = _peak_at(running, frames)
-    return found
+    """Object reuse of each Genie, and when the image reuse of cars was highest."""
+    of_genies = genie_metrics.reuse(genie_metrics.objects(lookups))
+    found = {Number("object_reuse", component=genie): reused for genie, reused in of_genies.items()}
+    running = genie_metrics.running_reuse(genie_metrics.images(lookups).where(placement="car"))
+    return found | {placed("image_peak_at", "car"): _peak_at(running, frames)}
 
 
 def _of_resources(resources: Columns, lap_ns: int) -> Numbers:
