@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from genie_sim.analysis import registry
 from genie_sim.analysis.seed_runs import load
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
@@ -205,6 +206,7 @@ class Study:
 
     def _write_about(self) -> None:
         written = [name for name in TABLES if (self.folder / name).is_file()]
+        own = {name: None for run in self.plan.runs.values() for name in run.scenario.metrics}
         about = {
             "format": FORMAT,
             **({"label": self.label} if self.label else {}),
@@ -212,6 +214,7 @@ class Study:
             "points": self.design.runs // len(self.design.seeds),
             "runs": len(self.plan.runs),
             "titles": self._titles(),
+            "metrics": registry.words(registry.with_formulas(own)),
             "digests": provenance.digests(self.folder, written),
             **provenance.environment(),
         }
