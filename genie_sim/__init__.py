@@ -43,7 +43,12 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from genie_sim.base.errors import unknown
+
+        text = unknown(
+            "attribute of genie_sim", name, (known for known in __all__ if known[0] != "_")
+        )
+        raise AttributeError(text, name=name)
     from genie_sim import api
 
     return getattr(api, name)

@@ -13,6 +13,11 @@ from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 DEFAULT_MIN_SCORE = 0.3
+OF_PAIR = ("root", "data_set", "sequence", "partner", "min_score", "out", "accept")
+OF_DRIVE = (
+    *("drive", "accept", "out", "kitti", "cameras", "detector", "weights", "size", "providers"),
+    *("threads", "classes", "min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
+)
 
 
 @click.command()
@@ -81,15 +86,13 @@ def perceive(
     if [drive, data_set].count(None) != 1:
         raise UserError("perceive: give either --drive or --format")
     if data_set is not None:
-        if evaluate or encoding != "raw" or origin is not None:
-            raise UserError(
-                "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
-            )
+        arguments.only("with --format", *OF_PAIR)
         _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
         return
-    for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
-        if value is not None:
-            raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
+    if evaluate:
+        arguments.only("with --drive", *OF_DRIVE, "labels")
+    else:
+        arguments.only("with --drive, but without --evaluate", *OF_DRIVE)
     min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
     if out is None and not evaluate:
         raise UserError("perceive: say what you want: --out or --evaluate")
