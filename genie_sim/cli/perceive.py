@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 DEFAULT_MIN_SCORE = 0.3
 OF_PAIR = ("root", "data_set", "sequence", "partner", "min_score", "out", "accept")
+OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
 OF_DRIVE = (
-    *("drive", "accept", "out", "kitti", "cameras", "detector", "weights", "size", "providers"),
-    *("threads", "classes", "min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
+    *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
+    *("min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
 )
 
 
@@ -95,8 +96,7 @@ def perceive(
     if [drive, data_set, check].count(None) != 2:
         raise UserError("perceive: give either --drive, --format or --check")
     if check is not None:
-        if out is not None or evaluate:
-            raise UserError("perceive: --check writes and judges nothing: no --out, no --evaluate")
+        arguments.only("with --check", *OF_NETWORK, "check")
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
