@@ -117,13 +117,7 @@ def two_streets() -> str:
     table = table[table["metric"] == F1.metric]
     columns = table[["uplink", "street"]].drop_duplicates().values.tolist()
     rows = []
-    for method in (
-        "zero_delay",
-        "local",
-        "local_tracker",
-        *WITH_TRACKERS[2:5],
-        "genie_recommended",
-    ):
+    for method in ("zero_delay", *WITH_TRACKERS[:5], "genie_recommended"):
         at_once = method == "zero_delay"
         of_method = table[table["method"] == ("local" if at_once else method)]
         of_method = of_method[of_method["component"] == ("zero_delay" if at_once else "")]
