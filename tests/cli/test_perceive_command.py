@@ -153,7 +153,7 @@ PAIR = ["--format", "v2v4real"]
         (["--drive", "a", "--partner", "3"], "--partner: has no effect with --drive"),
         (["--drive", "a"], "say what you want: --out or --evaluate"),
         (["--check", "a", "--drive", "b"], "give either --drive, --format or --check"),
-        (["--check", "a", "--out", "b"], "--check writes and judges nothing"),
+        (["--check", "a", "--out", "b"], "--out: has no effect with --check"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):
