@@ -1,13 +1,14 @@
 """Runs a scenario, in memory or into a result folder, and makes a result folder anew."""
 
-import shutil
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
@@ -49,37 +50,25 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder) as unfinished:
-        run = write(
-            unfinished,
-            prepared,
-            run_id,
-            progress=progress,
-            output=output,
-            label=label,
-            workers=workers,
-        )
-        _keep_shown(folder, unfinished)
+    with provenance.result_folder(folder, stale) as unfinished:
+        run = write(unfinished, prepared, run_id, progress=progress, label=label, workers=workers)
+        output.write(run, unfinished)
     return replace(run, folder=folder)
 
 
-def _keep_shown(earlier: Path, unfinished: Path) -> None:
-    """Takes over the page and the figures of an earlier result that the unfinished one has not,
-    where the label and every byte of the tables are the same.
+def stale(earlier: Path, now: Path) -> Collection[str]:
+    """The names of the page and the figures of an earlier result, unless the label and every byte
+    of the tables are the same.
     """
-    try:
-        before, now = (provenance.read_run_json(folder) for folder in (earlier, unfinished))
-    except UserError:
-        return
-    if any(before.get(key) != now.get(key) for key in ("run_id", "label", "digests")):
-        return
-    figures = earlier / "figures"
-    shown = [] if figures.is_symlink() else figures.glob("*")
-    for path in (earlier / "report.html", *shown):
-        kept = unfinished / path.relative_to(earlier)
-        if path.is_file() and not path.is_symlink() and not kept.exists():
-            kept.parent.mkdir(exist_ok=True)
-            shutil.copyfile(path, kept)
+    keys = ("run_id", "label", "digests")
+    with suppress(UserError):
+        before, after = (provenance.read_run_json(folder) for folder in (earlier, now))
+        if all(before.get(key) == after.get(key) for key in keys):
+            return ()
+    figures = [
+        f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")
+    ]
+    return ("report.html", "summary.md", *figures)
 
 
 def run_in_memory(
@@ -105,7 +94,6 @@ def write(
     run_id: str,
     *,
     progress: Progress | None = None,
-    output: Output = DEFAULT_OUTPUT,
     label: str = "",
     workers: int = 1,
 ) -> Run:
@@ -121,8 +109,6 @@ def write(
         The run's id.
     progress : callable, optional
         Called with the time now and at the end [s], and what is done.
-    output : Output
-        What is written for people to look at.
     label : str
         What the user calls the run; may be empty.
     workers : int
@@ -138,13 +124,13 @@ def write(
         "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
-    _keep(folder, run, about, output)
+    _keep(folder, run, about)
     return run
 
 
-def _keep(folder: Path, run: Run, more: Mapping[str, Any], output: Output) -> None:
-    """Writes what follows from a run's tables: metrics, the scenario, ``run.json``, with ``more``
-    that is known of the run, and then what people look at.
+def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
+    """Writes what follows from a run's tables: metrics, the scenario, and ``run.json``, with
+    ``more`` that is known of the run.
     """
     metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
@@ -159,7 +145,6 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any], output: Output) -> No
         **provenance.environment(),
     }
     provenance.write_json(folder / "run.json", about)
-    output.write(run, folder)
 
 
 def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
@@ -168,11 +153,12 @@ def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
     """
     provenance.check_writable(out)
     folder = out / f"{run.name}-{run.run_id}"
-    with provenance.result_folder(folder) as unfinished:
+    with provenance.result_folder(folder, stale) as unfinished:
         for name, schema in SCHEMAS.items():
             write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
         rows = {name: len(run.tables[name]) for name in SCHEMAS}
-        _keep(unfinished, run, {"rows": rows}, output)
+        _keep(unfinished, run, {"rows": rows})
+        output.write(run, unfinished)
     return folder
 
 
@@ -222,14 +208,9 @@ def rerun(
     provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
-        write(
-            Path(temporary),
-            prepared,
-            made["run_id"],
-            progress=progress,
-            output=Output((folder / "report.html").is_file(), formats),
-            label=checked_label(made.get("label", ""), f"{where}: label"),
-        )
+        label = checked_label(made.get("label", ""), f"{where}: label")
+        run = write(Path(temporary), prepared, made["run_id"], progress=progress, label=label)
+        Output((folder / "report.html").is_file(), formats).write(run, Path(temporary))
         same = {}
         for path in Path(temporary).rglob("*"):
             name = str(path.relative_to(temporary))
