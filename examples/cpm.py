@@ -17,8 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-from genie_sim.analysis.correctness import HeldMean
-from genie_sim.analysis.metric import HIGHER
+from genie_sim.analysis.metric import HIGHER, Metric, share
 from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.freshness.existence import MeasuredExistence
@@ -304,10 +303,11 @@ class CPM(Method):
         return HostConfig()
 
 
-class HiddenHeld(HeldMean):
-    """Objects that a car holds in its field of view and cannot see, such as behind a house."""
-
-    title = "hidden objects held"
-    unit = "objects"
-    better = HIGHER
-    above = ("hidden",)
+hidden_held = Metric(
+    "hidden objects held",
+    "objects",
+    HIGHER,
+    meaning="Objects that a car holds in its field of view and cannot see, such as behind a house.",
+    formula=lambda held: share(held, held["hidden"]),
+    rows="held",
+)

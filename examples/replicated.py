@@ -12,12 +12,10 @@ scenario's order chooses them, the car's own edge first. Nobody cancels the othe
 """
 
 from functools import partial
-from typing import Any
 
-from genie_sim.analysis.frame_metrics import FrameShare, response_ms
-from genie_sim.analysis.metric import LOWER
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.metric import LOWER, Metric, share
 from genie_sim.core.messages import Effect, Header, Message, Publish
-from genie_sim.record.columns import Columns
 from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Interceptor, Method
 
 DEADLINE_MS = 200.0
@@ -77,12 +75,10 @@ class FirstAnswer(Interceptor):
         return [Publish(self._objects, message)]
 
 
-class MissedDeadline(FrameShare):
-    """Share of all published frames without an answer within 200 ms: what PLR makes small."""
-
-    title = "deadline missed"
-    better = LOWER
-    reads = "frames: received_ns, first_answer_ns"
-
-    def flags(self, frames: Columns) -> Any:
-        return ~(response_ms(frames, "first") <= DEADLINE_MS)
+missed_deadline = Metric(
+    "deadline missed",
+    "%",
+    LOWER,
+    meaning="Share of all published frames without an answer within 200 ms: what PLR makes small.",
+    formula=lambda frames: share(frames, ~(response_ms(frames, "first") <= DEADLINE_MS)),
+)

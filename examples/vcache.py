@@ -18,13 +18,10 @@ a table, which is here ``0.2 / n``, at least 0.01, near theirs.
 import math
 from collections.abc import Hashable
 from statistics import NormalDist
-from types import MappingProxyType
-from typing import Any
 
-import numpy as np
-
-from genie_sim.analysis.correctness import HITS, AnswerRows
-from genie_sim.analysis.metric import LOWER, RIGHT_F1, Ratio, Rows
+from genie_sim.analysis.correctness import HITS, is_wrong
+from genie_sim.analysis.metric import LOWER, Metric, Sample
+from genie_sim.analysis.metric import share as of_all
 from genie_sim.base.seeds import Draws
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import FeatureKey
@@ -218,22 +215,18 @@ class VCache(SimilarityCaching):
         )
 
 
-class WrongReplays(Ratio):
-    """Share of all answers that come from a cache and have an F1 below 80 % against the detector's
-    own answer to the same frame.
-    """
+def wrong(answers: Columns) -> Sample:
+    """Of the results those from a cache that are wrong."""
+    results = answers.where(which="result")
+    return of_all(results, is_wrong(results) & results["source"].isin(HITS["all"]))
 
-    title = "wrong replays"
-    better = LOWER
-    view = AnswerRows
-    table = "answers"
-    only = MappingProxyType({"which": "result"})
-    reads = "answers: which, source, served, detected, matched"
 
-    def counts(self, rows: Rows) -> Any:
-        return super().counts(rows) & (rows.where.placement == "all")
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        served, detected, matched = map(rows.floats, ("served", "detected", "matched"))
-        wrong = 2 * matched < RIGHT_F1 * (served + detected)
-        return wrong & rows["source"].isin(HITS["all"]), np.ones(len(rows))
+wrong_replays = Metric(
+    "wrong replays",
+    "%",
+    LOWER,
+    meaning="Share of all answers that come from a cache and have an F1 below 80 % against the "
+    "detector's own answer to the same frame.",
+    formula=wrong,
+    rows="answers",
+)

@@ -37,7 +37,8 @@ def make_nanodet(path: Path, side: int = 416) -> Path:
             nodes.append(
                 helper.make_node("Conv", convolution, [f"c_{name}"], strides=[stride, stride])
             )
-            nodes.append(helper.make_node("Reshape", [f"c_{name}", shape], [f"r_{name}"]))
+            nodes.append(helper.make_node("Relu", [f"c_{name}"], [f"p_{name}"]))
+            nodes.append(helper.make_node("Reshape", [f"p_{name}", shape], [f"r_{name}"]))
             nodes.append(helper.make_node("Transpose", [f"r_{name}"], [name], perm=[0, 2, 1]))
             cells = (side // stride) ** 2
             outputs.append(
@@ -92,28 +93,6 @@ def make_yolov8(
     return _saved(path, nodes, [output], constants, side, names)
 
 
-def make_yolov5(path: Path, side: int = 320, more: bool = True) -> Path:
-    """The output of a YOLOv5 export, and perhaps one more behind it: a car of 80 x 40 pixels in the
-    first of the three boxes of a cell, with an objectness of 0.8.
-    """
-    network, (places, scores) = _parts_of_yolov8(path, side)
-    whole = network.of(
-        ("Mul", [scores, network.constant("half", [[[0.0], [1.0]]])], {}),
-    )
-    one = network.constant("objectness", np.full((1, 1, 1), 0.8))
-    filled = network.of(
-        ("Slice", [whole, network.whole([0]), network.whole([1]), network.whole([1])], {}),
-        ("Mul", ["@", network.constant("nothing", [[[0.0]]])], {}),
-        ("Add", ["@", one], {}),
-    )
-    rows = network.of(
-        ("Concat", [places, filled, whole], {"axis": 1}),
-        ("Transpose", ["@"], {"perm": [0, 2, 1]}),
-    )
-    none = network.of(("Mul", [rows, network.constant("zero", [[[0.0]]])], {}))
-    return network.save(("Concat", [rows, none, none], {"axis": 1}), more=rows if more else "")
-
-
 def make_yolov10(path: Path, side: int = 320) -> Path:
     """The output of a network with suppression inside: left, top, right, bottom, score, class."""
     network, (places, scores) = _parts_of_yolov8(path, side)
@@ -125,33 +104,6 @@ def make_yolov10(path: Path, side: int = 320) -> Path:
     number = network.of(("ArgMax", [scores], {"axis": 1}), ("Cast", ["@"], {"to": 1}))
     network.of(("Concat", [boxes, best, number], {"axis": 1}))
     return network.save(("Transpose", [network.last], {"perm": [0, 2, 1]}))
-
-
-def make_yolov7(path: Path, side: int = 320) -> Path:
-    """The output of YOLOv7's own export with suppression inside: the number of the picture, left,
-    top, right, bottom, class and score of each box that is left of all pictures.
-    """
-    network, (places, scores) = _parts_of_yolov8(path, side)
-    corners = network.constant(
-        "corners", [[[1, 0, -0.5, 0], [0, 1, 0, -0.5], [1, 0, 0.5, 0], [0, 1, 0, 0.5]]]
-    )
-    boxes = network.of(("MatMul", [corners, places], {}))
-    best = network.of(("ReduceMax", [scores], {"axes": [1], "keepdims": 1}))
-    number = network.of(("ArgMax", [scores], {"axis": 1}), ("Cast", ["@"], {"to": 1}))
-    rows = network.of(
-        ("Concat", [boxes, number, best], {"axis": 1}), ("Transpose", ["@"], {"perm": [0, 2, 1]})
-    )
-    few = network.constant("few", 0.01)
-    likely = network.of(
-        ("Squeeze", [best], {"axes": [1]}),
-        ("Greater", ["@", few], {}),
-        ("NonZero", ["@"], {}),
-        ("Transpose", ["@"], {"perm": [1, 0]}),
-    )
-    left = network.of(("GatherND", [rows, likely], {}))
-    first = [network.whole(values) for values in ([0], [1], [1])]
-    picture = network.of(("Slice", [likely, *first], {}), ("Cast", ["@"], {"to": 1}))
-    return network.save(("Concat", [picture, left], {"axis": 1}), axes=2)
 
 
 def make_sized_rtdetr(path: Path, side: int = 320) -> Path:
@@ -227,14 +179,13 @@ class _Network:
             self.last = name
         return self.last
 
-    def save(self, step, more: str = "", axes: int = 3) -> Path:
+    def save(self, step) -> Path:
         from onnx import TensorProto, helper
 
         last = self.of(step)
         del self.model.graph.output[:]
-        for name in [last, *([more] if more else [])]:
-            kind = helper.make_tensor_value_info(name, TensorProto.FLOAT, [None] * axes)
-            self.model.graph.output.append(kind)
+        kind = helper.make_tensor_value_info(last, TensorProto.FLOAT, [None] * 3)
+        self.model.graph.output.append(kind)
         return self.write()
 
     def write(self) -> Path:

@@ -40,7 +40,7 @@ SHIPPED = {
     "red_light": ["perception.duration=3 s"],
     "lossy_link": SHORT[:2],
     "shared_cell": ["perception.duration=3 s"],
-    "edge_batches": ["convoy.route.window=[0 s, 2 s]"],
+    "edge_batches": [f"cars[{n}].route.window=[{n} s, {n + 2} s]" for n in range(10)],
     "failing_edge": [],
     "recorded_link": SHORT,
     "energy": SHORT,

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
-from genie_sim.analysis.part_metrics import PART
+from genie_sim.analysis.frame_metrics import PART
 from genie_sim.base.text import number_text
 from genie_sim.record.results import MethodInfo, MetricValue
 

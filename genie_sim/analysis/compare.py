@@ -10,24 +10,24 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.registry import definition
+from genie_sim.analysis.metric import MAIN, Sample, blocks_of, half_of_pair
+from genie_sim.analysis.metrics import of_method, samples
+from genie_sim.analysis.registry import definition, shown, with_formulas
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import (
-    Blocks,
     around,
     error_of_mean,
     of_difference,
     over_seeds,
     wilson,
 )
-from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
-from genie_sim.record.columns import Floats, Text, joined
 from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
@@ -36,73 +36,6 @@ MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
 GIVEN = "given"  # the value of a part that is in some settings alone
 NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
-
-
-class Sums(NamedTuple):
-    """A metric as a ratio of sums over rows: of which car, when, above and below."""
-
-    car: Text
-    stamp_ns: Any
-    above: Floats
-    below: Floats
-
-    @property
-    def value(self) -> float | None:
-        below = float(self.below.sum())
-        return float(self.above.sum()) / below if below else None
-
-
-COMPARED = (
-    "first_answer_mean",
-    "fresh_answer_mean",
-    "answered_share",
-    "under_deadline_share",
-    "first_proxy_f1",
-    "result_proxy_f1",
-    "streaming_f1",
-    "object_recall",
-    "ghost_share",
-    "gospa",
-    "bytes_up_per_frame",
-    "bytes_down_per_frame",
-    "accelerator_time",
-    "cpu_time",
-    "energy_per_frame",
-    "energy_per_fresh",
-    "energy_per_right",
-)
-# those that figures and tables for papers show
-DRAWN = (
-    "first_answer_mean",
-    "fresh_answer_mean",
-    "under_deadline_share",
-    "streaming_f1",
-    "ghost_share",
-    "object_recall",
-)
-WITHOUT_TRUTH = (*DRAWN[:3], "first_proxy_f1", "result_proxy_f1")
-
-
-def _sums(metric: str, run: Run, method: MethodInfo) -> Sums:
-    """A metric's sums in one run under one method."""
-    ratio = definition(metric).over_rows
-    if ratio is None:
-        return _whole_run(metric, run, method)
-    rows = run.tables[ratio.table].where(method=method.name, **ratio.only)
-    above, below = (np.nan_to_num(np.asarray(part, dtype=float)) for part in ratio.terms(rows))
-    return Sums(rows["car"], rows["stamp_ns"], above, below)
-
-
-def _whole_run(metric: str, run: Run, method: MethodInfo) -> Sums:
-    """A metric of the run as a whole, as one row; none where it is not known."""
-    values = [
-        of_run.value
-        for of_run in run.measured
-        if (of_run.metric, of_run.method, of_run.placement) == (metric, method.name, "all")
-        and of_run.value is not None
-    ]
-    rows = run.tables["frames"].rows(slice(0, len(values)))
-    return Sums(rows["car"], rows["stamp_ns"], np.asarray(values, dtype=float), np.ones(len(rows)))
 
 
 @dataclass(frozen=True)
@@ -186,8 +119,8 @@ def compare(
     seed are one setting.
 
     ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
-    the order in which they come. ``metrics``: which, by default ``COMPARED``. The first setting is
-    what the others are compared with, under the same method; of one setting alone, the first
+    the order in which they come. ``metrics``: which, by default those of tables. The first setting
+    is what the others are compared with, under the same method; of one setting alone, the first
     method. Raises UserError for runs that cannot be compared.
     """
     comparison = compared(runs, methods, labels, metrics)
@@ -251,7 +184,7 @@ def _compared(
                 references[label] = reference
             arms.append(arm)
     rows = []
-    for metric in metrics or (*COMPARED, *_own(arms)):
+    for metric in metrics or _shown(arms):
         for arm in arms:
             row = _difference(metric, arm, references.get(arm.label), arm.label not in unpaired)
             if row is not None:
@@ -261,10 +194,12 @@ def _compared(
     return ComparedRuns(arms, rows, names, differing, warning, unpaired, metrics)
 
 
-def _own(arms: Sequence[ComparedMethod]) -> list[str]:
-    """The metrics of the user's own that were computed in any run."""
-    names = (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured)
-    return [name for name in dict.fromkeys(names) if plugins.is_own(name)]
+def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
+    """The metrics that are compared unless the user says which."""
+    return shown(
+        MAIN,
+        (metric.metric for arm in arms for run in arm.runs.values() for metric in run.measured),
+    )
 
 
 def _any(by_seed: Mapping[int, Run]) -> Run:
@@ -384,20 +319,14 @@ def _difference(
     """A metric of an arm, with its difference from that of the reference, if there is one; ``None``
     where the arm has no value.
     """
-    sums = {seed: _sums(metric, run, arm.method) for seed, run in arm.runs.items()}
-    values = {seed: of_seed.value for seed, of_seed in sums.items() if of_seed.value is not None}
+    values = _values(arm, metric)
     if not values:
         return None
     mean = float(np.mean(list(values.values())))
     alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
     if reference is None:
         return alone
-    other_sums = {
-        seed: _sums(metric, run, reference.method) for seed, run in reference.runs.items()
-    }
-    others = {
-        seed: of_seed.value for seed, of_seed in other_sums.items() if of_seed.value is not None
-    }
+    others = _values(reference, metric)
     pairs = [(values[seed], others[seed]) for seed in values if seed in others]
     against = alone._replace(against=reference.label)
     if not is_paired and min(len(values), len(others)) > 1:
@@ -413,18 +342,36 @@ def _difference(
         return against._replace(
             difference=gap, low=low, high=high, by=SEEDS, n=len(pairs), variance_ratio=ratio
         )
-    seed = _common_seeds(arm, reference)[0]
-    ours, theirs = sums[seed], other_sums[seed]
-    if ours.value is None or theirs.value is None:
+    if not pairs:
         return against
-    gap = ours.value - theirs.value
-    if definition(metric).over_rows is None:
+    gap = pairs[0][0] - pairs[0][1]
+    seed = _common_seeds(arm, reference)[0]
+    sides = [_samples(side.runs[seed], side.method.name) for side in (arm, reference)]
+    samples = [of_side[metric] for of_side in sides if metric in of_side]
+    if len(samples) < len(sides) or any(sample.percent for sample in samples):
         return against._replace(difference=gap)
-    over_blocks = _over_blocks if is_paired else _over_blocks_apart
-    half_of_blocks, n = over_blocks(ours, theirs)
+    half_of_blocks, n = (half_of_pair if is_paired else _half_apart)(samples)
     low, high = around(gap, half_of_blocks)
     by = BLOCKS if is_paired else BLOCKS + UNPAIRED
     return against._replace(difference=gap, low=low, high=high, by=by, n=n)
+
+
+@lru_cache(maxsize=16)
+def _samples(run: Run, method: str) -> dict[str, Sample]:
+    """Of each metric that is made of rows those of one method of a run."""
+    names = {metric.metric for metric in run.measured}
+    return samples(with_formulas(names), of_method(run.tables, method))
+
+
+def _values(arm: ComparedMethod, metric: str) -> dict[int, float]:
+    """A metric's value by seed, where it is defined."""
+    of_arm: dict[int, float] = {}
+    for seed, run in arm.runs.items():
+        for of_run in run.measured:
+            place = (of_run.metric, of_run.method, of_run.placement, of_run.component)
+            if place == (metric, arm.method.name, "all", "") and of_run.value is not None:
+                of_arm[seed] = of_run.value
+    return of_arm
 
 
 def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
@@ -434,26 +381,12 @@ def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
     return float(np.var(own - other)) / unpaired if unpaired else None
 
 
-def _over_blocks(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
-    """Half the interval of the difference of two ratios, and the number of blocks."""
-    stamps_ns = np.concatenate([ours.stamp_ns, theirs.stamp_ns])
-    blocks = Blocks(joined([ours.car, theirs.car]), stamps_ns)
-    no_ours, no_theirs = np.zeros(len(ours.above)), np.zeros(len(theirs.above))
-    moves = blocks.influence(
-        np.concatenate([ours.above, no_theirs]), np.concatenate([ours.below, no_theirs])
-    )
-    other_moves = blocks.influence(
-        np.concatenate([no_ours, theirs.above]), np.concatenate([no_ours, theirs.below])
-    )
-    return blocks.half_width(moves - other_moves), len(moves)
-
-
-def _over_blocks_apart(ours: Sums, theirs: Sums) -> tuple[float | None, int]:
-    """``_over_blocks`` of sides that nothing pairs; the number is that of the smaller one."""
+def _half_apart(samples: Sequence[Sample]) -> tuple[float | None, int]:
+    """``half_of_pair`` of sides that nothing pairs; the number is that of the smaller one."""
     errors, sizes = [], []
-    for side in (ours, theirs):
-        blocks = Blocks(side.car, side.stamp_ns)
-        moves = blocks.influence(side.above, side.below)
+    for sample in samples:
+        blocks = blocks_of(sample.rows)
+        moves = blocks.influence(*sample.terms)
         errors.append(blocks.error(moves))
         sizes.append(len(moves))
     one, other = errors
@@ -506,7 +439,7 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[MetricValue], list[Method
     """
     metrics = []
     for arm in comparison.arms:
-        for name in comparison.metrics or (*COMPARED, *_own(comparison.arms)):
+        for name in comparison.metrics or _shown(comparison.arms):
             of_runs = _metrics_of(arm, name)
             if len(of_runs) == 1:
                 metrics.append(replace(of_runs[0], method=arm.label))

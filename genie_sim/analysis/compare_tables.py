@@ -6,15 +6,13 @@ from dataclasses import replace
 from genie_sim.analysis import renderers
 from genie_sim.analysis.compare import (
     BLOCKS,
-    DRAWN,
     SEEDS,
-    WITHOUT_TRUTH,
     ComparedRuns,
     Difference,
     as_metrics,
 )
-from genie_sim.analysis.metric import MARKS
-from genie_sim.analysis.registry import cell, definition
+from genie_sim.analysis.metric import MARKS, SHORT
+from genie_sim.analysis.registry import cell, definition, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
@@ -28,7 +26,6 @@ ABOUT_RATIO = (
     "Variance ratio: that of the paired differences over the sum of both variances; 1 if pairing "
     "gains nothing."
 )
-PRICES = ("bytes_up_per_frame", "energy_per_frame")
 
 
 def text(comparison: ComparedRuns, format: str = "markdown") -> str:
@@ -118,8 +115,8 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     what pairing gained, beside it.
     """
     titles = {arm.label: arm.title for arm in comparison.arms}
-    has_truth = any(row.metric == "streaming_f1" for row in comparison.rows)
-    metrics = comparison.metrics or (*(DRAWN if has_truth else WITHOUT_TRUTH), *PRICES)
+    measured = [row.metric for row in comparison.rows]
+    metrics = comparison.metrics or shown(SHORT, measured)
     rows = [row for row in comparison.rows if row.metric in metrics and row.difference is not None]
     by_place = {(row.metric, row.arm): row for row in rows}
     references = {row.against for row in rows}

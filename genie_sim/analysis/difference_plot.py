@@ -6,10 +6,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from genie_sim.analysis import style
-from genie_sim.analysis.compare import DRAWN, WITHOUT_TRUTH, ComparedRuns, Difference
+from genie_sim.analysis.compare import ComparedRuns, Difference
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
-from genie_sim.analysis.metric import LOWER
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.metric import LOWER, SHORT
+from genie_sim.analysis.registry import definition, shown
 from genie_sim.analysis.style import PAGE_IN
 
 MAX_COLUMNS = 3
@@ -27,12 +27,7 @@ def differences(
     show; the label of an axis says which side is better.
     """
     rows = [row for row in comparison.rows if row.difference is not None]
-    has_truth = any(row.metric == "streaming_f1" for row in rows)
-    metrics = [
-        name
-        for name in (DRAWN if has_truth else WITHOUT_TRUTH)
-        if any(row.metric == name for row in rows)
-    ]
+    metrics = shown(SHORT, [row.metric for row in rows])
     arms = [arm for arm in comparison.arms if any(row.arm == arm.label for row in rows)]
     labels = [arm.label for arm in comparison.arms]
     styles = dict(zip(labels, style.method_styles(labels), strict=True))
@@ -71,7 +66,7 @@ def _draw(
     axis: Axes, metric: str, rows: Sequence[Difference | None], styles: Sequence[int]
 ) -> None:
     """One metric: a point and an interval for each arm, the first at the top."""
-    info = METRICS[metric]
+    info = definition(metric)
     axis.axvline(0, color="black", linewidth=0.9)
     for place, (row, style_number) in enumerate(zip(rows, styles, strict=True)):
         if row is None or row.difference is None:
@@ -99,7 +94,7 @@ def _draw(
 
 def _label(metric: str, narrow: bool) -> str:
     """The unit, and which side is better; in a column in one short line."""
-    info = METRICS[metric]
+    info = definition(metric)
     points = "points" if narrow else "percentage points"
     unit = points if info.unit == "%" else info.unit
     lines = [f"[{unit}]" if unit else "difference"]

@@ -35,11 +35,11 @@ from genie_sim.analysis.drawing import (
     one_panel,
     seeds_of,
 )
+from genie_sim.analysis.frame_metrics import PART
 from genie_sim.analysis.genie_metrics import reuse, running_boost, windowed_reuse
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.metric import WINDOW_REQUESTS
-from genie_sim.analysis.part_metrics import PART
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import mean_bands, over_seeds, thinned, wilson

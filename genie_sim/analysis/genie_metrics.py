@@ -1,25 +1,25 @@
 """Metrics of Genies: reuse, confidence boosts, and how much their caches and maps hold."""
 
-from collections.abc import Callable, Mapping
-from itertools import product
-from operator import attrgetter
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.analysis.metric import (
+    HEADLINE,
     HIGHER,
+    SHORT,
     WINDOW_REQUESTS,
     WINDOWS,
     Metric,
-    Views,
-    Where,
+    Sample,
+    Seen,
+    Tables,
     average,
     quotient,
 )
-from genie_sim.analysis.statistics import Blocks, Measured, around
+from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns, Text
-from genie_sim.record.results import MethodInfo
 
 if TYPE_CHECKING:
     Ints = np.ndarray[Any, Any]
@@ -28,26 +28,27 @@ PLACEMENTS = ("car", "edge")  # of Genies
 GENIES = "Genies"
 
 
-class Lookups:
-    """What the Genies that a method runs on cars or on edges were asked."""
-
-    def __init__(self, rows: Columns, intervals: bool) -> None:
-        is_image = rows["kind"] == "image"
-        self.images, self.objects = rows.rows(is_image), rows.rows(~is_image)
-        self.of_clients = self.images.where(requester="client")
-        self.intervals = intervals
-
-
-def views(
-    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
-) -> Views:
-    """The look-ups of each method's Genies on cars, and on edges."""
-    if "lookups" not in tables:
-        return
-    for method, placement in product(methods, PLACEMENTS):
-        rows = tables["lookups"].where(method=method, placement=placement)
+def views(tables: Tables) -> Iterator[Seen]:
+    """The look-ups of a method's Genies on cars, and on edges."""
+    for placement in PLACEMENTS if "lookups" in tables else ():
+        rows = tables["lookups"].where(placement=placement)
         if len(rows):
-            yield Where(method, placement), Lookups(rows, intervals)
+            yield Seen("lookups", rows, placement)
+
+
+def images(lookups: Columns) -> Columns:
+    """Look-ups in message caches."""
+    return lookups.where(kind="image")
+
+
+def of_clients(lookups: Columns) -> Columns:
+    """Look-ups in message caches that a Genie's own clients asked for."""
+    return lookups.where(kind="image", requester="client")
+
+
+def objects(lookups: Columns) -> Columns:
+    """Look-ups in object maps."""
+    return lookups.rows(lookups["kind"] != "image")
 
 
 def reuse(lookups: Columns) -> dict[str, float]:
@@ -141,124 +142,96 @@ def last_of_genies(events: Columns) -> list[int]:
     return [int(of_genie["entries"][-1]) for _, of_genie in events.groups("genie")]
 
 
-class Reuse(Metric):
-    """Hits / requests, mean over Genies."""
-
-    better = HIGHER
-    section = GENIES
-    view = Lookups
-    mark = WINDOWS
-    reads = "lookups: genie, t_ns, kind, requests, hits"
-
-    asked: Callable[[Lookups], Columns]
-    """The look-ups that count."""
-
-    def of(self, view: Lookups) -> Measured:
-        asked = self.asked(view)
-        ratios, windows = list(reuse(asked).values()), windowed_reuse(asked)["ratio"]
-        low, high = (float(windows.min()), float(windows.max())) if len(windows) else (None, None)
-        value = float(np.mean(ratios)) if ratios else None
-        return Measured(value, low, high, int(asked["requests"].sum()))
+def _reuse(lookups: Columns) -> Measured:
+    ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
+    low, high = (float(windows.min()), float(windows.max())) if len(windows) else (None, None)
+    value = float(np.mean(ratios)) if ratios else None
+    return Measured(value, low, high, int(lookups["requests"].sum()))
 
 
-class ImageReuse(Reuse):
-    """Hits / requests of the message caches, asked by their own clients, mean over Genies."""
-
-    title = "image reuse"
-    reads = "lookups: genie, t_ns, kind, requests, hits, requester"
-    asked = attrgetter("of_clients")
+def _pooled(lookups: Columns) -> Measured:
+    asked = of_clients(lookups)
+    return quotient(int(asked["hits"].sum()), int(asked["requests"].sum()))
 
 
-class PooledImageReuse(ImageReuse):
-    """Hits / requests of all message caches together, so that each request weighs the same."""
-
-    title = "image reuse, pooled"
-    mark = ""
-
-    def of(self, view: Lookups) -> Measured:
-        asked = self.asked(view)
-        hits, n = int(asked["hits"].sum()), int(asked["requests"].sum())
-        return quotient(hits, n, n)
+def _boost(lookups: Columns) -> Sample:
+    events = objects(lookups)
+    events = events.rows(events["updates"] > 0)
+    of_genies = events.assign(car=events["genie"], stamp_ns=events["t_ns"])
+    return Sample(of_genies, events["boost_sum"], events["updates"])
 
 
-class ImageReuseWithNeighbours(Reuse):
-    """Image reuse in which the requests of other edges count, too."""
-
-    title = "image reuse with neighbours"
-    asked = attrgetter("images")
+def _coalesced(lookups: Columns) -> Measured:
+    asked = of_clients(lookups)
+    return quotient(int((asked["outcome"] == "coalesced").sum()), len(asked))
 
 
-class Coalesced(Metric):
-    """Share of the clients' requests that wait for the answer to an equal pending one."""
-
-    title = "coalesced requests"
-    section = GENIES
-    view = Lookups
-    reads = "lookups: kind, requester, outcome"
-
-    def of(self, view: Lookups) -> Measured:
-        n = len(view.of_clients)
-        return quotient(int((view.of_clients["outcome"] == "coalesced").sum()), n, n)
-
-
-class ObjectReuse(Reuse):
-    """Object look-ups answered by an object with C >= C_T, mean over Genies."""
-
-    title = "object reuse"
-    asked = attrgetter("objects")
-
-
-class ConfidenceBoost(Metric):
-    """Mean of C(new) - C(old) over the object maps' updates."""
-
-    title = "confidence boost"
-    unit = ""
-    better = HIGHER
-    section = GENIES
-    view = Lookups
-    reads = "lookups: genie, t_ns, updates, boost_sum"
-
-    def of(self, view: Lookups) -> Measured:
-        events = view.objects.rows(view.objects["updates"] > 0)
-        n = int(events["updates"].sum())
-        if not n:
-            return Measured(None)
-        value = float(events["boost_sum"].sum() / n)
-        blocks = Blocks(events["genie"], events["t_ns"], view.intervals)
-        half = blocks.half_width(blocks.influence(events["boost_sum"], events.floats("updates")))
-        return Measured(value, *around(value, half), n)
-
-
-class StoredImages(Metric):
-    """Entries of a message cache at the end, mean over Genies."""
-
-    title = "stored images per Genie"
-    unit = ""
-    unit_in_files = "entries/Genie"
-    section = GENIES
-    view = Lookups
-    reads = "lookups: genie, kind, entries"
-
-    def of(self, view: Lookups) -> Measured:
-        return average(last_of_genies(view.images))
-
-
-class StoredObjects(StoredImages):
-    """Objects in a map at the end, mean over Genies."""
-
-    title = "stored objects per Genie"
-
-    def of(self, view: Lookups) -> Measured:
-        return average(last_of_genies(view.objects))
+def _of_lookups(
+    title: str, unit: str, meaning: str, formula: Callable[[Columns], Any], **words: Any
+) -> Metric:
+    return Metric(
+        title, unit, section=GENIES, meaning=meaning, formula=formula, rows="lookups", **words
+    )
 
 
 METRICS = {
-    "image_reuse": ImageReuse(),
-    "image_reuse_pooled": PooledImageReuse(),
-    "image_reuse_with_neighbours": ImageReuseWithNeighbours(),
-    "coalesced_share": Coalesced(),
-    "object_reuse": ObjectReuse(),
-    "confidence_boost": ConfidenceBoost(),
-    "stored_images": StoredImages(),
-    "stored_objects": StoredObjects(),
+    "image_reuse": _of_lookups(
+        "image reuse",
+        "%",
+        "Hits / requests of the message caches, asked by their own clients, mean over Genies.",
+        lambda lookups: _reuse(of_clients(lookups)),
+        better=HIGHER,
+        tier=HEADLINE,
+        mark=WINDOWS,
+    ),
+    "image_reuse_pooled": _of_lookups(
+        "image reuse, pooled",
+        "%",
+        "Hits / requests of all message caches together, so that each request weighs the same.",
+        _pooled,
+        better=HIGHER,
+    ),
+    "image_reuse_with_neighbours": _of_lookups(
+        "image reuse with neighbours",
+        "%",
+        "Image reuse in which the requests of other edges count, too.",
+        lambda lookups: _reuse(images(lookups)),
+        better=HIGHER,
+        mark=WINDOWS,
+    ),
+    "coalesced_share": _of_lookups(
+        "coalesced requests",
+        "%",
+        "Share of the clients' requests that wait for the answer to an equal pending one.",
+        _coalesced,
+    ),
+    "object_reuse": _of_lookups(
+        "object reuse",
+        "%",
+        "Object look-ups answered by an object with C >= C_T, mean over Genies.",
+        lambda lookups: _reuse(objects(lookups)),
+        better=HIGHER,
+        tier=HEADLINE,
+        mark=WINDOWS,
+    ),
+    "confidence_boost": _of_lookups(
+        "confidence boost",
+        "",
+        "Mean of C(new) - C(old) over the object maps' updates.",
+        _boost,
+        better=HIGHER,
+        tier=SHORT,
+    ),
+    "stored_images": _of_lookups(
+        "stored images per Genie",
+        "entries",
+        "Entries of a message cache at the end, mean over Genies.",
+        lambda lookups: average(last_of_genies(images(lookups))),
+    ),
+    "stored_objects": _of_lookups(
+        "stored objects per Genie",
+        "entries",
+        "Objects in a map at the end, mean over Genies.",
+        lambda lookups: average(last_of_genies(objects(lookups))),
+    ),
 }

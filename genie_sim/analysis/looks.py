@@ -1,262 +1,151 @@
 """What became of paced looks, how old the newest look of a view is, and what edges told."""
 
-from collections.abc import Mapping
-from functools import cached_property
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.correctness import CORRECTNESS
-from genie_sim.analysis.frame_metrics import FRAMES, STATISTICS, statistic_of
+from genie_sim.analysis.frame_metrics import FRAMES
 from genie_sim.analysis.metric import (
     HIGHER,
     LOWER,
+    REST,
     Metric,
-    Views,
-    Where,
+    Seen,
+    Tables,
     average,
     quotient,
+    times,
 )
-from genie_sim.analysis.statistics import Blocks, Measured
+from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.record.columns import Columns, Floats
 from genie_sim.record.records import CONSUMER
-from genie_sim.record.results import MethodInfo
-
-ENDS = ("answered", "stale", "overtaken", "timed_out")  # of a frame that went up
 
 
-class Looks:
-    """The looks of a method that paces them, how many frames were published, and what its
-    consumers hold, if that is known.
-    """
+class Looks(NamedTuple):
+    """The looks of a method that paces them, and how many frames were published."""
 
-    def __init__(
-        self, events: Columns, published: int, held: Columns | None, intervals: bool
-    ) -> None:
-        self.events, self.published, self.held = events, published, held
-        self.way_up = events.where(way="edge")
-        self._intervals = intervals
+    events: Columns
+    published: int
 
-    def sent_up(self, outcome: str) -> int:
-        """How many frames went up and ended so."""
-        return len(self.way_up.where(outcome=outcome))
-
-    @cached_property
-    def answered(self) -> Columns:
-        """The frames that were answered from the map."""
-        return self.events.where(way="map")
-
-    @cached_property
-    def blocks(self) -> Blocks:
-        """These frames by car and second."""
-        return Blocks(self.answered["car"], self.answered["stamp_ns"], self._intervals)
+    def number(self, way: str, outcome: str) -> int:
+        """How many frames were looked at this way, and ended so."""
+        return len(self.events.where(way=way, outcome=outcome))
 
 
-def views(
-    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
-) -> Views:
-    """Each method that paces its looks."""
-    if "looks" not in tables:
-        return
-    for method in methods:
-        events = tables["looks"].where(method=method)
-        if len(events):
-            published = len(tables["frames"].where(method=method))
-            held = None
-            if "held" in tables:
-                held = tables["held"].where(method=method, what=CONSUMER)
-            yield Where(method), Looks(events, published, held, intervals)
+def views(tables: Tables) -> Iterator[Seen]:
+    """The looks of a method that paces them, and the frames that were answered from its map."""
+    if "looks" in tables:
+        looks = tables["looks"]
+        yield Seen("looks", Looks(looks, len(tables.get("frames", ()))))
+        yield Seen("map", looks.where(way="map"))
+        if "held" in tables:
+            yield Seen("held where looks are paced", tables["held"].where(what=CONSUMER))
 
 
-class CarLooks(Metric):
-    """Share of the published frames that the car's own detector looked at, where looks are
-    paced.
-    """
-
-    title = "looks by the car's detector"
-    section = FRAMES
-    view = Looks
-    reads = "looks: way, outcome"
-
-    def of(self, view: Looks) -> Measured:
-        own = len(view.events.where(way="own", outcome="answered"))
-        return quotient(own, view.published, view.published)
-
-
-class LooksSent(Metric):
-    """Share of the published frames that went up to be looked at by the edge."""
-
-    title = "looks sent up"
-    section = FRAMES
-    view = Looks
-    reads = "looks: way, outcome"
-
-    def of(self, view: Looks) -> Measured:
-        return quotient(view.sent_up("sent"), view.published, view.published)
-
-
-class LookGap(Metric):
-    """Mean time between the frames of a view that went up one after the other."""
-
-    title = "gap between looks, mean"
-    unit = "ms"
-    section = FRAMES
-    view = Looks
-    reads = "looks: way, gap_ns"
-
-    def of(self, view: Looks) -> Measured:
-        gaps_ms = view.way_up.floats("gap_ns") / NS_PER_MS
-        return average(gaps_ms[~np.isnan(gaps_ms)])
-
-
-class LooksAnswered(Metric):
-    """Share of the frames sent up that were answered in time."""
-
-    title = "looks answered"
-    better = HIGHER
-    section = FRAMES
-    view = Looks
-    reads = "looks: way, outcome"
-    end = "answered"
-
-    def of(self, view: Looks) -> Measured:
-        sent = view.sent_up("sent")
-        return quotient(view.sent_up(self.end), sent, sent)
-
-
-class LooksStale(LooksAnswered):
-    """Share of the frames sent up whose answer came too late to count."""
-
-    title = "looks answered too late"
-    better = LOWER
-    end = "stale"
-
-
-class LooksOvertaken(LooksAnswered):
-    """Share of the frames sent up that were lost: a later one was answered first."""
-
-    title = "looks lost, overtaken"
-    better = LOWER
-    end = "overtaken"
-
-
-class LooksTimedOut(LooksAnswered):
-    """Share of the frames sent up that were given up: no answer came in time."""
-
-    title = "looks lost, timed out"
-    better = LOWER
-    end = "timed_out"
-
-
-class LooksInFlight(LooksAnswered):
-    """Share of the frames sent up that were neither answered nor given up when the run ended."""
-
-    title = "looks in flight"
-    better = ""
-
-    def of(self, view: Looks) -> Measured:
-        sent = view.sent_up("sent")
-        return quotient(sent - sum(map(view.sent_up, ENDS)), sent, sent)
-
-
-class LookRoundTrip(Metric):
-    """Mean time from when a frame went up until its answer came, of those that got one before they
-    were given up.
-    """
-
-    title = "round trip of a look, mean"
-    unit = "ms"
-    better = LOWER
-    section = FRAMES
-    view = Looks
-    reads = "looks: way, outcome, t_ns, stamp_ns, stream, car"
-
-    def of(self, view: Looks) -> Measured:
-        return average(_round_trips_ms(view.way_up))
-
-
-def _round_trips_ms(events: Columns) -> Floats:
-    """From when a frame went up until its answer came, of those answered in time or stale."""
-    ended = events["outcome"].isin(("answered", "stale"))
-    chosen = events.rows(ended | (events["outcome"] == "sent"))
-    # Of a frame that was answered, both events stand side by side, the earlier one first.
-    order = np.lexsort(
-        (chosen["t_ns"], chosen["stamp_ns"], chosen["stream"].codes, chosen["car"].codes)
+def _of_sums(title: str, better: str, meaning: str, above: str, below: str) -> Metric:
+    """A share of what consumers hold."""
+    return Metric(
+        title,
+        "%",
+        better,
+        CORRECTNESS,
+        meaning=meaning,
+        formula=lambda held: quotient(int(held[above].sum()), int(held[below].sum())),
+        rows="held where looks are paced",
     )
-    chosen = chosen.rows(order)
-    answered = np.flatnonzero(chosen["outcome"] != "sent")
-    times_ns = chosen["t_ns"]
-    return np.asarray((times_ns[answered] - times_ns[answered - 1]) / NS_PER_MS)
 
 
-class ViewAge(Metric):
-    """How old the newest look of a view is."""
-
-    unit = "ms"
-    better = LOWER
-    view = Looks
-    reads = "looks: way, car, stamp_ns, looked_ns"
-
-    def __init__(self, statistic: str, section: str = FRAMES) -> None:
-        self._statistic = statistic
-        name, words = STATISTICS[statistic]
-        self.title = f"age of view, {name}"
-        self.meaning = (
-            f"{words} from the newest frame of a frame's view that a detector had looked at when "
-            "this one came to this one, where looks are paced."
-        )
-        self.section = section
-
-    def of(self, view: Looks) -> Measured:
-        age_ns = view.answered["stamp_ns"] - view.answered.floats("looked_ns")
-        return statistic_of(self._statistic, view.blocks, age_ns / NS_PER_MS)
+def _gap(looks: Looks) -> Measured:
+    gaps_ms = looks.events.where(way="edge").floats("gap_ns") / NS_PER_MS
+    return average(gaps_ms[~np.isnan(gaps_ms)])
 
 
-class Shared(Metric):
-    """Share of the held objects that another car saw last, where looks are paced."""
-
-    title = "objects that another car saw"
-    section = CORRECTNESS
-    view = Looks
-    reads = "held: held, shared"
-
-    def of(self, view: Looks) -> Measured | None:
-        if view.held is None:
-            return None
-        total = int(view.held["held"].sum())
-        return quotient(int(view.held["shared"].sum()), total, total)
+def _round_trip(looks: Looks) -> Measured:
+    events = looks.events.where(way="edge")
+    events = events.rows(events["outcome"].isin(("sent", "answered", "stale")))
+    # Of a frame that was answered, both events stand side by side, the earlier one first.
+    order = (events["t_ns"], events["stamp_ns"], events["stream"].codes, events["car"].codes)
+    events = events.rows(np.lexsort(order))
+    answered = np.flatnonzero(events["outcome"] != "sent")
+    times_ns = events["t_ns"]
+    return average((times_ns[answered] - times_ns[answered - 1]) / NS_PER_MS)
 
 
-class SharedRight(Metric):
-    """Share of the held objects that another car saw last which are in view at that instant."""
+def _view_age_ms(frames: Columns) -> Floats:
+    age_ms: Floats = (frames["stamp_ns"] - frames.floats("looked_ns")) / NS_PER_MS
+    return age_ms
 
-    title = "right among objects that another car saw"
-    better = HIGHER
-    section = CORRECTNESS
-    view = Looks
-    reads = "held: shared, shared_right"
 
-    def of(self, view: Looks) -> Measured | None:
-        if view.held is None:
-            return None
-        shared = int(view.held["shared"].sum())
-        return quotient(int(view.held["shared_right"].sum()), shared, shared)
+def _of_looks(
+    title: str, unit: str, meaning: str, formula: Callable[[Looks], Measured], **words: Any
+) -> Metric:
+    return Metric(
+        title, unit, section=FRAMES, meaning=meaning, formula=formula, rows="looks", **words
+    )
 
 
 METRICS = {
-    "looks_own_share": CarLooks(),
-    "looks_sent_share": LooksSent(),
-    "look_gap_mean": LookGap(),
-    "looks_answered_share": LooksAnswered(),
-    "looks_stale_share": LooksStale(),
-    "looks_overtaken_share": LooksOvertaken(),
-    "looks_timed_out_share": LooksTimedOut(),
-    "looks_in_flight_share": LooksInFlight(),
-    "look_round_trip_mean": LookRoundTrip(),
-    "view_age_mean": ViewAge("mean"),
-    "view_age_p50": ViewAge("p50", section=""),
-    "view_age_p95": ViewAge("p95"),
-    "view_age_p99": ViewAge("p99", section=""),
-    "shared_share": Shared(),
-    "shared_right_share": SharedRight(),
+    "looks_own_share": _of_looks(
+        "looks by the car's detector",
+        "%",
+        "Share of the published frames that the car's own detector looked at, where looks are "
+        "paced.",
+        lambda looks: quotient(looks.number("own", "answered"), looks.published),
+    ),
+    "looks_sent_share": _of_looks(
+        "looks sent up",
+        "%",
+        "Share of the published frames that went up to be looked at by the edge.",
+        lambda looks: quotient(looks.number("edge", "sent"), looks.published),
+    ),
+    "look_gap_mean": _of_looks(
+        "gap between looks, mean",
+        "ms",
+        "Mean time between the frames of a view that went up one after the other.",
+        _gap,
+    ),
+    "looks_answered_share": _of_looks(
+        "looks answered",
+        "%",
+        "Share of the frames sent up that were answered in time.",
+        lambda looks: quotient(looks.number("edge", "answered"), looks.number("edge", "sent")),
+        better=HIGHER,
+    ),
+    "look_round_trip_mean": _of_looks(
+        "round trip of a look, mean",
+        "ms",
+        "Mean time from when a frame went up until its answer came, of those that got one before "
+        "they were given up.",
+        _round_trip,
+        better=LOWER,
+    ),
+    **{
+        f"view_age_{statistic}": metric
+        for statistic, metric in times(
+            "age of view",
+            "from the newest frame of a frame's view that a detector had looked at when this one "
+            "came to this one, where looks are paced.",
+            _view_age_ms,
+            {"mean": REST},
+            section=FRAMES,
+            rows="map",
+        )
+    },
+    "shared_share": _of_sums(
+        "objects that another car saw",
+        "",
+        "Share of the held objects that another car saw last, where looks are paced.",
+        "shared",
+        "held",
+    ),
+    "shared_right_share": _of_sums(
+        "right among objects that another car saw",
+        HIGHER,
+        "Share of the held objects that another car saw last which are in view at that instant.",
+        "shared_right",
+        "shared",
+    ),
 }

@@ -1,23 +1,23 @@
-"""What a metric is: a class with its title, its unit, its meaning and its formula.
+"""What a metric is: words, and an expression over rows.
 
-A formula is given a *view*: the rows of one method in one place, such as its frames, or what its
-Genies on cars were asked. ``registry.MODULES`` lists the modules of metrics.
+A formula is given rows of one method in one place, such as its frames or what its Genies on cars
+were asked (``Metric.rows`` says which), and returns a ``Sample``: what is above and below, row by
+row. One place makes a number with its interval of that, and the difference of two methods is made
+of the same rows. What has no interval is a plain ``Measured``.
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from types import MappingProxyType
+import weakref
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from genie_sim.analysis.result_table import Cell
-from genie_sim.analysis.statistics import Blocks, Measured, ratio
+from genie_sim.analysis.statistics import Blocks, Measured, percentile, ratio
 from genie_sim.analysis.style import PLACEMENTS
-from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.plugins import is_own, own_fault
-from genie_sim.record.columns import Columns
-from genie_sim.record.results import MetricValue
+from genie_sim.record.columns import Columns, joined
 
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera
@@ -25,67 +25,163 @@ RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
 WINDOW_REQUESTS = 50  # of which the paper's error bars of reuse are made
 ZERO_DELAY = "zero_delay"  # as a component: of the detector's own answers without any delay
 LOWER, HIGHER = "lower", "higher"
+HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
 WINDOWS, POWERS = "a", "b"  # marks of intervals that are no 95 % intervals
 MARKS = {
     WINDOWS: f"lowest and highest ratio of any {WINDOW_REQUESTS} requests in a row of any Genie",
     POWERS: "with every power at the lower and at the upper end of its range",
 }
 
+Tables = Mapping[str, Columns]  # of one method, by name
 
-class Where(NamedTuple):
-    """Where a number is of: a method, a placement and a component (see ``MetricValue``)."""
 
-    method: str
+class Seen(NamedTuple):
+    """What a formula is given: rows of this kind, in a placement and of a component."""
+
+    kind: str
+    rows: Any
     placement: str = "all"
     component: str = ""
 
 
-class Metric:
-    """A metric. Unless it has a ``meaning``, its docstring is that."""
+class Sample(NamedTuple):
+    """A number that is made of rows.
 
-    meaning: str
-    """What it measures, in one sentence that people read."""
+    Parameters
+    ----------
+    rows : Columns
+        The rows, with the columns ``car`` and ``stamp_ns``.
+    above, below : array
+        A number or a flag for each row. The number is the sum above over the sum below: a mean, or
+        a share.
+    percent : int
+        If not 0, the number is this percentile of what is above in the rows with a flag below.
+    """
 
-    title: str
-    """Its name, the same wherever it is shown."""
+    rows: Columns
+    above: Any
+    below: Any
+    percent: int = 0
 
-    unit: str = "%"
-    """As it is shown: ``%`` for shares, which are from 0 to 1 in files; empty without a unit."""
-
-    better: str = ""
-    """``lower`` or ``higher``; empty where neither is better."""
-
-    section: str = ""
-    """The table of ``summary.md`` that shows it; empty: none does."""
-
-    reads: str = ""
-    """The tables and columns that its formula reads: ``frames: stamp_ns, drop; held: right``."""
-
-    mark: str = ""
-    """What kind of interval it has, a key of ``MARKS``; empty for a 95 % interval."""
-
-    view: type
-    """What its formula is given."""
-
-    def __init_subclass__(cls) -> None:
-        if "meaning" not in vars(cls):
-            cls.meaning = " ".join((cls.__doc__ or "").split())
-
-    def of(self, view: Any) -> Measured | None:
-        """Its number in a view; ``None`` where it has none there."""
-        raise NotImplementedError
+    def measured(self, is_share: bool, intervals: bool = True) -> Measured:
+        """The number with its 95 % interval, over blocks of one second of each car."""
+        if not len(self.rows) or not np.any(self.below):
+            return Measured(None)
+        blocks = blocks_of(self.rows) if intervals else None
+        if self.percent:
+            values = np.where(self.below, self.above, np.nan)
+            return percentile(blocks, values, self.percent)
+        return ratio(blocks, *self.terms, is_share)
 
     @property
-    def over_rows(self) -> "Ratio | None":
-        """The same number as a ratio of sums over rows, where it is one: those of two methods have
-        a paired difference inside one run.
-        """
-        return None
+    def terms(self) -> tuple[Any, Any]:
+        """What is above and below, as numbers; 0 where it is not known."""
+        return _numbers(self.above), _numbers(self.below)
 
-    def columns_read(self) -> dict[str, list[str]]:
-        """What ``reads`` names, by table."""
-        parts = (part.partition(":") for part in self.reads.split(";") if part)
-        return {table.strip(): columns.replace(",", " ").split() for table, _, columns in parts}
+
+def _numbers(values: Any) -> Any:
+    return np.nan_to_num(np.asarray(values, dtype=float))
+
+
+_blocks: "weakref.WeakKeyDictionary[Columns, Blocks]" = weakref.WeakKeyDictionary()
+
+
+def blocks_of(rows: Columns) -> Blocks:
+    """These rows by car and second."""
+    if rows not in _blocks:
+        _blocks[rows] = Blocks(rows["car"], rows["stamp_ns"])
+    return _blocks[rows]
+
+
+def half_of_pair(
+    samples: Sequence[Sample], slopes: Sequence[float] = (1, -1)
+) -> tuple[float | None, int]:
+    """Half the 95 % interval of what changes by these slopes with two ratios, by default their
+    difference, and the number of blocks. The blocks of both are paired.
+    """
+    rows = [sample.rows for sample in samples]
+    cars = joined([of_sample["car"] for of_sample in rows])
+    blocks = Blocks(cars, np.concatenate([of_sample["stamp_ns"] for of_sample in rows]))
+    moves: Any = 0.0
+    for place, slope in enumerate(slopes):
+        terms = zip(*(sample.terms for sample in samples), strict=True)
+        above, below = (
+            np.concatenate([part * (number == place) for number, part in enumerate(parts)])
+            for parts in terms
+        )
+        moves = moves + slope * blocks.influence(above, below)
+    return blocks.half_width(moves), len(moves)
+
+
+def mean(rows: Columns, values: Any, percent: int = 0) -> Sample:
+    """The mean, or a percentile, of the values that are not NaN."""
+    return Sample(rows, np.nan_to_num(values), ~np.isnan(values), percent)
+
+
+def share(rows: Columns, flags: Any) -> Sample:
+    """The share of all these rows that have the flag."""
+    return Sample(rows, flags, np.ones(len(rows)))
+
+
+def quotient(above: float, below: float) -> Measured:
+    """A ratio without an interval."""
+    return Measured(above / below if below else None, n=int(below))
+
+
+def average(values: Any) -> Measured:
+    """The mean of some numbers, without an interval."""
+    return Measured(float(np.mean(values)) if len(values) else None, n=len(values))
+
+
+Formula = Callable[[Any], Sample | Measured | None]
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A metric.
+
+    Parameters
+    ----------
+    title : str
+        Its name, the same wherever it is shown.
+    unit : str
+        As it is shown: ``%`` for shares, which are from 0 to 1 in files; empty without a unit.
+    better : str
+        ``lower`` or ``higher``; empty where neither is better.
+    section : str
+        The table of ``summary.md`` that shows it; empty: none does.
+    meaning : str
+        What it measures, in one sentence that people read.
+    formula : callable
+        Returns its number of some rows: a ``Sample``, or a ``Measured`` without an interval;
+        ``None`` where it has none there.
+    rows : str
+        What the formula is given: a table's rows of one method (``frames``, ``held``, ``answers``,
+        ``lookups``), or a key of ``registry.KINDS``.
+    tier : int
+        Where it is shown: ``HEADLINE`` in sentences, ``SHORT`` on a terminal after a run and in
+        figures for papers, ``MAIN`` in tables and comparisons, ``REST`` in ``summary.md`` and
+        wherever it is asked for; each also where the later ones are.
+    mark : str
+        What kind of interval it has, a key of ``MARKS``; empty for a 95 % interval.
+    """
+
+    title: str
+    unit: str
+    better: str = ""
+    section: str = ""
+    meaning: str = ""
+    formula: Formula = lambda _: None
+    rows: str = "frames"
+    tier: int = REST
+    mark: str = ""
+
+    def of(self, rows: Any, intervals: bool = True) -> Measured | None:
+        """Its number of some rows; ``None`` where it has none there."""
+        result = self.formula(rows)
+        if isinstance(result, Sample):
+            return result.measured(self.unit == "%", intervals)
+        return result
 
     @property
     def label(self) -> str:
@@ -97,9 +193,10 @@ class Metric:
         return f"{title} [{self.unit}]" if self.unit else title
 
     def titled(self, placement: str = "all", component: str = "") -> str:
-        """The title of its number in one place: ``image reuse on cars``."""
-        title = f"{self.title} {PLACEMENTS[placement]}" if placement in PLACEMENTS else self.title
-        return f"{title}, {component}" if component else title
+        """The title of its number in one place: ``image reuse on cars``, ``utilization, edge1``."""
+        if component:
+            return f"{self.title}, {component}"
+        return f"{self.title} {PLACEMENTS[placement]}" if placement in PLACEMENTS else self.title
 
     @property
     def factor(self) -> int:
@@ -126,96 +223,33 @@ class Metric:
         return Cell(value, low, high, mark="" if low is None else self.mark, sign=sign)
 
 
-class Rows:
-    """Rows of a table of which some are chosen: those of one method, in one place.
+# How the title ends, how the meaning begins, and the percentile.
+STATISTICS = {
+    "mean": ("mean", "Mean time", 0),
+    "p50": ("median", "Median time", 50),
+    "p95": ("p95", "95th percentile of the time", 95),
+    "p99": ("p99", "99th percentile of the time", 99),
+}
 
-    Parameters
-    ----------
-    table : Columns
-        The whole table.
-    chosen : array of bool
-        Which rows.
-    blocks : Blocks
-        All rows by car and second.
-    where : Where
-        What the chosen rows are of.
+
+def times(
+    title: str,
+    span: str,
+    times_ms: Callable[[Columns], Any],
+    tiers: Mapping[str, int],
+    **words: str,
+) -> Iterator[tuple[str, Metric]]:
+    """The statistics of a time of rows, by how their names end; ``tiers`` says which there are, and
+    ``span`` from when to when the time is.
     """
+    for statistic, tier in tiers.items():
+        ending, begin, percent = STATISTICS[statistic]
 
-    def __init__(self, table: Columns, chosen: Any, blocks: Blocks, where: Where) -> None:
-        self.table, self.chosen, self.blocks, self.where = table, chosen, blocks, where
+        def formula(rows: Columns, percent: int = percent) -> Sample:
+            return mean(rows, times_ms(rows), percent)
 
-    @property
-    def rows(self) -> Columns:
-        """The chosen rows."""
-        return self.table.rows(self.chosen)
-
-
-class Ratio(Metric):
-    """A ratio of two sums over rows; of flags and counts a share, with Wilson's interval."""
-
-    table: str
-    """The table, which has the columns ``car`` and ``stamp_ns``."""
-
-    only: Mapping[str, str] = MappingProxyType({})
-    """The rows that count, by what is in a column."""
-
-    @property
-    def over_rows(self) -> "Ratio":
-        return self
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        """What is above and below, a number for each of these rows."""
-        raise NotImplementedError
-
-    def counts(self, rows: Rows) -> Any:
-        """Which rows of the whole table are chosen and count."""
-        flags = rows.chosen
-        for name, value in self.only.items():
-            flags = flags & (rows.table[name] == value)
-        return flags
-
-    def of(self, view: Rows) -> Measured | None:
-        counts = self.counts(view)
-        if not counts.any():
-            return None
-        above, below = (np.where(counts, part, 0.0) for part in self.terms(view.table))
-        is_share = self.unit == "%"
-        return ratio(view.blocks, np.nan_to_num(above), np.nan_to_num(below), is_share)
-
-
-Views = Iterable[tuple[Where, Any]]
-
-
-def measured(metrics: Mapping[str, Metric], views: Views) -> Iterator[MetricValue]:
-    """Every number of these metrics in these views, view by view."""
-    by_view: dict[type, dict[str, Metric]] = {}
-    for name, metric in metrics.items():
-        by_view.setdefault(metric.view, {})[name] = metric
-    for where, view in views:
-        for name, metric in by_view.get(type(view), {}).items():
-            number = _own_number(name, metric, view) if is_own(name) else metric.of(view)
-            if number is not None:
-                yield MetricValue(name, *where, unit=metric.unit_in_files, **number._asdict())
-
-
-def _own_number(name: str, metric: Metric, view: Any) -> Measured | None:
-    """The number of a metric of the user's own. Raises ``UserError`` for whatever goes wrong."""
-    try:
-        number = metric.of(view)
-    except Exception as error:
-        text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
-        raise UserError(own_fault(error) or text) from error
-    if number is not None and not isinstance(number, Measured):
-        text = f"of() must return Measured or None, not {short_repr(number)}"
-        raise UserError(f"metric {name!r}: {text}")
-    return number
-
-
-def average(values: Any) -> Measured:
-    """The mean of some numbers, without an interval."""
-    return Measured(float(np.mean(values)) if len(values) else None, n=len(values))
-
-
-def quotient(above: float, below: float, n: int) -> Measured:
-    """A ratio without an interval."""
-    return Measured(above / below if below else None, n=n)
+        title_of_all, meaning = f"{title}, {ending}", f"{begin} {span}"
+        yield (
+            statistic,
+            Metric(title_of_all, "ms", LOWER, meaning=meaning, formula=formula, tier=tier, **words),
+        )

@@ -13,12 +13,16 @@
 - ``statistics.across_seeds``: the 95 % t interval over runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis.metric import measured
-from genie_sim.analysis.registry import METRICS, own_metrics, views
+from genie_sim.analysis import frame_metrics
+from genie_sim.analysis.metric import Metric, Sample, Seen, Tables
+from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
+from genie_sim.analysis.statistics import Measured
+from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.plugins import is_own, own_fault
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue
@@ -46,17 +50,78 @@ def compute(
     methods : sequence of MethodInfo
         Those that ran.
     tables : mapping of str to Columns or pandas.DataFrame
-        ``frames``, and what else was recorded; the columns are those of ``record.records``.
+        What was recorded; the columns are those of ``record.records``.
     intervals : bool
-        Whether frames and boosts get intervals, too. Many runs, whose spread counts, need none.
+        Whether numbers get intervals, too. Many runs, whose spread counts, need none.
     own : sequence of str
-        Metrics of the user's own, ``package.module:Class``. Raises ``UserError`` for one that
+        Metrics of the user's own, ``package.module:name``. Raises ``UserError`` for one that
         cannot be computed.
     """
-    filled = {name: Columns.of(table) for name, table in tables.items() if len(table)}
-    frames = Columns.of(tables["frames"])
-    of_run = views({**filled, "frames": frames}, methods, intervals)
-    return [rounded(metric) for metric in measured({**METRICS, **own_metrics(own)}, of_run)]
+    by_kind: dict[str, dict[str, Metric]] = {}
+    for name, metric in {**METRICS, **own_metrics(own)}.items():
+        by_kind.setdefault(metric.rows, {})[name] = metric
+    columns = {name: Columns.of(table) for name, table in tables.items()}
+    by_method = {method.name: of_method(columns, method.name) for method in methods}
+    baselines = {method.name: by_method[method.name] for method in methods if method.baseline}
+    measured = []
+    for method in methods:
+        against = {} if method.baseline else baselines
+        for seen in (
+            *views(by_method[method.name]),
+            *frame_metrics.pairs(by_method[method.name], against),
+        ):
+            for name, metric in by_kind.get(seen.kind, {}).items():
+                number = _number(name, metric, seen.rows, intervals)
+                if number is not None:
+                    value = MetricValue(
+                        name,
+                        method.name,
+                        seen.placement,
+                        seen.component,
+                        unit=metric.unit_in_files,
+                        **number._asdict(),
+                    )
+                    measured.append(rounded(value))
+    return measured
+
+
+def of_method(tables: Tables, method: str) -> dict[str, Columns]:
+    """Those rows of each table that are of one method; no tables without any."""
+    of_one = {name: table.where(method=method) for name, table in tables.items() if len(table)}
+    return {name: table for name, table in of_one.items() if len(table)}
+
+
+def views(tables: Tables) -> Iterator[Seen]:
+    """What formulas are given, of the tables of one method."""
+    for module in MODULES:
+        yield from module.views(tables)
+
+
+def samples(metrics: Mapping[str, Metric], tables: Tables) -> dict[str, Sample]:
+    """Of each metric that is made of rows those of a method as a whole."""
+    of_whole: dict[str, Sample] = {}
+    for seen in views(tables):
+        if (seen.placement, seen.component) == ("all", ""):
+            for name, metric in metrics.items():
+                sample = metric.formula(seen.rows) if metric.rows == seen.kind else None
+                if isinstance(sample, Sample):
+                    of_whole[name] = sample
+    return of_whole
+
+
+def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured | None:
+    """A metric's number. Raises ``UserError`` for whatever goes wrong in one of the user's own."""
+    if not is_own(name):
+        return metric.of(rows, intervals)
+    try:
+        number = metric.of(rows, intervals)
+    except Exception as error:
+        text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
+        raise UserError(own_fault(error) or text) from error
+    if number is not None and not isinstance(number, Measured):
+        text = f"its formula must return a Sample, Measured or None, not {short_repr(number)}"
+        raise UserError(f"metric {name!r}: {text}")
+    return number
 
 
 def rounded(metric: MetricValue) -> MetricValue:

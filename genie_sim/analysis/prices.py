@@ -9,24 +9,35 @@ and whether one method takes less than another over all their ranges is decided 
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, POWERS, Metric, Ratio, Views, Where, quotient
+from genie_sim.analysis.metric import (
+    LOWER,
+    MAIN,
+    POWERS,
+    REST,
+    Metric,
+    Sample,
+    Seen,
+    Tables,
+    quotient,
+)
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import CONSUMER
-from genie_sim.record.results import MethodInfo
 
 BITS_PER_MEGABIT = 10**6
 Key = tuple[str, str, str]  # kind, name and part of a power
 End = Literal["value", "low", "high"]
 ENDS: tuple[End, ...] = ("value", "low", "high")
 PRICES = "Prices"
+READ = ("frames", "hosts", "power", "held")  # the tables
 
 
 @dataclass(frozen=True)
@@ -116,230 +127,123 @@ def ledger(hosts: Columns, power: Columns | None) -> Ledger:
     return Ledger(amounts, powers, tuple(unknown))
 
 
-def ledgers(tables: Mapping[str, Columns], method: str) -> dict[str, Ledger]:
+def ledgers(tables: Tables) -> dict[str, Ledger]:
     """The energy of a method's hosts by placement; empty where it took no frame."""
-    hosts = tables["hosts"].where(method=method)
-    frames = tables["frames"].where(method=method)
-    if not len(hosts) or not len(frames):
-        return {}
-    power = tables.get("power")
-    of_method = None if power is None else power.where(method=method)
-    placed = _placed(with_time(hosts, frames))
-    return {placement: ledger(rows, of_method) for placement, rows in placed.items()}
+    return {
+        seen.placement: ledger(seen.rows.hosts, seen.rows.power)
+        for seen in views(tables)
+        if seen.kind == "hosts"
+    }
 
 
-def _placed(hosts: Columns) -> dict[str, Columns]:
-    placed = {name: hosts.where(placement=name) for name in ("car", "edge")}
-    return {"all": hosts} | {name: rows for name, rows in placed.items() if len(rows)}
-
-
-class Carried(NamedTuple):
-    """The hosts of a method, with the time in which each is there, and the frames."""
-
-    hosts: Columns
-    frames: Columns
-
-
-class Worked(NamedTuple):
-    """The hosts of a method in one placement."""
-
-    hosts: Columns
-    placement: str
-
-
-class Consumed(NamedTuple):
-    """The energy of a method's hosts in one placement, with all powers at each of ``ENDS`` [J], and
-    what it is divided by, by metric.
+class Hosts(NamedTuple):
+    """The hosts of a method in one placement, each with the time in which it is there, the powers
+    of all, and how many there are of what energy is divided by.
     """
 
-    energy: Ledger
+    hosts: Columns
+    power: Columns | None
     counts: Mapping[str, int]
 
+    def sum(self, column: str, unit: float = 1) -> float:
+        """Over these hosts."""
+        return float(self.hosts[column].sum()) / unit
 
-def views(
-    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
-) -> Views:
-    """Bytes, computing time and energy of each method, in all, of cars and of edges."""
-    if "hosts" not in tables:
+
+def views(tables: Tables) -> Iterator[Seen]:
+    """All hosts of a method, and those on cars and on edges."""
+    if "hosts" not in tables or "frames" not in tables:
         return
-    for method in methods:
-        hosts = tables["hosts"].where(method=method)
-        frames = tables["frames"].where(method=method)
-        if not len(hosts) or not len(frames):
-            continue
-        yield Where(method), Carried(with_time(hosts, frames), frames)
-        for placement, rows in _placed(hosts).items():
-            yield Where(method, placement), Worked(rows, placement)
-        counts = {
-            "frame": len(frames),
-            "fresh": int((~np.isnan(frames.floats("fresh_answer_ns"))).sum()),
-        }
-        if "held" in tables:
-            held = tables["held"].where(method=method, what=CONSUMER)
-            counts["right"] = int(held["right"].sum())
-        for placement, energy in ledgers(tables, method).items():
-            yield Where(method, placement), Consumed(energy, counts)
+    frames = tables["frames"]
+    hosts = with_time(tables["hosts"], frames)
+    counts = {"frame": len(frames)}
+    if "held" in tables:
+        counts["right"] = int(tables["held"].where(what=CONSUMER)["right"].sum())
+    for placement in ("all", "car", "edge"):
+        rows = hosts if placement == "all" else hosts.where(placement=placement)
+        if len(rows):
+            yield Seen("hosts", Hosts(rows, tables.get("power"), counts), placement)
 
 
-class BytesOfFrames(Ratio):
-    """Bytes per published frame, frame by frame."""
-
-    unit = "B"
-    table = "frames"
-
-    def __init__(self, column: str) -> None:
-        self._column = column
-
-    def terms(self, rows: Columns) -> tuple[Any, Any]:
-        return rows[self._column], np.ones(len(rows))
+def _batches(hosts: Hosts) -> Measured | None:
+    on_edges = (hosts.hosts["placement"] == "edge").all()
+    batches = hosts.sum("batches")
+    return quotient(hosts.sum("pictures"), batches) if on_edges and batches else None
 
 
-class BytesUpPerFrame(Metric):
-    """Bytes that cars sent to their edges per published frame."""
-
-    title = "sent up per frame"
-    unit = "B"
-    better = LOWER
-    section = PRICES
-    view = Carried
-    column = "bytes_up"
-    reads = "hosts: bytes_up"
-
-    @property
-    def over_rows(self) -> Ratio | None:
-        return BytesOfFrames(self.column)
-
-    def of(self, view: Carried) -> Measured:
-        n = len(view.frames)
-        return quotient(int(view.hosts[self.column].sum()), n, n)
-
-
-class BytesDownPerFrame(BytesUpPerFrame):
-    """Bytes that edges sent to cars per published frame."""
-
-    title = "sent down per frame"
-    column = "bytes_down"
-    reads = "hosts: bytes_down"
-
-
-class BytesUpRate(BytesUpPerFrame):
-    """Bytes that all cars sent to their edges per second, each in the time in which it drives."""
-
-    title = "sent up per second"
-    unit = "B/s"
-    reads = f"hosts: host, placement, begin_ns, bytes_up; frames: car, {', '.join(INSTANTS)}"
-
-    @property
-    def over_rows(self) -> None:
+def _energy(hosts: Hosts, per: str) -> Measured | None:
+    if per not in hosts.counts:
         return None
-
-    def of(self, view: Carried) -> Measured:
-        drives = view.hosts.rows(view.hosts["there_s"] > 0)
-        rates = drives[self.column] / drives["there_s"]
-        return Measured(float(rates.sum()) if len(drives) else None, n=len(view.frames))
-
-
-class AcceleratorTime(Metric):
-    """Time that accelerators worked, summed over them."""
-
-    title = "accelerator time"
-    unit = "s"
-    better = LOWER
-    section = PRICES
-    view = Worked
-    column = "accelerator_ns"
-    reads = "hosts: accelerator_ns"
-
-    def of(self, view: Worked) -> Measured:
-        return Measured(float(view.hosts[self.column].sum()) / NS_PER_S, n=len(view.hosts))
+    energy, n = ledger(hosts.hosts, hosts.power), hosts.counts[per]
+    joules = (energy.joules(end) for end in ENDS)
+    value, low, high = (None if of_end is None or not n else of_end / n for of_end in joules)
+    return Measured(value, low, high, n)
 
 
-class CpuTime(AcceleratorTime):
-    """Time that CPU cores worked, summed over them."""
-
-    title = "CPU time"
-    column = "cpu_ns"
-    reads = "hosts: cpu_ns"
-
-
-class BatchSize(Metric):
-    """Mean number of pictures that were detected at once."""
-
-    title = "pictures per batch"
-    unit = "pictures"
-    section = PRICES
-    view = Worked
-    reads = "hosts: batches, pictures"
-
-    def of(self, view: Worked) -> Measured | None:
-        batches = int(view.hosts["batches"].sum())
-        if not batches or view.placement != "edge":
-            return None
-        return quotient(float(view.hosts["pictures"].sum()), batches, batches)
+def _of_hosts(
+    title: str, unit: str, meaning: str, formula: Callable[[Hosts], Any], **words: Any
+) -> Metric:
+    words = {"better": LOWER, "rows": "hosts"} | words
+    return Metric(title, unit, section=PRICES, meaning=meaning, formula=formula, **words)
 
 
-class Energy(Metric):
-    """Energy per what is counted."""
+def _of_frames(title: str, meaning: str, column: str, tier: int) -> Metric:
+    def bytes_of(frames: Columns) -> Sample:
+        return Sample(frames, frames[column], np.ones(len(frames)))
 
-    unit = "J"
-    better = LOWER
-    section = PRICES
-    view = Consumed
-    mark = POWERS
-    per = "frame"
-    reads = (
-        f"frames: car, {', '.join(INSTANTS)}; power: kind, name, part, value, low, high; "
-        "hosts: host, placement, begin_ns, device, accelerator_ns, cpu_ns, interface, "
-        "transfer_ns, tail_ns, bytes_up, bytes_down"
-    )
-
-    def of(self, view: Consumed) -> Measured | None:
-        n = view.counts.get(self.per)
-        if n is None:
-            return None
-        joules = [view.energy.joules(end) for end in ENDS]
-        value, low, high = (None if of is None or not n else of / n for of in joules)
-        return Measured(value, low, high, n)
+    return Metric(title, "B", LOWER, PRICES, meaning=meaning, formula=bytes_of, tier=tier)
 
 
-class EnergyPerFrame(Energy):
-    """Energy per published frame. In brackets: with every power at the lower and the upper end of
-    its range.
-    """
-
-    title = "energy per frame"
-
-
-class EnergyPerFresh(Energy):
-    """Energy per frame with a fresh result. In brackets: with every power at the lower and the
-    upper end of its range.
-    """
-
-    title = "energy per fresh result"
-    section = ""
-    per = "fresh"
-
-
-class EnergyPerRight(Energy):
-    """Energy per right object that a consumer holds at a frame of its first camera. In brackets:
-    with every power at the lower and the upper end of its range.
-    """
-
-    title = "energy per right object"
-    per = "right"
-    reads = f"{Energy.reads}; held: right"
-
-
+IN_BRACKETS = " In brackets: with every power at the lower and the upper end of its range."
 METRICS = {
-    "bytes_up_per_frame": BytesUpPerFrame(),
-    "bytes_up_rate": BytesUpRate(),
-    "bytes_down_per_frame": BytesDownPerFrame(),
-    "accelerator_time": AcceleratorTime(),
-    "cpu_time": CpuTime(),
-    "batch_size": BatchSize(),
-    "energy_per_frame": EnergyPerFrame(),
-    "energy_per_fresh": EnergyPerFresh(),
-    "energy_per_right": EnergyPerRight(),
+    "bytes_up_per_frame": _of_frames(
+        "sent up per frame",
+        "Bytes that cars sent to their edges per published frame.",
+        "bytes_up",
+        MAIN,
+    ),
+    "bytes_down_per_frame": _of_frames(
+        "sent down per frame",
+        "Bytes that edges sent to cars per published frame.",
+        "bytes_down",
+        REST,
+    ),
+    "accelerator_time": _of_hosts(
+        "accelerator time",
+        "s",
+        "Time that accelerators worked, summed over them.",
+        lambda hosts: Measured(hosts.sum("accelerator_ns", NS_PER_S), n=len(hosts.hosts)),
+        tier=MAIN,
+    ),
+    "cpu_time": _of_hosts(
+        "CPU time",
+        "s",
+        "Time that CPU cores worked, summed over them.",
+        lambda hosts: Measured(hosts.sum("cpu_ns", NS_PER_S), n=len(hosts.hosts)),
+    ),
+    "batch_size": _of_hosts(
+        "pictures per batch",
+        "pictures",
+        "Mean number of pictures that were detected at once.",
+        _batches,
+        better="",
+    ),
+    "energy_per_frame": _of_hosts(
+        "energy per frame",
+        "J",
+        "Energy per published frame." + IN_BRACKETS,
+        partial(_energy, per="frame"),
+        tier=MAIN,
+        mark=POWERS,
+    ),
+    "energy_per_right": _of_hosts(
+        "energy per right object",
+        "J",
+        "Energy per right object that a consumer holds at a frame of its first camera."
+        + IN_BRACKETS,
+        partial(_energy, per="right"),
+        mark=POWERS,
+    ),
 }
 
 
@@ -392,10 +296,15 @@ def per_frame(runs: Sequence[Mapping[str, Columns]], method: str) -> Ledger:
     powers: dict[Key, Mapping[End, float]] = {}
     unknown: dict[str, None] = {}
     for tables in runs:
-        of_all = ledgers(tables, method).get("all")
+        of_method = {
+            name: table.where(method=method) for name, table in tables.items() if name in READ
+        }
+        of_all = ledgers({name: table for name, table in of_method.items() if len(table)}).get(
+            "all"
+        )
         if of_all is None:
             return Ledger({}, {}, ("hosts that took no frame",))
-        n = len(tables["frames"].where(method=method)) * len(runs)
+        n = len(of_method["frames"]) * len(runs)
         for key, amount in of_all.amounts.items():
             amounts[key] += amount / n
         powers.update(of_all.powers)

@@ -1,13 +1,16 @@
 """Every metric by its name. Whatever shows a metric to people, on the terminal, in tables, figures
 and pages, takes its words from here; files and the library use the names.
 
-A class of the user's own (``metric.Metric``) is named ``package.module:Class``.
+One of the user's own (``metric.Metric``) is named ``package.module:name``; its words are told by
+its code, or by the results in which it has numbers.
 """
 
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
 
 from genie_sim.analysis import (
     correctness,
@@ -15,83 +18,119 @@ from genie_sim.analysis import (
     genie_metrics,
     looks,
     outages,
-    part_metrics,
     prices,
     resource_metrics,
 )
-from genie_sim.analysis.metric import ZERO_DELAY, Metric, Views
+from genie_sim.analysis.metric import ZERO_DELAY, Metric
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.plugins import Choice
-from genie_sim.record.columns import Columns
-from genie_sim.record.records import SCHEMAS
+from genie_sim.base.plugins import is_own
+from genie_sim.base.text import one_line
 from genie_sim.record.results import MethodInfo, MetricValue
 
-COMPONENT_TITLES = {ZERO_DELAY: "zero-delay detector"}
+WORDS = {
+    "title": str,
+    "unit": str,
+    "better": str,
+    "section": str,
+    "meaning": str,
+    "tier": int,
+    "mark": str,
+}
+COMPONENT_TITLES = {
+    ZERO_DELAY: "zero-delay detector",
+    "before": "before it",
+    "during": "during it",
+    "after": "after it",
+}
+OWN = "Own metrics"  # the section of those that name none
 LOGARITHMIC_FROM = 20.0  # a list of numbers that spans so much, largest to smallest
 
-# Each has its metrics, and the views that they are given. In this order numbers are written.
+# Each has its metrics, and yields what they are given. In this order numbers are written.
 MODULES = (
     frame_metrics,
     genie_metrics,
-    looks,
-    resource_metrics,
-    prices,
     correctness,
+    prices,
+    resource_metrics,
+    looks,
     outages,
-    part_metrics,
 )
 METRICS: Mapping[str, Metric] = {
     name: metric for module in MODULES for name, metric in module.METRICS.items()
 }
 
 
-def views(
-    tables: Mapping[str, Columns], methods: Sequence[MethodInfo], intervals: bool = True
-) -> Views:
-    """What formulas are given, of all tables that there are; ``frames`` may be empty."""
-    by_name = {method.name: method for method in methods}
-    return chain.from_iterable(module.views(tables, by_name, intervals) for module in MODULES)
-
-
-class Unregistered(Metric):
-    """A metric whose class is not here."""
-
-    unit = ""
-
-    def __init__(self, name: str) -> None:
-        self.title = name
+KINDS = tuple(dict.fromkeys(metric.rows for metric in METRICS.values()))
+_told: dict[str, Metric] = {}  # metrics of users' own by name, with the words of results or of code
 
 
 def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
-    """Metrics of the user's own, each ``package.module:Class``. Raises ``UserError``."""
-    found = {}
+    """Metrics of the user's own, each ``package.module:name`` of a ``metric.Metric``. Raises
+    ``UserError``.
+    """
+    own: dict[str, Metric] = {}
     for name in names:
-        metric = plugins.make("metric", Choice(name), {}, ("of", "title", "view"))
+        metric = plugins.resolve("metric", name, {})
         if not isinstance(metric, Metric):
             base = f"{Metric.__module__}.{Metric.__name__}"
-            raise UserError(f"metric {name!r}: is no subclass of {base}")
-        for table, columns in metric.columns_read().items():
-            if table not in SCHEMAS:
-                raise UserError(f"metric {name!r}: reads: {unknown('table', table, SCHEMAS)}")
-            known = [column.name for column in SCHEMAS[table].columns]
-            for column in columns:
-                if column not in known:
-                    text = unknown("column", column, known)
-                    raise UserError(f"metric {name!r}: reads: {table}: {text}")
-        found[name] = metric
-    return found
+            raise UserError(f"metric {name!r}: is no {base}, but {short_repr(metric)}")
+        if metric.rows not in KINDS:
+            raise UserError(f"metric {name!r}: rows: {unknown('kind', metric.rows, KINDS)}")
+        own[name] = replace(metric, section=metric.section or OWN)
+    _told.update(own)
+    return own
+
+
+def words(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """What people read of these metrics, as plain data: how results tell it."""
+    metrics = {name: definition(name) for name in dict.fromkeys(names)}
+    return {name: {key: getattr(metrics[name], key) for key in WORDS} for name in metrics}
+
+
+def learn(told: object, where: str) -> None:
+    """Takes the words of metrics of users' own from what results say, so that these are shown as
+    others are, without their code. Raises ``UserError``; ``where`` it stands begins errors.
+    """
+    if not isinstance(told, dict):
+        raise UserError(f"{where}: must be a mapping, not {short_repr(told)}")
+    for name, told_of in told.items():
+        if not is_own(name):
+            continue
+        if not isinstance(told_of, dict) or {key: type(told_of.get(key)) for key in WORDS} != WORDS:
+            raise UserError(f"{where}: {name}: must have {', '.join(WORDS)}")
+        as_read: dict[str, Any] = {
+            key: one_line(value) if isinstance(value, str) else value
+            for key, value in told_of.items()
+            if key in WORDS
+        }
+        _told[name] = replace(definition(name), **as_read)
+
+
+def with_formulas(names: Iterable[str]) -> dict[str, Metric]:
+    """Metrics by their names; those of the user's own with their code, where that may run."""
+    names = list(names)
+    for name in filter(is_own, names):
+        with suppress(UserError):
+            own_metrics([name])
+    return {name: definition(name) for name in names}
+
+
+def shown(tier: int, measured: Iterable[str]) -> list[str]:
+    """Of the metrics that were measured those that are shown up to this tier, in the paper's order,
+    then the user's own. A proxy for the truth gives way to the truth.
+    """
+    names = dict.fromkeys(measured)
+    if "streaming_f1" in names:
+        names.pop("first_proxy_f1", None)
+    usual = [name for name, metric in METRICS.items() if metric.tier <= tier and name in names]
+    return [*usual, *filter(is_own, names)]
 
 
 def definition(name: str) -> Metric:
-    """A metric by its name; one of the user's own whose class cannot be had goes by its name."""
-    if name in METRICS:
-        return METRICS[name]
-    try:
-        return own_metrics([name])[name]
-    except UserError:
-        return Unregistered(name)
+    """A metric by its name; one of the user's own of which nothing is told goes by its name."""
+    return METRICS.get(name) or _told.get(name) or Metric(name, "")
 
 
 def checked(

@@ -1,104 +1,80 @@
 """Metrics of devices, links and queues, each of which is the component of its numbers.
 
 Utilization, mean queue and throughput are those of the time in which their host takes frames: of a
-car and its links from its start to its last frame, of an edge until the last frame of all. The
-other counts are those at the end of the run. Queues are counted at each change, not at samples.
+car and its links from its start to its last frame, of an edge until the last frame of all, both
+between two samples. What is dropped counts until the end of the run. Queues are counted at each
+change, not at samples.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, Metric, Views, Where
+from genie_sim.analysis.metric import LOWER, MAIN, Metric, Seen, Tables
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns, Floats
-from genie_sim.record.results import MethodInfo
+
+# What follows the host in the name of a resource.
+AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|\.channel|/.*)$")
 
 
-class UseSpan(NamedTuple):
-    """From one instant to another [ns]."""
-
-    begin_ns: float
-    end_ns: float
-
-
-class Samples:
-    """The samples of one resource, in order of time, and the ``seconds`` in which its host takes
-    frames.
-
-    Parameters
-    ----------
-    rows : Columns
-        The samples.
-    span : UseSpan
-        From one of the instants at which resources are sampled to another.
-    counted_ns : float
-        The end of the warm-up.
+class Use(NamedTuple):
+    """The samples of one resource in order of time, from when to when its host takes frames, and
+    when the warm-up ended [ns].
     """
 
-    def __init__(self, rows: Columns, span: UseSpan, counted_ns: float = 0.0) -> None:
-        self.all = rows
-        self.seconds = max(span.end_ns - span.begin_ns, 0.0) / NS_PER_S
-        t_ns = rows["t_ns"]
-        self.n = int(((t_ns >= span.begin_ns) & (t_ns <= span.end_ns)).sum())
-        self._span, self._counted_ns = span, counted_ns
+    samples: Columns
+    begin_ns: float
+    end_ns: float
+    counted_ns: float
 
-    def during(self, column: str) -> float:
-        """How much a count grew in that time."""
-        return self._until(column, self._span.end_ns) - self._until(column, self._span.begin_ns)
+    def grown(self, column: str, begin_ns: float, end_ns: float = np.inf) -> float:
+        """How much a count grew; before its first sample it was 0."""
+        counts = np.concatenate([[0], self.samples[column]])
+        ends = np.searchsorted(self.samples["t_ns"], [begin_ns, end_ns], side="right")
+        return float(np.diff(counts[ends])[0])
 
-    def in_all(self, column: str) -> int:
-        """How much it grew from the end of the warm-up to the end of the run."""
-        return int(self.all[column][-1] - self._until(column, self._counted_ns))
+    def rate(self, column: str, capacity: float = 1.0) -> Measured | None:
+        """Growth per second while its host takes frames; ``None`` without a capacity or a time."""
+        seconds = (self.end_ns - self.begin_ns) / NS_PER_S
+        if np.isnan(capacity) or not seconds > 0:
+            return None
+        unit = NS_PER_S if column.endswith("_ns") else 1
+        t_ns = self.samples["t_ns"]
+        n = int(((t_ns >= self.begin_ns) & (t_ns <= self.end_ns)).sum())
+        growth = self.grown(column, self.begin_ns, self.end_ns) / unit
+        return Measured(growth / (capacity * seconds), n=n)
 
-    def _until(self, column: str, instant_ns: float) -> float:
-        """The count at an instant; before its first sample it was 0."""
-        row = int(np.searchsorted(self.all["t_ns"], instant_ns, side="right")) - 1
-        return float(self.all[column][row]) if row >= 0 else 0.0
 
-
-def views(
-    tables: Mapping[str, Columns], methods: Mapping[str, MethodInfo], intervals: bool
-) -> Views:
-    """Each resource under each method; a link has the placement ``all``."""
+def views(tables: Tables) -> Iterator[Seen]:
+    """Each resource of a method; a link has the placement ``all``."""
     if "resources" not in tables:
         return
-    ordered = tables["resources"].by("t_ns")
-    for method in methods:
-        of_method = ordered.where(method=method)
-        counted_ns, spans = driven(tables, method)
-        instants_ns = np.union1d([0.0], of_method.floats("t_ns"))
-        whole = UseSpan(counted_ns, max((span.end_ns for span in spans.values()), default=np.inf))
-        for name, samples in of_method.groups("resource"):
-            hosts = re.sub(r"(\.accelerator|\.cpu|\.channel|/.*)$", "", name).split("->")
-            (span,) = [spans[host] for host in hosts if host in spans] or [whole]
-            placement = "all" if len(hosts) > 1 else "edge" if span is whole else "car"
-            sampled = _sampled(span, instants_ns)
-            yield Where(method, placement, name), Samples(samples, sampled, counted_ns)
-
-
-def driven(tables: Mapping[str, Columns], method: str) -> tuple[float, dict[str, UseSpan]]:
-    """The end of the warm-up, and from the start of each car to its last frame, by the car."""
-    frames, begins_ns, cars = tables["frames"].where(method=method), {}, []
+    begins_ns: dict[str, float] = {}
+    ends_ns: dict[str, float] = {}
     if "hosts" in tables:
-        hosts = tables["hosts"].where(method=method)
+        hosts = tables["hosts"]
         begins_ns = dict(zip(hosts["host"].tolist(), hosts["begin_ns"].tolist(), strict=True))
-        cars = hosts.where(placement="car")["host"].tolist()
-    ends_ns = {car: float(of_car["stamp_ns"].max()) for car, of_car in frames.groups("car")}
-    counted_ns = min(begins_ns.values(), default=0)
-    return counted_ns, {
-        car: UseSpan(begins_ns.get(car, counted_ns), ends_ns.get(car, 0.0))
-        for car in (*ends_ns, *cars)
-    }
-
-
-def _sampled(span: UseSpan, instants_ns: Floats) -> UseSpan:
-    """The part of a time between the first and the last sample within it."""
-    within = instants_ns[(instants_ns >= span.begin_ns) & (instants_ns <= span.end_ns)]
-    return UseSpan(float(within[0]), float(within[-1])) if len(within) else UseSpan(0.0, 0.0)
+        ends_ns = dict.fromkeys(hosts.where(placement="car")["host"].tolist(), 0.0)
+    if "frames" in tables:
+        for car, frames in tables["frames"].groups("car"):
+            ends_ns[car] = float(frames["stamp_ns"].max())
+    counted_ns = min(begins_ns.values(), default=0.0)
+    driven = {car: (begins_ns.get(car, counted_ns), end_ns) for car, end_ns in ends_ns.items()}
+    whole = counted_ns, max(ends_ns.values(), default=np.inf)
+    ordered = tables["resources"].by("t_ns")
+    instants_ns = np.union1d([0.0], ordered.floats("t_ns"))
+    for name, samples in ordered.groups("resource"):
+        hosts_of = AFTER_HOST.sub("", name).split("->")
+        begin_ns, end_ns = next((driven[host] for host in hosts_of if host in driven), whole)
+        within = instants_ns[(instants_ns >= begin_ns) & (instants_ns <= end_ns)]
+        begin_ns, end_ns = (within[0], within[-1]) if len(within) else (0.0, 0.0)
+        placement = "car" if hosts_of[0] in driven else "edge"
+        use = Use(samples, float(begin_ns), float(end_ns), counted_ns)
+        yield Seen("resources", use, "all" if len(hosts_of) > 1 else placement, name)
 
 
 def running_use(samples: Columns) -> tuple[Floats, Floats]:
@@ -113,114 +89,47 @@ def running_use(samples: Columns) -> tuple[Floats, Floats]:
     return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
 
 
-class ResourceMetric(Metric):
-    """A metric of a resource."""
-
-    view = Samples
-
-    def titled(self, placement: str = "all", component: str = "") -> str:
-        return f"{self.title}, {component}" if component else self.title
+def _utilization(use: Use) -> Measured | None:
+    return use.rate("busy_ns", float(use.samples.floats("capacity")[-1]))
 
 
-class Utilization(ResourceMetric):
-    """Share of the time in which a device or link works; on a car, of the time in which it
-    drives. That of a channel is the channel busy ratio where the host is.
-    """
-
-    title = "utilization"
-    better = LOWER
-    reads = "resources: t_ns, busy_ns, capacity"
-
-    def of(self, view: Samples) -> Measured | None:
-        capacity = view.all.floats("capacity")[-1]
-        if np.isnan(capacity) or not view.seconds:
-            return None
-        busy_s = view.during("busy_ns") / NS_PER_S
-        return Measured(busy_s / (float(capacity) * view.seconds), n=view.n)
-
-
-class QueueMean(ResourceMetric):
-    """Mean number of messages that wait, over time; on a car, over the time in which it drives."""
-
-    title = "queue length, mean"
-    unit = "messages"
-    better = LOWER
-    reads = "resources: t_ns, queue_ns"
-
-    def of(self, view: Samples) -> Measured | None:
-        if not view.seconds:
-            return None
-        waited_s = view.during("queue_ns") / NS_PER_S
-        return Measured(waited_s / view.seconds, n=view.n)
-
-
-class Throughput(ResourceMetric):
-    """Messages completed per second; on a car, of the time in which it drives."""
-
-    title = "throughput"
-    unit = "1/s"
-    reads = "resources: t_ns, completed"
-
-    def of(self, view: Samples) -> Measured | None:
-        if not view.seconds:
-            return None
-        return Measured(view.during("completed") / view.seconds, n=view.n)
-
-
-class QueueMax(ResourceMetric):
-    """The most messages that wait at a time."""
-
-    title = "queue length, maximum"
-    unit = "messages"
-    better = LOWER
-    reads = "resources: queue_max"
-
-    def of(self, view: Samples) -> Measured:
-        return Measured(int(view.all["queue_max"][-1]), n=len(view.all))
-
-
-class Completed(ResourceMetric):
-    """Messages completed until the end."""
-
-    title = "messages completed"
-    unit = "messages"
-    reads = "resources: completed"
-
-    def of(self, view: Samples) -> Measured:
-        return Measured(view.in_all("completed"), n=len(view.all))
-
-
-class MessagesDropped(ResourceMetric):
-    """Messages dropped until the end."""
-
-    title = "messages dropped"
-    unit = "messages"
-    better = LOWER
-    reads = "resources: dropped"
-
-    def of(self, view: Samples) -> Measured:
-        return Measured(view.in_all("dropped"), n=len(view.all))
-
-
-class BytesCarried(ResourceMetric):
-    """Bytes that a link carried until the end."""
-
-    title = "bytes carried"
-    unit = "B"
-    reads = "resources: bytes"
-
-    def of(self, view: Samples) -> Measured | None:
-        if np.isnan(view.all.floats("bytes")[-1]):
-            return None
-        return Measured(view.in_all("bytes"), n=len(view.all))
+def _dropped(use: Use) -> Measured:
+    return Measured(int(use.grown("dropped", use.counted_ns)), n=len(use.samples))
 
 
 METRICS = {
-    "utilization": Utilization(),
-    "queue_mean": QueueMean(),
-    "throughput": Throughput(),
-    "queue_max": QueueMax(),
-    "completed": Completed(),
-    "dropped": MessagesDropped(),
-    "bytes": BytesCarried(),
+    "utilization": Metric(
+        "utilization",
+        "%",
+        LOWER,
+        meaning="Share of the time in which a device or link works; on a car, of the time in which "
+        "it drives. That of a channel is the channel busy ratio where the host is.",
+        formula=_utilization,
+        rows="resources",
+        tier=MAIN,
+    ),
+    "queue_mean": Metric(
+        "queue length, mean",
+        "messages",
+        LOWER,
+        meaning="Mean number of messages that wait, over time; on a car, over the time in which it "
+        "drives.",
+        formula=lambda use: use.rate("queue_ns"),
+        rows="resources",
+    ),
+    "throughput": Metric(
+        "throughput",
+        "1/s",
+        meaning="Messages completed per second; on a car, of the time in which it drives.",
+        formula=lambda use: use.rate("completed"),
+        rows="resources",
+    ),
+    "dropped": Metric(
+        "messages dropped",
+        "messages",
+        LOWER,
+        meaning="Messages dropped until the end.",
+        formula=_dropped,
+        rows="resources",
+    ),
 }

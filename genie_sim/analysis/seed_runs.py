@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from genie_sim.analysis.registry import learn
 from genie_sim.analysis.statistics import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
@@ -151,10 +152,14 @@ def is_seeds_folder(folder: Path) -> bool:
 
 
 def load(folder: str | Path, *, allow_changed: bool = False) -> Run | SeedRuns:
-    """The run in a result folder, or the runs of a study without axes. Raises ``UserError``."""
+    """The run in a result folder, or the runs of a study without axes; what they say of metrics of
+    users' own is taken from them. Raises ``UserError``.
+    """
     folder = expanded(folder)
     if not is_seeds_folder(folder):
-        return results.load(folder, allow_changed=allow_changed)
+        loaded = results.load(folder, allow_changed=allow_changed)
+        learn(loaded.words, f"{folder / 'run.json'}: metrics")
+        return loaded
     about = _about(folder) or {}
     where = folder / ABOUT
     label = results.checked_label(about.get("label", ""), f"{where}: label")
@@ -166,7 +171,8 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run | SeedRuns:
         path = provenance.contained(folder, f"{RUNS}/{folder_name(seed)}")
         if not path.is_dir():
             raise UserError(f"{path}: missing; the study is not finished, run it again")
-        run = results.load(path, allow_changed=allow_changed)
+        run = load(path, allow_changed=allow_changed)
+        assert isinstance(run, Run)
         runs.append(replace(run, label=label))
     return SeedRuns(runs, folder, label)
 

@@ -122,17 +122,9 @@ def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Flo
 
 
 class Blocks:
-    """Rows grouped into blocks of one second each, every stratum (car or Genie) by itself. Unless
-    intervals are ``wanted``, nothing is computed, and all are unknown.
-    """
+    """Rows grouped into blocks of one second each, every stratum (car or Genie) by itself."""
 
-    def __init__(
-        self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]], wanted: bool = True
-    ) -> None:
-        self._sizes = np.zeros(1, dtype=np.int64)
-        self._wanted = wanted
-        if not wanted:
-            return
+    def __init__(self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]]) -> None:
         stratum = np.unique(strata.codes, return_inverse=True)[1]
         seconds = instants_ns // BLOCK_NS
         per_stratum = int(seconds.max()) + 1
@@ -144,8 +136,6 @@ class Blocks:
         """How far each block moves the ratio sum(above) / sum(below): the linearised ratio
         estimator's residuals.
         """
-        if not self._wanted:
-            return np.zeros(0)
         sums, counts = self._sum(above), self._sum(below)
         ratio = sums.sum() / counts.sum()
         return np.asarray((sums - ratio * counts) / counts.sum())
@@ -246,13 +236,13 @@ class Measured(NamedTuple):
     n: int = 0
 
 
-def ratio(blocks: Blocks, above: Floats, below: Floats, is_share: bool = True) -> Measured:
+def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = True) -> Measured:
     """The ratio of two sums over rows with its interval, Wilson's for a share.
 
     Parameters
     ----------
-    blocks : Blocks
-        The rows grouped into seconds.
+    blocks : Blocks or None
+        The rows grouped into seconds; ``None``: no interval is wanted.
     above, below : array of float
         A number for each row; for a share, flags or counts.
     is_share : bool
@@ -262,24 +252,13 @@ def ratio(blocks: Blocks, above: Floats, below: Floats, is_share: bool = True) -
     if not n:
         return Measured(None)
     value = float(above.sum() / n)
-    half = blocks.half_width(blocks.influence(above, below))
+    half = None if blocks is None else blocks.half_width(blocks.influence(above, below))
     low, high = wilson(value, half, n) if is_share and half is not None else around(value, half)
     return Measured(value, low, high, n)
 
 
-def mean(blocks: Blocks, values: Floats) -> Measured:
-    """The mean of the values that are not NaN."""
-    known = ~np.isnan(values)
-    n = int(known.sum())
-    if not n:
-        return Measured(None)
-    value = float(values[known].mean())
-    half = blocks.half_width(blocks.influence(np.where(known, values, 0.0), known.astype(float)))
-    return Measured(value, *around(value, half), n)
-
-
-def percentile(blocks: Blocks, values: Floats, percent: int) -> Measured:
-    """A percentile of the values that are not NaN.
+def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Measured:
+    """A percentile of the values that are not NaN; without blocks, without an interval.
 
     Its interval is Woodruff's: the interval of the share of values below it, read back through the
     distribution; it ends at the run's smallest and largest value.
@@ -290,7 +269,9 @@ def percentile(blocks: Blocks, values: Floats, percent: int) -> Measured:
         return Measured(None)
     value = float(np.percentile(values[known], percent))
     below = known & (values <= value)
-    half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
+    half = None
+    if blocks is not None:
+        half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
     if half is None:
         return Measured(value, n=n)
     rank = percent / 100

@@ -10,9 +10,24 @@ from genie_sim.analysis.compare import compared
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES
-from genie_sim.analysis.metric import MARKS, RECENT_MS, WINDOW_REQUESTS, ZERO_DELAY
+from genie_sim.analysis.metric import (
+    MAIN,
+    MARKS,
+    RECENT_MS,
+    SHORT,
+    WINDOW_REQUESTS,
+    ZERO_DELAY,
+)
 from genie_sim.analysis.outages import FAULTS
-from genie_sim.analysis.registry import METRICS, cell, checked, component_title, definition
+from genie_sim.analysis.registry import (
+    METRICS,
+    OWN,
+    cell,
+    checked,
+    component_title,
+    definition,
+    shown,
+)
 from genie_sim.analysis.result_table import ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
@@ -22,41 +37,18 @@ from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle
-SHORT = (  # what a terminal shows: twelve rows, in the paper's order
-    "first_answer_mean",
-    "under_deadline_share",
-    "fresh_answer_mean",
-    "fresh_answered_share",
-    "image_reuse",
-    "object_reuse",
-    "confidence_boost",
-    "streaming_f1",
-    "ghost_share",
-)
-MAIN = (  # the metrics of the main table, in its order; of the utilization the busiest
-    "first_answer_mean",
-    "first_answer_p95",
-    "under_deadline_share",
-    "fresh_answer_mean",
-    "fresh_answered_share",
-    "recent_share",
-    "look_age_mean",
-    "dropped_share",
-    "streaming_f1",
-    "ghost_share",
-    "held_age",
-    "first_proxy_f1",
-    "wrong_hit_share",
-    "image_reuse",
-    "object_reuse",
-    "confidence_boost",
-    "bytes_up_per_frame",
-    "accelerator_time",
-    "energy_per_frame",
-    "utilization",
-)
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
-SECTIONS = (TIMES, FRAMES, CORRECTNESS, LAPS, FAULTS, IMPROVEMENTS, GENIES, prices.PRICES)
+SECTIONS = (
+    TIMES,
+    FRAMES,
+    CORRECTNESS,
+    LAPS,
+    FAULTS,
+    IMPROVEMENTS,
+    GENIES,
+    prices.PRICES,
+    OWN,
+)
 
 ABOUT_TIMES = (
     "Times: from when a frame reaches the queue of its first ROS node. Shares: of all published "
@@ -127,6 +119,11 @@ class _Numbers:
         for name, _, *place in self._by_place:
             if place[1] != ZERO_DELAY:
                 self._places.setdefault(name, {})[place[0], place[1]] = None
+
+    @property
+    def names(self) -> list[str]:
+        """The metrics that have a number."""
+        return list(self._places)
 
     @property
     def own(self) -> list[str]:
@@ -233,7 +230,7 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
     main = main_table(run, metrics)
     if format == "csv":
         names = [*METRIC_FIELDS]
-        rows = [metric.row for metric in run.measured if metric.metric in (metrics or METRICS)]
+        rows = [metric.row for metric in run.measured if not metrics or metric.metric in metrics]
         if run.changed:
             names.append("changed")
             rows = [(*row, " ".join(run.changed)) for row in rows]
@@ -304,20 +301,21 @@ def markdown(run: Run | SeedRuns) -> str:
     return "\n\n".join(parts) + "\n"
 
 
-def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
+def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAIN) -> ResultTable:
     """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
-    devices, of the rows in which any method has a number; or the rows of these ``metrics``. Raises
-    ``UserError`` for a metric that is not known.
+    devices, of the metrics up to a tier in which any method has a number; or of these ``metrics``.
+    Raises ``UserError`` for a metric that is not known.
     """
     numbers = _Numbers(run)
-    names = checked(metrics, numbers.own) or (*MAIN, *numbers.own)
+    names = checked(metrics, numbers.own) or shown(tier, numbers.names)
     columns = [*numbers.columns, *numbers.zero_delay()]
     rows: list[Row] = []
     for name in names:
         of_busiest = name == "utilization"
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
-    notes = list(_main_notes(names, numbers))
+    told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
+    notes = list(_main_notes(told, numbers))
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
         notes.append(about_laws(run))
@@ -326,7 +324,7 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = ()) -> ResultTable:
 
 def short_table(run: Run | SeedRuns) -> ResultTable:
     """Of the main table the rows that a terminal shows, and those of the user's own metrics."""
-    table = main_table(run, [*SHORT, *_Numbers(run).own])
+    table = main_table(run, tier=SHORT)
     more = len(main_table(run).rows) - len(table.rows)
     if more <= 0:
         return table

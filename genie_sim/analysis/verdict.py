@@ -5,13 +5,9 @@ much, and how sure that is.
 from collections.abc import Sequence
 
 from genie_sim.analysis.compare import SEEDS, UNPAIRED, ComparedRuns, Difference
-from genie_sim.analysis.metric import LOWER
-from genie_sim.analysis.registry import METRICS
+from genie_sim.analysis.metric import HEADLINE, LOWER
+from genie_sim.analysis.registry import definition, shown
 from genie_sim.base.text import number_text
-
-# Speed, accuracy and harm; the proxy stands in where the truth is not known.
-HEADLINES = ("first_answer_mean", "streaming_f1", "ghost_share")
-WITHOUT_TRUTH = ("first_answer_mean", "first_proxy_f1")
 
 
 def verdicts(comparison: ComparedRuns) -> list[str]:
@@ -20,8 +16,7 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
     sentences = []
     for arm in comparison.arms:
         rows = {row.metric: row for row in comparison.rows if row.arm == arm.label and row.against}
-        names = HEADLINES if {"streaming_f1", "ghost_share"} & rows.keys() else WITHOUT_TRUTH
-        headlines = [rows[name] for name in names if name in rows]
+        headlines = [rows[name] for name in shown(HEADLINE, rows)]
         headlines = [row for row in headlines if row.difference is not None]
         if headlines:
             sentences.append(_sentence(titles[arm.label], titles[headlines[0].against], headlines))
@@ -34,7 +29,7 @@ def is_better(row: Difference) -> bool | None:
     """
     if row.low is None or row.high is None or row.low <= 0 <= row.high:
         return None
-    return (row.high < 0) == (METRICS[row.metric].better == LOWER)
+    return (row.high < 0) == (definition(row.metric).better == LOWER)
 
 
 def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
@@ -53,7 +48,7 @@ def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
         parts.append(f"not clearly different{than} in {_listed(unclear)}")
     if equal:
         than = "" if parts else f" as {reference}"
-        titles = [METRICS[row.metric].title for row in equal]
+        titles = [definition(row.metric).title for row in equal]
         parts.append(f"the same{than} in {_joined(titles)}")
     if len(equal) == len(rows):
         return f"{arm} is {parts[0]}."
@@ -81,7 +76,7 @@ def _joined(texts: Sequence[str]) -> str:
 
 def _difference(row: Difference) -> str:
     """``first answer, mean (-340 ms, -342 to -338)``."""
-    info = METRICS[row.metric]
+    info = definition(row.metric)
     assert row.difference is not None
     unit = "percentage points" if info.unit == "%" else info.unit
     text = f"{number_text(info.factor * row.difference, sign='+')} {unit}".rstrip()

@@ -227,7 +227,9 @@ class Kind(NamedTuple):
 
     @property
     def members(self) -> "list[Kind]":
-        """Those of a union."""
+        """Those of a union; any other kind is its only one."""
+        if self.type not in (Union, UnionType):
+            return [self]
         return [Kind.of(part, self.name, self.marks) for part in self.arguments]
 
     @property
@@ -799,6 +801,69 @@ def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]
             yield from _chosen(kind, inner, f"{path}[{index}]", path)
     elif is_settings_class(type(item)):
         yield from chosen(item, path)
+
+
+# --- as it is written
+
+
+def written_out(kind: Kind, value: object) -> dict[str, Any]:
+    """The mapping that a value is short for, as it is written. Raises ``SettingError`` where it is
+    none.
+    """
+    for member in kind.members:
+        short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
+        plug_in = plug_in or (short and short.plug_in)
+        if plug_in is not None and isinstance(value, str):
+            is_preset = plug_in.presets is not None and value in plug_in.presets.choices
+            return {"like" if is_preset else plug_in.key: value}
+        if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
+            value = _expanded(member.type, value)
+    if not isinstance(value, Mapping):
+        raise wrong(value, "be a mapping")
+    return dict(value)
+
+
+def _expanded(cls: Any, value: object) -> object:
+    """A short form, or a mapping of which a part is short, as a mapping; what is wrong with one is
+    told when it is read.
+    """
+    try:
+        value = cls.expand(value)
+    except SettingError:
+        if not isinstance(value, Mapping):
+            raise
+    is_read = isinstance(value, cls)
+    return _written(cls, vars(value)) if is_read else value
+
+
+def settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
+    """The settings that may stand in a mapping as it is written, by their names in YAML. Those that
+    take the place of another class's have no default.
+    """
+    settings: list[Setting] = []
+    for member in kind.members:
+        plug_in = member.marks.get(PlugIn)
+        if is_settings_class(member.type):
+            settings += _beside_each_other(member.type)
+            plug_in = _plug_in_beside(member.type)
+        name = plug_in and value.get(plug_in.key, value.get("name", plug_in.default))
+        if plug_in is not None and name in plug_in.registry:
+            settings += settings_of(plug_in.resolve(str(name)))
+    return {setting.key: setting for setting in settings}
+
+
+def _beside_each_other(cls: Any) -> list[Setting]:
+    """The settings of a class and of those that stand in the same mapping."""
+    settings = [*settings_of(cls)]
+    for beside in filter(None, (mark_in(own.annotation, Beside) for own in settings)):
+        settings = [*settings, *(own._replace(default=REQUIRED) for own in settings_of(beside.cls))]
+    return settings
+
+
+def _plug_in_beside(cls: Any) -> "PlugIn | None":
+    """The plug-in of a settings class whose own settings stand beside those of the class."""
+    marks = (mark_in(setting.annotation, PlugIn) for setting in settings_of(cls))
+    return next((mark for mark in marks if mark is not None and mark.beside), None)
 
 
 # --- writing

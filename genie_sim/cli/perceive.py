@@ -17,9 +17,7 @@ DEFAULT_MIN_SCORE = 0.3
 
 @click.command()
 @click.argument("root", type=PATH, required=False)
-@click.option(
-    "--drive", help="A drive: 2011_09_26/0005, tracking/0005, odometry/05 or kitti360/0003."
-)
+@click.option("--drive", help="A drive: 2011_09_26/0005, tracking/0005 or odometry/05.")
 @accept_option
 @click.option(
     "--format",

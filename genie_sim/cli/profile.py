@@ -7,7 +7,7 @@ import click
 
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments, terminal
-from genie_sim.cli.arguments import COUNT, PATH, accept_option
+from genie_sim.cli.arguments import COUNT, PATH
 from genie_sim.cli.terminal import ProgressBar
 
 
@@ -24,17 +24,18 @@ from genie_sim.cli.terminal import ProgressBar
 @click.option(
     "--csv",
     type=PATH,
-    help="Instead: latencies measured elsewhere: a table (CSV, Parquet), or what trtexec writes.",
+    help="Instead: latencies measured elsewhere: a table (CSV, Parquet).",
 )
-@click.option("--column", metavar="TITLE", help="Of that table, where several hold numbers.")
+@click.option(
+    "--column", metavar="TITLE", help="Of that table; default: the one that says latency."
+)
 @click.option(
     "--unit",
     type=click.Choice(("s", "ms", "us", "ns")),
-    help="Of that column, if its title has none; default: ms.",
+    help="Of that column, if its title has none.",
 )
 @click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
 @click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
-@click.option("--tegrastats", type=PATH, help="A log of the board: its cores and its power.")
 @click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
 @click.option(
@@ -43,7 +44,6 @@ from genie_sim.cli.terminal import ProgressBar
 @click.option(
     "--runs", type=click.IntRange(min=20), default=300, help="How many pictures to measure."
 )
-@accept_option
 def profile(
     *,
     out: Path,
@@ -53,12 +53,10 @@ def profile(
     unit: str | None,
     mean: str | None,
     sd: str | None,
-    tegrastats: Path | None,
     cores: int | None,
     model: str | None,
     weights: Path | None,
     runs: int,
-    accept: bool,
 ) -> None:
     """Measure a detector on this machine into a device profile. Or take measured latencies.
 
@@ -69,7 +67,7 @@ def profile(
     """
     from genie_sim.base import units
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.scenario import benchmark_logs, device_fit
+    from genie_sim.scenario import device_fit
 
     if [detector, csv, mean].count(None) != 2:
         raise UserError(
@@ -80,10 +78,7 @@ def profile(
         raise UserError("profile: --sd goes with --mean")
     if csv is None and (column, unit) != (None, None):
         raise UserError("profile: --column and --unit go with --csv")
-    report = ImportReport(csv or "profile", accept)
-    board = None
-    if tegrastats is not None:
-        board = benchmark_logs.tegrastats(tegrastats, report)
+    report = ImportReport(csv or "profile")
     given = None
     if mean is not None:
         middle, spread = (part.strip() for part in re.split(r"\+/?-|±", f"{mean}±", maxsplit=2)[:2])
@@ -96,8 +91,6 @@ def profile(
         if sd_ns > mean_ns:
             raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
         given = device_fit.of_summary(model, mean_ns, sd_ns)
-    elif csv is not None and (summary := benchmark_logs.trtexec_summary(csv, report)):
-        given = device_fit.of_trtexec(csv, model or csv.stem, summary)
     if given is not None:
         measured, fit = given
     else:
@@ -113,6 +106,6 @@ def profile(
                 )
         fit = device_fit.fit(measured.latencies_ns)
         device_fit.check_fit(measured, fit, report)
-    device_fit.write(out, measured, fit, cores, board=board)
+    device_fit.write(out, measured, fit, cores)
     click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
     terminal.tell(report)

@@ -20,9 +20,11 @@ from genie_sim.core.messages import Encoding
 from genie_sim.data.onnx_detector import (
     CPU,
     MIN_SCORE,
+    SHARES,
     DetectedBox,
     OnnxDetector,
     Scored,
+    is_share,
     letterbox,
 )
 
@@ -95,8 +97,10 @@ class YoloxNano(OnnxDetector):
     _is_decoded = False
 
     def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        """None; but a network whose centres are those of its cells in pixels has decoded them."""
+        """A network whose centres are those of its cells in pixels has decoded them."""
         places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
+        if is_share(outputs[0][:, :4]):
+            return SHARES
         own = np.median(np.abs(places - cells) / self.cell_strides)
         self._is_decoded = bool(own < DECODED and np.median(np.abs(places)) > DECODED)
         return ""
@@ -115,6 +119,9 @@ class YoloxNano(OnnxDetector):
 
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(len(self.cells), 5 + len(self.labels))]
+
+    def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
+        return outputs[0][:, 4:]
 
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre = (p + cell) * stride, extent = exp(p) * stride, score = objectness * class; of a
@@ -184,8 +191,8 @@ class NanodetM(OnnxDetector):
 
 
 class Yolov8(OnnxDetector):
-    """Any detection network exported as Ultralytics' YOLOv8 is: one output (4 + classes, boxes), no
-    suppression.
+    """Any detection network exported as Ultralytics' YOLOv8 to YOLO12 are: one output (4 + classes,
+    boxes), no suppression.
 
     Classes are those in the file's metadata (``names``), else COCO's. The input has the size it was
     exported with, unless that is left open in the file.
@@ -205,57 +212,13 @@ class Yolov8(OnnxDetector):
     def output_shapes(self) -> list[tuple[int | None, ...]]:
         return [(4 + len(self.labels), len(self.cells))]
 
+    def doubt(self, outputs: Sequence[np.ndarray]) -> str:
+        return SHARES if is_share(outputs[0][:4]) else ""
+
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Centre and extent in pixels of the network's picture, then the score of each class."""
         output = outputs[0].T.astype(np.float64)
         return _corners(output), output[:, 4:]
-
-
-class Yolov5(Yolov8):
-    """Networks exported as Ultralytics' YOLOv5 is: one output (boxes, 5 + classes), three boxes a
-    cell, no suppression. Outputs behind the first one are not used.
-    """
-
-    name = "yolov5"
-    file_name = "yolov5.onnx"
-    more_outputs = True
-
-    def output_shapes(self) -> list[tuple[int | None, ...]]:
-        return [(3 * len(self.cells), 5 + len(self.labels))]
-
-    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        """Centre and extent in pixels of the network's picture; score = objectness * class."""
-        output = outputs[0].astype(np.float64)
-        return _corners(output), output[:, 4:5] * output[:, 5:]
-
-
-class Yolov7(Yolov5):
-    """Networks exported as YOLOv7's own program does with ``--grid``: as YOLOv5's; or, with
-    ``--end2end --max-wh``, with suppression inside: rows of a picture's number, left, top, right,
-    bottom, class and score.
-    """
-
-    name = "yolov7"
-    file_name = "yolov7.onnx"
-    _suppresses = False
-
-    @property
-    def notes(self) -> list[str]:
-        return [f"{self.name}: the network suppresses boxes itself"] * self._suppresses
-
-    def of_picture(self, outputs: Sequence[np.ndarray]) -> list[np.ndarray]:
-        rows = outputs[0]
-        self._suppresses = rows.ndim == 2
-        return [rows[:, 1:]] if self._suppresses else super().of_picture(outputs)
-
-    def output_shapes(self) -> list[tuple[int | None, ...]]:
-        return [(None, 6)] if self._suppresses else super().output_shapes()
-
-    def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
-        if not self._suppresses:
-            return super().decode(outputs)
-        rows = outputs[0].astype(np.float64)
-        return rows[:, :4], _scores(rows[:, 4], rows[:, 5], len(self.labels))
 
 
 class Yolov10(Yolov8):
@@ -314,10 +277,10 @@ class RtDetr(Yolov8):
 
     def doubt(self, outputs: Sequence[np.ndarray]) -> str:
         if self.outputs == self.sized_outputs:
-            classes, boxes, scores = outputs
+            classes, boxes, _ = outputs
             if (classes != np.rint(classes)).any() or (boxes[:, 2:] < boxes[:, :2] - 1e-3).any():
                 return "its outputs are no classes, corners of boxes and scores"
-            return "" if ((scores >= 0) & (scores <= 1)).all() else "its scores are none"
+            return ""
         if np.abs(outputs[0][:, :4]).max(initial=0.0) > 2:
             return "its places are no shares of the picture"
         return ""
@@ -339,8 +302,6 @@ _KINDS: tuple[type[ImageDetector], ...] = (
     YoloxS,
     NanodetM,
     Yolov8,
-    Yolov5,
-    Yolov7,
     Yolov10,
     RtDetr,
 )

@@ -1,7 +1,7 @@
 """The laws of detectors that come with the package, measured on development drives.
 
 ``detector_laws.json`` has what was counted on each drive, and ``prior_looks``, for how many looks
-the assumed laws count; ``benchmarks/detector_laws.py`` writes it.
+the assumed laws count; ``tools/make/detector_laws.py`` writes it.
 """
 
 import json

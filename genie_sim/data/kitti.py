@@ -1,36 +1,43 @@
-"""KITTI raw drives: frames, camera poses and laser scans of one drive, all in one east-north-up
-world.
+"""KITTI's raw drives and its odometry benchmark: frames, camera poses and laser scans of one drive,
+all in one east-north-up world.
 
-pykitti reads the calibration files. Its loaders of drives do not fit a simulator: here positions
-come from WGS 84 around one origin for all drives (pykitti: Mercator around each drive's first fix),
-every camera has its own time stamps in nanoseconds (pykitti: those of the OXTS unit, cut to
-microseconds), and files are looked up by frame number (pykitti: by position in a list, which shifts
-after the first missing file).
+pykitti reads calibration, packets, poses and scans. Its own poses of raw drives (Mercator around
+each drive's first fix), its time stamps (the OXTS unit's, cut to microseconds) and its lists of
+files (which shift after the first missing one) do not fit a simulator: here positions are WGS 84
+around one origin for all drives, every camera has its own stamps in nanoseconds, and files are
+found by frame number. pykitti would wait for a pipe for ever, so files are looked at first.
 """
 
-import functools
 import hashlib
 import logging
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pykitti
 
-from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes, read_text, sha256_of
+from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, numbers, size_of, within
-from genie_sim.data.geodesy import read_oxts, world_SE3_imu
+from genie_sim.data.files import numbers, picture_size, size_of, within
+from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
 
 log = logging.getLogger(__name__)
 
 CAMERAS = ("00", "01", "02", "03")
 CALIBRATION_FILES = ("calib_cam_to_cam.txt", "calib_imu_to_velo.txt", "calib_velo_to_cam.txt")
 TRACKLETS = "tracklet_labels.xml"
+ODOMETRY = "odometry/"
+ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``sequences`` may be
+# The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
+WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
+SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)  # the benchmark does not tell where on Earth it was
 SAME_SHAPE = 0.02  # width by height may differ by this share
+POINT_BYTES = 16
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
 LAST_BYTES = {".png": b"IEND\xaeB`\x82", ".jpg": b"\xff\xd9"}
 ATTRIBUTION = (
@@ -38,53 +45,11 @@ ATTRIBUTION = (
     "'Vision meets Robotics: The KITTI Dataset', IJRR 2013, "
     "https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0"
 )
-
-
-@dataclass(frozen=True, slots=True)
-class SensorCalibration:
-    """Where the sensors of a day's drives are mounted (4x4 transforms), and the 3x3 intrinsics of
-    the rectified cameras, by camera. ``sizes``: the width and height [px] of their pictures, where
-    the calibration tells.
-    """
-
-    velo_SE3_imu: Array
-    camera_SE3_velo: Mapping[str, Array]
-    intrinsics: Mapping[str, Array]
-    sizes: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Rectification:
-    """How pictures of ``size`` (width, height) of a camera become rectified ones of the size
-    ``to``: by its matrix (3, 3), its five coefficients of distortion, its turn (3, 3), and the
-    matrix (3, 3) of the rectified camera.
-    """
-
-    matrix: Array
-    distortion: Array
-    turn: Array
-    rectified: Array
-    size: tuple[int, int]
-    to: tuple[int, int]
-
-    @functools.cached_property
-    def _maps(self) -> tuple[np.ndarray, np.ndarray]:
-        import cv2
-
-        arguments = (self.matrix, self.distortion, self.turn, self.rectified, self.to)
-        across, down = cv2.initUndistortRectifyMap(*arguments, cv2.CV_32FC1)
-        return across, down
-
-    def __call__(self, path: Path, image: np.ndarray) -> np.ndarray:
-        """A picture rectified. Raises UserError for one of another size."""
-        import cv2
-
-        height, width = image.shape[:2]
-        if (width, height) != self.size:
-            known = f"{self.size[0]}x{self.size[1]}"
-            raise UserError(f"{path}: has {width}x{height} pixels, the calibration {known}")
-        rectified: np.ndarray = cv2.remap(image, *self._maps, cv2.INTER_LINEAR)
-        return rectified
+ATTRIBUTION_OF_ODOMETRY = (
+    "KITTI Vision Benchmark Suite, odometry: A. Geiger, P. Lenz, R. Urtasun, 'Are we ready for "
+    "Autonomous Driving?', CVPR 2012, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0"
+)
+BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,8 +58,6 @@ class CameraFrame:
 
     ``stamp_ns`` is Unix time as KITTI's file gives it. ``intrinsics`` is the 3x3 matrix of the
     rectified camera, for pictures of ``size`` (width, height; ``None``: whatever they have).
-    ``scan`` is the number of the scan taken with it, if there is one. Where there is a
-    ``rectification``, the picture on disk needs it.
     """
 
     camera: str
@@ -104,8 +67,6 @@ class CameraFrame:
     world_SE3_camera: Array
     intrinsics: Array
     size: tuple[int, int] | None = None
-    scan: int | None = None
-    rectification: Rectification | None = None
 
     def intrinsics_of(self, size: tuple[int, int]) -> Array:
         """The matrix for a picture of this width and height, which somebody may have made smaller.
@@ -126,14 +87,15 @@ class CameraFrame:
 @dataclass(frozen=True, slots=True)
 class KittiDrive:
     """One drive, opened and checked by ``open_drive``: frames by camera, poses and scans by frame
-    number.
+    number. Of the odometry benchmark the first camera stands for the IMU.
     """
 
     name: str
     origin: Geodetic
     frames: Mapping[str, tuple[CameraFrame, ...]]
     world_SE3_imu: Mapping[int, Array]
-    calibration: SensorCalibration = field(repr=False)
+    velo_SE3_imu: Array
+    calibration: Any = field(repr=False)  # pykitti's
     scan_paths: Mapping[int, Path] = field(repr=False)
     _decisive_files: tuple[tuple[str, Path], ...] = field(repr=False)
 
@@ -149,29 +111,29 @@ class KittiDrive:
         path = self.scan_paths.get(index)
         if path is None:
             return None
-        if path.suffix == ".txt":
-            return numbers(path, 4)[:, :3]
-        data = read_bytes(path)
-        if len(data) % 16:
-            raise UserError(
-                f"{path}: {len(data)} bytes are not a whole number of 16-byte points: truncated?"
-            )
-        columns = (
-            np.frombuffer(data, np.float32).reshape(-1, 4)[:, :3].T.astype(np.float64, order="C")
-        )
+        with regular(path):
+            size_bytes = path.stat().st_size
+            if size_bytes % POINT_BYTES:
+                raise UserError(
+                    f"{path}: {size_bytes} bytes are not a whole number of {POINT_BYTES}-byte "
+                    "points: truncated?"
+                )
+            points = pykitti.utils.load_velo_scan(path)
+        columns = points[:, :3].T.astype(np.float64, order="C")
         if not within(columns):
             raise UserError(f"{path}: the scan has points that are not finite numbers")
         # so that each coordinate of all points lies together, which is how they are used
-        points: Array = columns.T
-        return points
+        by_coordinate: Array = columns.T
+        return by_coordinate
 
     def camera_SE3_velo(self, camera: str) -> Array:
         """From the laser's frame to that of a rectified camera."""
-        return self.calibration.camera_SE3_velo[camera]
+        transform: Array = getattr(self.calibration, f"T_cam{int(camera)}_velo")
+        return transform
 
     def world_SE3_velo(self, index: int) -> Array:
         """From the laser's frame to the world, at a frame that has a position."""
-        return self.world_SE3_imu[index] @ inverse(self.calibration.velo_SE3_imu)
+        return self.world_SE3_imu[index] @ inverse(self.velo_SE3_imu)
 
     def digest(self) -> str:
         """sha256 over the names and bytes of every file that decides what this drive shows."""
@@ -179,6 +141,28 @@ class KittiDrive:
         for name, path in sorted(self._decisive_files):
             total.update(f"{name} {sha256_of(path)}\n".encode())
         return total.hexdigest()
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where the parts of a drive are, and what it tells of itself.
+
+    ``pictures`` and ``stamps`` are the folder and the file of the time stamps of a camera, which
+    ``read_stamps_ns`` reads; ``poses`` are ``world_SE3_imu`` by frame number and ``pose_files``
+    where each was read. ``decisive`` are further files that decide what the drive shows.
+    """
+
+    origin: Geodetic
+    calibration: Any
+    velo_SE3_imu: Array
+    sizes: Mapping[str, tuple[int, int] | None]
+    pictures: Mapping[str, Path]
+    stamps: Mapping[str, Path]
+    read_stamps_ns: Callable[[Path], Sequence[int]]
+    scans: Path
+    poses: Mapping[int, Array]
+    pose_files: Mapping[int, Path]
+    decisive: Sequence[Path]
 
 
 def open_drive(
@@ -190,17 +174,17 @@ def open_drive(
     allow_missing_scans: bool = False,
     report: ImportReport | None = None,
 ) -> KittiDrive:
-    """Open a drive such as ``2011_09_26/0005`` of a folder in KITTI's raw layout, with JPEG or PNG
-    images.
+    """Open a raw drive such as ``2011_09_26/0005`` or a sequence such as ``odometry/05``, with JPEG
+    or PNG images.
 
     Raises UserError, naming the file and what is wrong with it, for anything missing, cut short or
-    out of order, before a frame is read. A frame whose OXTS packet is missing is left out, and a
-    warning says so.
+    out of order, before a frame is read. A frame without a position is left out, and a warning says
+    so.
 
     Parameters
     ----------
     root : KITTI's folder
-    drive : date and number
+    drive : date and number, or ``odometry/`` and the sequence
     cameras : which to open
     origin : latitude [deg], longitude [deg], altitude [m] of the world's origin; ``None``: the
         drive's first GPS fix
@@ -209,58 +193,43 @@ def open_drive(
     """
     root = Path(root)
     report = report or ImportReport(root)
-    folder = _drive_folder(root, drive)
-    day = folder.parent
     if not cameras or len(set(cameras)) != len(cameras):
         raise UserError(
             f"cameras: {', '.join(cameras) or 'none'}: name each camera once, "
             f"out of {', '.join(CAMERAS)}"
         )
-    calibration = day_calibration(day)
-    check_cameras(folder, cameras, CAMERAS)
-    images = {
-        camera: numbered_images(folder / f"image_{camera}" / "data", camera, report)
-        for camera in cameras
-    }
-    indices = sorted({index for sequence in images.values() for index in sequence})
-    scan_paths = numbered(folder / "velodyne_points" / "data", "bin")
+    for camera in cameras:
+        if camera not in CAMERAS:
+            raise UserError(f"{drive}: {unknown('camera', camera, CAMERAS)}")
+    layout = (_odometry if drive.startswith(ODOMETRY) else _raw)(root, drive, cameras, origin)
+    pictures = {camera: _pictures(layout.pictures[camera], camera, report) for camera in cameras}
+    indices = sorted({index for sequence in pictures.values() for index in sequence})
+    scans = _numbered(layout.scans, "bin")
     if not allow_missing_scans:
-        check_scans(folder / "velodyne_points" / "data", indices, scan_paths)
-    oxts = folder / "oxts" / "data"
-    oxts_paths = numbered(oxts, "txt")
-    origin, poses = _positions(oxts_paths, indices, folder=oxts, origin=origin, report=report)
-    frames = {
-        camera: tuple(_frames(folder, camera, images[camera], calibration=calibration, poses=poses))
-        for camera in cameras
-    }
-    decisive = [day / name for name in CALIBRATION_FILES]
-    decisive += [folder / f"image_{camera}" / "timestamps.txt" for camera in cameras]
+        _check_scans(layout.scans, indices, scans)
+    for index in indices:
+        if index not in layout.poses:
+            log.warning("%s: frame %d has no position: it is left out", root / drive, index)
+            report.leave_out("frames without a position")
+    frames = {camera: _frames(layout, camera, pictures[camera]) for camera in cameras}
+    decisive = [*layout.decisive, *(layout.stamps[camera] for camera in cameras)]
     decisive += [frame.image_path for sequence in frames.values() for frame in sequence]
-    used = sorted(poses.keys() & set(indices))
+    used = sorted(layout.poses.keys() & set(indices))
     decisive += [
-        paths[index] for paths in (oxts_paths, scan_paths) for index in used if index in paths
+        paths[index] for paths in (layout.pose_files, scans) for index in used if index in paths
     ]
     return KittiDrive(
         name=drive,
-        origin=origin,
+        origin=layout.origin,
         frames=frames,
-        world_SE3_imu=poses,
-        calibration=calibration,
-        scan_paths=scan_paths,
-        _decisive_files=named_below(root, decisive),
+        world_SE3_imu=layout.poses,
+        velo_SE3_imu=layout.velo_SE3_imu,
+        calibration=layout.calibration,
+        scan_paths=scans,
+        _decisive_files=tuple(
+            (path.relative_to(root).as_posix(), path) for path in dict.fromkeys(decisive)
+        ),
     )
-
-
-def check_cameras(where: object, cameras: Iterable[str], known: Collection[str]) -> None:
-    """Raises UserError for a camera that a drive cannot have."""
-    for camera in cameras:
-        if camera not in known:
-            raise UserError(f"{where}: {unknown('camera', camera, known)}")
-
-
-def named_below(root: Path, paths: Iterable[Path]) -> tuple[tuple[str, Path], ...]:
-    """Each file with its path below ``root``, by which it counts wherever the data lies."""
-    return tuple((path.relative_to(root).as_posix(), path) for path in paths)
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -305,143 +274,164 @@ def _drive_folder(root: Path, drive: str) -> Path:
     return folders[drive]
 
 
-def numbered(folder: Path, extension: str) -> dict[int, Path]:
+def _raw(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None) -> _Layout:
+    """Of a raw drive."""
+    folder = _drive_folder(root, drive)
+    date, number = drive.split("/")
+    calibration_files = [folder.parent / name for name in CALIBRATION_FILES]
+    _check_regular([*calibration_files, folder / "oxts" / "timestamps.txt"])
+    with np.errstate(all="ignore"), as_user_error(f"{folder.parent}: calibration", *BROKEN):
+        calibration = pykitti.raw(str(root), date, number, frames=()).calib
+        rows = pykitti.utils.read_calib_file(calibration_files[0])
+    _check_calibration(folder.parent, calibration)
+    pose_files = _numbered(folder / "oxts" / "data", "txt")
+    if not pose_files:
+        raise UserError(f"{folder / 'oxts' / 'data'}: no .txt files")
+    packets = {index: _packet(path) for index, path in pose_files.items()}
+    if origin is None:
+        latitude, longitude, altitude = packets[min(packets)][:3].tolist()
+        origin = (latitude, longitude, altitude)
+    return _Layout(
+        origin=origin,
+        calibration=calibration,
+        velo_SE3_imu=calibration.T_velo_imu,
+        sizes={camera: size_of(rows, f"S_rect_{camera}") for camera in cameras},
+        pictures={camera: folder / f"image_{camera}" / "data" for camera in cameras},
+        stamps={camera: folder / f"image_{camera}" / "timestamps.txt" for camera in cameras},
+        read_stamps_ns=_stamps_ns,
+        scans=folder / "velodyne_points" / "data",
+        poses={index: world_SE3_imu(packet, origin) for index, packet in packets.items()},
+        pose_files=pose_files,
+        decisive=calibration_files,
+    )
+
+
+def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None) -> _Layout:
+    """Of a sequence of the odometry benchmark."""
+    number = drive.removeprefix(ODOMETRY)
+    places = [root / name for name in ODOMETRY_FOLDERS if (root / name / "sequences").is_dir()]
+    if not places:
+        raise UserError(f"{root}: no folder 'sequences' of KITTI's odometry benchmark")
+    base = places[0]
+    choices = [path.name for path in (base / "sequences").iterdir() if path.is_dir()]
+    if number not in choices:
+        raise UserError(f"{base}: {unknown('sequence', number, choices)}")
+    folder, poses = base / "sequences" / number, base / "poses" / f"{number}.txt"
+    if not poses.is_file():
+        raise UserError(f"{poses}: no such file: KITTI gives poses of sequences 00 to 10 only")
+    calibration_file, times = folder / "calib.txt", folder / "times.txt"
+    _check_regular([calibration_file, times, poses])
+    with np.errstate(all="ignore"), as_user_error(f"{folder}: cannot be read", *BROKEN):
+        sequence = pykitti.odometry(str(base), number)
+    calibration = sequence.calib
+    _check_calibration(folder, calibration)
+    if not within(sequence.poses):
+        raise UserError(f"{poses}: a number is not finite, or too large")
+    sizes: dict[str, tuple[int, int] | None] = {}
+    for camera in cameras:
+        focal_px = float(getattr(calibration, f"K_cam{int(camera)}")[0, 0])
+        sizes[camera] = picture_size(focal_px)
+    return _Layout(
+        origin=origin or SOMEWHERE,
+        calibration=calibration,
+        velo_SE3_imu=inverse(calibration.T_cam0_velo),
+        sizes=sizes,
+        pictures={camera: folder / f"image_{int(camera)}" for camera in cameras},
+        stamps=dict.fromkeys(cameras, times),
+        read_stamps_ns=_times_ns,
+        scans=folder / "velodyne",
+        poses={index: WORLD_SE3_FIRST @ pose for index, pose in enumerate(sequence.poses)},
+        pose_files={},
+        decisive=[calibration_file, poses],
+    )
+
+
+def _check_regular(paths: Iterable[Path]) -> None:
+    """Raises UserError for a file that is missing, or that a reader may wait for."""
+    for path in paths:
+        with regular(path):
+            pass
+
+
+def _check_calibration(folder: Path, calibration: Any) -> None:
+    """Raises UserError for a matrix that cannot be inverted, or whose numbers are none."""
+    for camera in CAMERAS:
+        for name in (f"K_cam{int(camera)}", f"T_cam{int(camera)}_velo"):
+            matrix = getattr(calibration, name)
+            if not within(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
+                raise UserError(
+                    f"{folder}: calibration: {name} of camera {camera} cannot be inverted"
+                )
+        if getattr(calibration, f"K_cam{int(camera)}")[0, 0] <= 0:
+            raise UserError(f"{folder}: calibration: camera {camera} has no focal length")
+
+
+def _packet(path: Path) -> Array:
+    """Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad] in the file of an OXTS
+    packet.
+    """
+    told = as_user_error(f"{path}: is no OXTS packet", *BROKEN)
+    with regular(path), told, np.errstate(all="ignore"):
+        packets = pykitti.utils.load_oxts_packets_and_poses([path])
+    if len(packets) != 1:
+        raise UserError(f"{path}: {len(packets)} lines, expected one")
+    values = np.array(packets[0].packet[:6])
+    if not (np.abs(values) <= MAX_OXTS).all():
+        raise UserError(f"{path}: no place on Earth and turn: {values.tolist()}")
+    return values
+
+
+def _numbered(folder: Path, extension: str) -> dict[int, Path]:
     """Files by frame number, in ascending order."""
     paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
     return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
 
 
-def numbered_images(data: Path, camera: str, report: ImportReport) -> dict[int, Path]:
+def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:
     """The pictures of a camera, by frame number: PNG or JPEG, whichever each frame has. Raises
     UserError for a folder without any.
     """
-    png, jpg = numbered(data, "png"), numbered(data, "jpg")
+    png, jpg = _numbered(folder, "png"), _numbered(folder, "jpg")
     if not (png or jpg):
-        raise UserError(f"{data}: no images (0000000000.png or .jpg) of camera {camera}")
+        raise UserError(
+            f"{folder}: no images (0000000000.png or .jpg) of camera {camera}; --cameras names "
+            "those that there are"
+        )
     both = len(png.keys() & jpg.keys())
     report.leave_out(f"JPEG images of {camera} that are there as PNG, too", both)
     images = jpg | png
     return {index: images[index] for index in sorted(images)}
 
 
-def _positions(
-    paths: Mapping[int, Path],
-    needed: Sequence[int],
-    *,
-    folder: Path,
-    origin: Geodetic | None,
-    report: ImportReport,
-) -> tuple[Geodetic, dict[int, Array]]:
-    """The world's origin, and ``world_SE3_imu`` of each frame that has an OXTS packet; the others
-    are warned of. ``folder`` is where the packets' files at ``paths`` are.
-    """
-    if not paths:
-        raise UserError(f"{folder}: no .txt files")
-    packets: dict[int, Array] = {}
-    for index, path in paths.items():
-        lines = read_oxts(path)
-        if len(lines) != 1:
-            raise UserError(f"{path}: {len(lines)} lines, expected one")
-        packets[index] = lines[0]
-    for index in needed:
-        if index not in packets:
-            log.warning("%s: missing: frame %d is left out", folder / f"{index:010d}.txt", index)
-            report.leave_out("frames without a position")
-    if origin is None:
-        latitude, longitude, altitude = packets[min(packets)][:3].tolist()
-        origin = (latitude, longitude, altitude)
-    return origin, {index: world_SE3_imu(packet, origin) for index, packet in packets.items()}
-
-
-def check_scans(data: Path, indices: Sequence[int], scan_paths: Mapping[int, Path]) -> None:
+def _check_scans(folder: Path, indices: Sequence[int], scans: Mapping[int, Path]) -> None:
     """Raises UserError unless each frame has a scan."""
-    if not scan_paths:
-        raise UserError(f"{data}: no .bin files")
-    missing = [index for index in indices if index not in scan_paths]
+    advice = "--allow-missing-scans places objects by the ground alone"
+    if not scans:
+        raise UserError(f"{folder}: no .bin files; {advice}")
+    missing = [index for index in indices if index not in scans]
     if missing:
-        digits = len(next(iter(scan_paths.values())).stem)
-        name = data / f"{missing[0]:0{digits}d}.bin"
-        raise UserError(f"{name}: missing ({len(missing)} of {len(indices)} frames have none)")
+        digits = len(next(iter(scans.values())).stem)
+        name = folder / f"{missing[0]:0{digits}d}.bin"
+        raise UserError(
+            f"{name}: missing ({len(missing)} of {len(indices)} frames have none); {advice}"
+        )
 
 
-def day_calibration(folder: Path) -> SensorCalibration:
-    """The calibration of a day. Raises UserError, naming the file and the matrix that is wrong."""
-    cameras, imu_to_velo, velo_to_cam = (folder / name for name in CALIBRATION_FILES)
-    names = [((f"P_rect_{camera}",), 4) for camera in CAMERAS]
-    names += [((f"R_rect_{camera}",), 3) for camera in CAMERAS]
-    rows = _calibration_rows(cameras)
-    camera_matrices = matrices(cameras, rows, names)
-    projections = camera_matrices[: len(CAMERAS)]
-    rectification = camera_matrices[len(CAMERAS)]
-    camera0_SE3_velo = rigid(rectification, (0.0, 0.0, 0.0)) @ _rigid_of(velo_to_cam)
-    camera_SE3_velo = {}
-    sizes = {}
-    for camera, projection in zip(CAMERAS, projections, strict=True):
-        size = size_of(rows, f"S_rect_{camera}")
-        if size is not None:
-            sizes[camera] = size
-        if projection[0, 0] <= 0:
-            raise UserError(f"{cameras}: P_rect_{camera}: its focal length is not positive")
-        beside_m = projection[0, 3] / projection[0, 0]
-        camera_SE3_velo[camera] = rigid(np.eye(3), (beside_m, 0.0, 0.0)) @ camera0_SE3_velo
-    return SensorCalibration(
-        velo_SE3_imu=_rigid_of(imu_to_velo),
-        camera_SE3_velo=camera_SE3_velo,
-        intrinsics={
-            camera: projection[:, :3]
-            for camera, projection in zip(CAMERAS, projections, strict=True)
-        },
-        sizes=sizes,
-    )
-
-
-def _rigid_of(path: Path) -> Array:
-    """The transform in a calibration file of a rotation R and a translation T."""
-    rotation, translation = matrices(path, _calibration_rows(path), [(("R",), 3), (("T",), 1)])
-    return rigid(rotation, translation[:, 0])
-
-
-def _calibration_rows(path: Path) -> Mapping[str, Array]:
-    """The numbers in a calibration file, by name. Raises UserError for anything else."""
-    from pykitti.utils import read_calib_file
-
-    read_text(path)  # refuses what is missing or no regular text file
-    try:
-        rows: Mapping[str, Array] = read_calib_file(str(path))
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: is no calibration file: {short_repr(str(error))}") from error
-    return rows
-
-
-def drive_frames(
-    path: Path,
-    camera: str,
-    images: Mapping[int, Path],
-    stamps_ns: Sequence[int],
-    *,
-    calibration: SensorCalibration,
-    poses: Mapping[int, Array],
-) -> list[CameraFrame]:
+def _frames(layout: _Layout, camera: str, pictures: Mapping[int, Path]) -> tuple[CameraFrame, ...]:
     """The frames of a camera that have a position, in order of time. Raises UserError for stamps
     that do not fit.
-
-    Parameters
-    ----------
-    path : of the time stamps, to begin errors with
-    camera : such as ``02``
-    images : the pictures, by frame number
-    stamps_ns : by frame number
-    calibration : of the drive's day
-    poses : ``world_SE3_imu`` by frame number
     """
-    if max(images) >= len(stamps_ns):
+    path = layout.stamps[camera]
+    stamps_ns = layout.read_stamps_ns(path)
+    if max(pictures) >= len(stamps_ns):
         raise UserError(
-            f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(images)}"
+            f"{path}: {len(stamps_ns)} time stamps, but there is an image of frame {max(pictures)}"
         )
-    imu_SE3_camera = inverse(calibration.camera_SE3_velo[camera] @ calibration.velo_SE3_imu)
+    camera_SE3_velo = getattr(layout.calibration, f"T_cam{int(camera)}_velo")
+    imu_SE3_camera = inverse(camera_SE3_velo @ layout.velo_SE3_imu)
     frames: list[CameraFrame] = []
-    for index, image_path in images.items():
-        if index not in poses:
+    for index, image_path in pictures.items():
+        if index not in layout.poses:
             continue
         if frames and stamps_ns[index] <= frames[-1].stamp_ns:
             raise UserError(
@@ -454,50 +444,29 @@ def drive_frames(
                 index=index,
                 stamp_ns=stamps_ns[index],
                 image_path=image_path,
-                world_SE3_camera=poses[index] @ imu_SE3_camera,
-                intrinsics=calibration.intrinsics[camera],
-                size=calibration.sizes.get(camera),
-                scan=index,
+                world_SE3_camera=layout.poses[index] @ imu_SE3_camera,
+                intrinsics=getattr(layout.calibration, f"K_cam{int(camera)}"),
+                size=layout.sizes[camera],
             )
         )
-    return frames
-
-
-def _frames(
-    folder: Path,
-    camera: str,
-    images: Mapping[int, Path],
-    *,
-    calibration: SensorCalibration,
-    poses: Mapping[int, Array],
-) -> list[CameraFrame]:
-    """The frames of a camera of a raw drive that have a position, in order of time. The arguments
-    are those of ``drive_frames``; ``folder`` is the drive's.
-    """
-    path = folder / f"image_{camera}" / "timestamps.txt"
-    stamps_ns = stamps_ns_of(path)
-    frames = drive_frames(path, camera, images, stamps_ns, calibration=calibration, poses=poses)
     if not frames:
         raise UserError(
-            f"{folder / 'oxts' / 'data'}: none of the frames of camera {camera} has a file here"
+            f"{layout.pictures[camera]}: none of the frames of camera {camera} has a position"
         )
-    return frames
+    return tuple(frames)
 
 
-def stamps_ns_of(path: Path) -> list[int]:
+def _stamps_ns(path: Path) -> list[int]:
     """Time stamps by frame number, in Unix nanoseconds. There may be more of them than images."""
-    stamps_ns = []
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
-        if not line.strip():
-            continue
-        try:
-            if not STAMP.fullmatch(line.strip()):
-                raise ValueError("of another form")
-            stamps_ns.append(
-                int(np.datetime64(line.strip().replace(" ", "T"), "ns").astype(np.int64))
-            )
-        except ValueError as error:
-            raise UserError(
-                f"{path}: line {number}: {line.strip()!r} is not a time stamp"
-            ) from error
+    lines = [line.strip() for line in read_text(path).split("\n") if line.strip()]
+    for number, line in enumerate(lines, start=1):
+        if not STAMP.fullmatch(line):
+            raise UserError(f"{path}: line {number}: {line!r} is not a time stamp")
+    with as_user_error(f"{path}: is not a list of time stamps", ValueError):
+        stamps_ns: list[int] = np.array(lines, "datetime64[ns]").astype(np.int64).tolist()
     return stamps_ns
+
+
+def _times_ns(path: Path) -> list[int]:
+    """As ``_stamps_ns``, of a file with seconds since the first frame."""
+    return [round(time_s * 1e9) for time_s in numbers(path, 1)[:, 0].tolist()]

@@ -129,6 +129,10 @@ FIRST_BYTES, BYTES_OF_PIXEL, COPIES = 2 * 10**9, 1000, 4
 FIRST_S = 60.0
 
 
+SCORE_SLACK = 0.01  # of half precision
+SHARES = "all its boxes are smaller than two pixels: are they shares of the picture, from 0 to 1?"
+
+
 class DetectedBox(NamedTuple):
     """One object in a picture; ``box`` is (x1, y1, x2, y2) in its pixels."""
 
@@ -147,8 +151,8 @@ class OnnxDetector(ABC):
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
     ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
-    outputs mean (``decode``). Others may follow them that are not used (``more_outputs``). With the
-    size of the picture as second input it has ``sized_outputs``. ``gap`` names the feature that the
+    outputs mean (``decode``). With the size of the picture as second input it has
+    ``sized_outputs``. ``gap`` names the feature that the
     mean over the backbone's last activation makes, for networks that pool at several sizes there.
     """
 
@@ -157,7 +161,6 @@ class OnnxDetector(ABC):
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
     outputs: int = 1
-    more_outputs: ClassVar[bool] = False
     sized_outputs: ClassVar[int] = 0
     gap: ClassVar[str] = ""
 
@@ -186,8 +189,8 @@ class OnnxDetector(ABC):
         if not 0 < min_score < 1:
             raise UserError(f"detector {self.name}: min_score {min_score} is not between 0 and 1")
         counts = [(1, self.outputs), *([(2, self.sized_outputs)] * bool(self.sized_outputs))]
-        network, self.sha256 = read_network(weights, counts, more_outputs=self.more_outputs)
-        self.outputs = len(network.graph.output)
+        network, self.sha256 = read_network(weights, counts)
+        self.weights, self.outputs = weights, len(network.graph.output)
         self._activation = add_last_activation(network.graph) if self.gap else False
         self.size = size or self.default_size or _own_size(weights, network)
         width, height = self.size
@@ -303,6 +306,10 @@ class OnnxDetector(ABC):
         """
         return ""
 
+    def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
+        """What must lie between 0 and 1 in the outputs of one picture."""
+        return self.decode(outputs)[1]
+
     @abstractmethod
     def decode(self, outputs: Sequence[np.ndarray]) -> Scored:
         """Boxes and scores from the outputs of one picture."""
@@ -325,7 +332,12 @@ class OnnxDetector(ABC):
         self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
     ) -> list[DetectedBox]:
         """Road users and furniture in a picture of (width, height), best score first."""
-        boxes, scores = self.decode(outputs[: self.outputs])
+        outputs = outputs[: self.outputs]
+        boxes, scores = self.decode(outputs)
+        self._check_scores(outputs)
+        likely = boxes[scores.max(axis=1, initial=0.0) >= self.min_score]
+        if is_share(likely):
+            raise UserError(f"{self.weights}: {SHARES}")
         limits = np.array([*image_size, *image_size], dtype=np.float64)
         unused: Counter[str] = Counter()
         found = best_boxes(
@@ -394,8 +406,19 @@ class OnnxDetector(ABC):
                 f"{weights}: is no {self.name} network: its output is "
                 f"{', '.join(map(str, shapes))}, expected {wanted}{self._hint(shapes)}"
             )
+        self._check_scores(outputs[: self.outputs])
         if doubt := self.doubt(outputs):
             raise UserError(f"{weights}: is no {self.name} network: {doubt}")
+
+    def _check_scores(self, outputs: Sequence[np.ndarray]) -> None:
+        """Raises UserError for scores that are no probabilities, of whichever picture."""
+        scores = self.probabilities(outputs)
+        low, high = scores.min(initial=0.0), scores.max(initial=0.0)
+        if not (low >= -SCORE_SLACK and high <= 1 + SCORE_SLACK):
+            raise UserError(
+                f"{self.weights}: its scores, from {low:.3g} to {high:.3g}, are no probabilities: "
+                "was it exported without the sigmoid?"
+            )
 
     def _hint(self, shapes: Sequence[tuple[int, ...]]) -> str:
         """Which detector's output has such a shape."""
@@ -403,15 +426,20 @@ class OnnxDetector(ABC):
         layouts = {
             "yolov8": (4 + classes, cells),
             "yolox_nano": (cells, 5 + classes),
-            "yolov5": (3 * cells, 5 + classes),
             "yolov10": (None, 6),
             "rtdetr": (None, 4 + classes),
-            "yolov7": (7,),  # the first row of all
         }
         for name, layout in layouts.items():
             if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):
                 return f"; --detector {name} has such an output"
         return ""
+
+
+def is_share(places: np.ndarray) -> bool:
+    """Whether all of these places of boxes, of which one is not 0, lie between 0 and 1 [pixels], or
+    hardly beyond.
+    """
+    return bool(places.any()) and float(np.abs(places).max()) <= 2.0
 
 
 def _fits(shape: Sequence[int], layout: Sequence[int | None]) -> bool:

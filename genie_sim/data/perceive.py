@@ -16,9 +16,14 @@ from genie_sim.core.classes import SIZES, VEHICLES
 from genie_sim.core.geometry import Geodetic
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings, ImageDetector
-from genie_sim.data.kitti import ATTRIBUTION, CameraFrame, KittiDrive, open_drive
-from genie_sim.data.kitti_sequences import ATTRIBUTIONS, open_sequence_of
-from genie_sim.data.kitti_unsynced import open_unsynced, unsynced_folder
+from genie_sim.data.kitti import (
+    ATTRIBUTION,
+    ATTRIBUTION_OF_ODOMETRY,
+    ODOMETRY,
+    CameraFrame,
+    KittiDrive,
+    open_drive,
+)
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
@@ -47,8 +52,8 @@ class DriveFrames:
 
     Parameters
     ----------
-    drive : such as ``2011_09_26/0005``, ``odometry/05`` or ``kitti360/0003``, or ``tracking/0005``
-        for a tracking sequence
+    drive : such as ``2011_09_26/0005`` or ``odometry/05``, or ``tracking/0005`` for a tracking
+        sequence
     cameras : colour cameras of a raw drive
     numbers : the frame numbers to look at; ``None``: all
     origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
@@ -97,7 +102,14 @@ def perceive(
         )
         tell_frames(report, trace.frames)
         return replace(trace, provenance={**trace.provenance, "import": report.facts()})
-    drive = _opened(root, frames, report)
+    drive = open_drive(
+        root,
+        frames.drive,
+        frames.cameras,
+        origin=frames.origin,
+        allow_missing_scans=frames.allow_missing_scans,
+        report=report,
+    )
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
     perceived = trace_frames(
@@ -115,7 +127,7 @@ def perceive(
         "import": report.facts(),
     }
     set_name, _, number = frames.drive.partition("/")
-    name = f"{set_name}_{number}" if f"{set_name}/" in ATTRIBUTIONS else f"kitti_{number}"
+    name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
     return Trace(name, drive.origin, by_camera, about)
 
 
@@ -124,7 +136,7 @@ def _tell(
 ) -> None:
     """What was read, for the report: also which pictures have another size than the calibration."""
     for camera, sequence in by_camera.items():
-        wanted = drive.calibration.sizes.get(camera)
+        wanted = drive.frames[camera][0].size
         sizes = Counter((frame.width, frame.height) for frame in sequence)
         for (width, height), count in sizes.items():
             if wanted is not None and (width, height) != wanted:
@@ -161,34 +173,15 @@ def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[C
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
 
 
-def _opened(root: Path, frames: DriveFrames, report: ImportReport) -> KittiDrive:
-    """A raw drive, in step or not, or a sequence of the odometry benchmark or KITTI-360."""
-    opener = open_drive if unsynced_folder(root, frames.drive) is None else open_unsynced
-    if f"{frames.drive.partition('/')[0]}/" in ATTRIBUTIONS:
-        opener = open_sequence_of
-    return opener(
-        root,
-        frames.drive,
-        frames.cameras,
-        origin=frames.origin,
-        allow_missing_scans=frames.allow_missing_scans,
-        report=report,
-    )
-
-
 def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
-    """The image file of each camera and frame number; none for a tracking sequence, and none for
-    pictures that would have to be rectified.
-    """
+    """The image file of each camera and frame number; none for a tracking sequence."""
     if drive.startswith(TRACKING):
         return {}
-    selection = DriveFrames(drive, cameras, allow_missing_scans=True)
-    frames = _opened(root, selection, ImportReport(root)).frames
+    frames = open_drive(root, drive, cameras, allow_missing_scans=True).frames
     return {
         (camera, frame.index): frame.image_path
         for camera, sequence in frames.items()
         for frame in sequence
-        if frame.rectification is None
     }
 
 
@@ -211,7 +204,7 @@ def _provenance(
     if settings.encoding != "raw":
         parameters["encoding"] = settings.encoding
     return {
-        "data": ATTRIBUTIONS.get(f"{drive.name.partition('/')[0]}/", ATTRIBUTION),
+        "data": ATTRIBUTION_OF_ODOMETRY if drive.name.startswith(ODOMETRY) else ATTRIBUTION,
         "drive": drive.name,
         "drive_sha256": drive.digest(),
         "detector": detector.name,

@@ -114,13 +114,11 @@ class _Stages:
         """A frame from the disk, as the network gets it."""
         data = read_bytes(frame.image_path)
         image = decode_image(frame.image_path, data)
-        if frame.rectification is not None:
-            image = frame.rectification(frame.image_path, image)
         height, width = image.shape[:2]
         dhash, size_bytes = difference_hash(image), None
         if self._encoding != "raw":
             image, size_bytes = sent(image, self._encoding)
-        scan, ground = self._scanned(frame.scan)
+        scan, ground = self._scanned(frame.index)
         camera_SE3_velo = self._drive.camera_SE3_velo(frame.camera)
         blob, scale = self.detector.prepare(image)
         intrinsics = frame.intrinsics_of((width, height))
@@ -157,9 +155,9 @@ class _Stages:
         return replace(frame, detections=tuple(detections), features=features)
 
 
-def _scanned(drive: KittiDrive, number: int | None) -> tuple[Array | None, Plane]:
+def _scanned(drive: KittiDrive, number: int) -> tuple[Array | None, Plane]:
     """A laser scan, if there is one, and the ground in it."""
-    scan = None if number is None else drive.scan(number)
+    scan = drive.scan(number)
     return scan, placement.TYPICAL_GROUND if scan is None else placement.fit_ground(scan)
 
 

@@ -161,7 +161,11 @@ def detection(
     box : left, top, right and bottom [pixels]; ``None`` where there is no picture
     location : of the object's centre in the world, (3,) [m]
     method : how it was placed
+
+    Raises UserError for a score that is none.
     """
+    if not 0 <= score <= 1:
+        raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
     rounded_score = round(float(score), SCORE_DECIMALS)
     return Detection(
         label,

@@ -18,7 +18,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, transform
 from genie_sim.core.messages import Box, Detection, Location
-from genie_sim.data.files import matrices, named_rows, numbers
+from genie_sim.data.files import matrices, named_rows, numbers, picture_size
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 from genie_sim.data.placement import Placement
 from genie_sim.data.trace import Trace, detection, trace_frame
@@ -34,16 +34,6 @@ CALIBRATION = (
     (("Tr_velo_to_cam", "Tr_velo_cam"), 4),
     (("Tr_imu_to_velo", "Tr_imu_velo"), 4),
 )
-# The pictures are not needed, only how large they were: (width, height) of each of KITTI's five
-# days, by focal length.
-PICTURE_SIZES = {
-    721.5377: (1242, 375),  # 2011_09_26
-    707.0493: (1224, 370),  # 2011_09_28
-    718.3351: (1238, 374),  # 2011_09_29
-    707.0912: (1226, 370),  # 2011_09_30
-    718.856: (1241, 376),  # 2011_10_03
-}
-SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 ATTRIBUTION = (
     "KITTI Vision Benchmark Suite, tracking: A. Geiger, P. Lenz, R. Urtasun, "
     "'Are we ready for Autonomous Driving?', CVPR 2012, "
@@ -53,7 +43,7 @@ ATTRIBUTION = (
 
 # PointRCNN's scores are logits from -0.85 to 15.6. A detection is right with probability 1 / (1 +
 # exp(-(a logit + b))): (a, b) by logistic regression on the labels of 15 sequences
-# (benchmarks/pointrcnn_scores.py). On sequences left out of the fit the mean gap between score and
+# (tools/make/pointrcnn_scores.py). On sequences left out of the fit the mean gap between score and
 # share of right ones is 0.01 to 0.02 for cars, 0.08 to 0.09 for persons; that of the plain sigmoid
 # is 0.18 to 0.37.
 POINTRCNN_SCORES = {"car": (1.05, -3.15), "person": (1.21, -2.54)}
@@ -233,9 +223,9 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
     """Width and height of a sequence's pictures: by the day that has this focal length, else those
     of a picture.
     """
-    nearest = min(PICTURE_SIZES, key=lambda focal: abs(focal - focal_px))
-    if abs(nearest - focal_px) <= SAME_FOCAL_PX:
-        return PICTURE_SIZES[nearest]
+    known = picture_size(focal_px)
+    if known is not None:
+        return known
     picture = next(
         iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None
     )

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.analysis import correctness
-from genie_sim.analysis.metric import ZERO_DELAY, measured
+from genie_sim.analysis import correctness, metrics
+from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS
 from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.facts import METHODS, Fact, Facts
@@ -29,7 +29,6 @@ ACCURACY = (
     "ghost_share",
     *(f"ghost_share_{cause}" for cause in correctness.CAUSES),
     "gospa",
-    "held_age",
     "place_error",
 )
 
@@ -43,8 +42,7 @@ def facts_of(held: Columns) -> Facts:
     if not len(held):
         return {}
     held = held.rows((held["what"] == CONSUMER) | (held["method"] == METHODS[0].name))
-    views = correctness.held_views(held, [method.name for method in METHODS], intervals=False)
-    rows = measured(correctness.HELD, views)
+    rows = metrics.compute(METHODS, {"held": held}, intervals=False)
     return {
         Fact(row.metric, row.component or row.method): math.nan if row.value is None else row.value
         for row in rows

@@ -3,7 +3,7 @@ result folder.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -79,7 +79,8 @@ class Run:
 
     ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting
     written out; ``folder`` is ``None`` for a run that was not written down, and ``changed`` names
-    files in it that were changed since. ``label`` is what the user calls it, or empty.
+    files in it that were changed since. ``label`` is what the user calls it, or empty. ``words``
+    are what the folder says of each metric.
     ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
     table that is made when it is first asked for: ``run.frames``. ``record.records`` describes
     the columns.
@@ -93,6 +94,7 @@ class Run:
     folder: Path | None = None
     changed: Sequence[str] = ()
     label: str = ""
+    words: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> "pd.DataFrame":
         if name not in SCHEMAS:
@@ -186,6 +188,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
         folder=folder,
         changed=changed,
         label=checked_label(about.get("label", ""), f"{folder / 'run.json'}: label"),
+        words=about.get("metrics", {}),
     )
 
 

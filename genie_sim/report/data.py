@@ -10,9 +10,9 @@ import numpy as np
 
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
-from genie_sim.analysis.metric import DEADLINE_MS, WINDOW_REQUESTS, ZERO_DELAY
-from genie_sim.analysis.registry import component_title, definition
-from genie_sim.analysis.resource_metrics import ResourceMetric, running_use
+from genie_sim.analysis.metric import DEADLINE_MS, MAIN, WINDOW_REQUESTS, ZERO_DELAY
+from genie_sim.analysis.registry import METRICS, component_title, definition, words
+from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.screen import simulated_s
 from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles
@@ -54,6 +54,7 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         ],
         "parts": [{"name": name, "title": title} for name, (title, _) in PARTS.items()],
         "metric_info": metric_info(metric.metric for metric in run.measured),
+        "main_tier": MAIN,
         "zero_delay": zero_delay(),
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
@@ -111,13 +112,10 @@ def zero_delay() -> dict[str, str]:
     return {"component": ZERO_DELAY, "title": component_title(ZERO_DELAY)}
 
 
-def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, str]]:
-    """What pages say of these metrics: title, unit, which is better, meaning, and
-    what its two ends are where they are no interval (``mark``).
-    """
-    shown = ("title", "unit", "better", "meaning", "mark")
-    found = {name: definition(name) for name in sorted(set(metrics))}
-    return {name: {key: getattr(found[name], key) for key in shown} for name in found}
+def metric_info(metrics: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """What pages say of these metrics, in the order in which they are shown."""
+    names = set(metrics)
+    return words([*(name for name in METRICS if name in names), *sorted(names - METRICS.keys())])
 
 
 def _methods(run: "Run") -> Iterator[dict[str, Any]]:
@@ -221,7 +219,7 @@ def _shown(measured: "Sequence[MetricValue]", notes: list[str]) -> "list[MetricV
     """All metrics but those of the less busy of very many resources."""
     use: dict[tuple[str, str], float] = {}
     for metric in measured:
-        if isinstance(definition(metric.metric), ResourceMetric):
+        if definition(metric.metric).rows == "resources":
             resource = metric.method, metric.component
             value = metric.value if metric.metric == "utilization" else None
             use[resource] = max(use.get(resource, 0.0), value or 0.0)

@@ -71,8 +71,7 @@ const titleCell = (name) => make("span", { title: infoOf(name).meaning }, metric
 
 // Bytes, computing time and energy, of everything and of cars and edges apart.
 function showPrices() {
-  const names = ["bytes_up_per_frame", "bytes_down_per_frame", "accelerator_time", "cpu_time", "batch_size",
-    "energy_per_frame", "energy_per_right"];
+  const names = Object.keys(DATA.metric_info).filter((name) => infoOf(name).section === "Prices");
   const placements = (name) => (name.startsWith("energy") ? ["all"] : ["all", "car", "edge"]);
   const rows = names.flatMap((name) => placements(name).map((placement) => [name, placement]))
     .filter(([name, placement]) => METHODS.some((method) => metric(name, method.name, placement)))
@@ -87,9 +86,8 @@ function showPrices() {
 
 function showResults() {
   byId("headline").replaceChildren(...headline());
-  const names = ["first_answer_mean", "first_answer_p95", "under_deadline_share", "fresh_answer_mean", "fresh_answered_share", "dropped_share",
-    "streaming_f1", "ghost_share", "wrong_hit_share"]
-    .filter((name) => METHODS.some((method) => metric(name, method.name)));   // the truth is not always known
+  const inMain = (name) => infoOf(name).tier <= DATA.main_tier && infoOf(name).section !== "Prices";
+  const names = Object.keys(DATA.metric_info).filter((name) => inMain(name) && METHODS.some((method) => metric(name, method.name)));
   table(byId("by-method"), null, ["", ...METHODS.map((method) => methodKey(method.name))], names.map((name) => {
     const metrics = METHODS.map((method) => metric(name, method.name));
     return [titleCell(name), ...metrics.map((entry) => cell(entry, isBest(entry, metrics, infoOf(name).better)))];
@@ -97,7 +95,7 @@ function showResults() {
   const placed = METHODS.flatMap(({ name }) => ["car", "edge"].map((placement) => [name, placement])).filter((key) => metric("image_reuse", ...key));
   if (!placed.length) return;   // no Genie, or no look-ups recorded
   const several = new Set(placed.map(([name]) => name)).size > 1;
-  const ofGenies = ["image_reuse", "object_reuse", "confidence_boost", "coalesced_share"];
+  const ofGenies = Object.keys(DATA.metric_info).filter((name) => inMain(name) && infoOf(name).section === "Genies");
   table(byId("by-placement"), null, ["", ...placed.map(([name, placement]) => `${several ? `${methodTitle(name)}, ` : ""}Genies ${placementText(placement)}`)],
     ofGenies.map((name) => [titleCell(name), ...placed.map((key) => {
       const entry = metric(name, ...key);

@@ -132,6 +132,8 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
     """Writes what follows from a run's tables: metrics, the scenario, and ``run.json``, with
     ``more`` that is known of the run.
     """
+    from genie_sim.analysis import registry
+
     metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
     provenance.write_text(folder / "scenario.resolved.yaml", run.yaml)
@@ -140,6 +142,7 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
         "run_id": run.run_id,
         **({"label": run.label} if run.label else {}),
         "facts": run.facts,
+        "metrics": registry.words(metric.metric for metric in run.measured),
         "digests": provenance.digests(folder, FILES),
         **more,
         **provenance.environment(),

@@ -25,22 +25,29 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import atomic_write
 from genie_sim.base.progress import Progress
-from genie_sim.base.tables import UNITS, FileColumn, FileTable, is_number, title_of, with_point
-from genie_sim.scenario import benchmark_logs
+from genie_sim.base.tables import UNITS, FileColumn, FileTable, title_of, with_point
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
 MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
-# Of latencies that others measured: what is so much slower than the median, at the beginning and in
-# at most this share, is a warm-up.
-WARM_UP_FACTOR, MOST_WARM_UP = 3.0, 0.2
-USUAL_MS = (1.0, 10_000.0)  # the median of a detector whose unit nobody tells
-LATENCY = re.compile(r"latency|latencies", re.ASCII)
+LARGEST_S = 3600  # no detection takes longer; a stamp since 1970 does
 LARGE_GAP, FAR_MEAN = 0.2, 1.5  # of a law that is not like what was measured
 ASSUMED_CORES = 4
 PICTURE = (375, 1242, 3)  # KITTI's
 SHARES = np.arange(0.01, 1.0, 0.01)
+
+# What titles say by one of their words.
+LATENCIES = re.compile("latency|latencies|durations?|elapsed")
+RATES = re.compile("fps|[kmg]?hz|[qir]ps|rates?|throughput|frequency")
+STAMPS = re.compile(
+    "(time)?stamps?|ts|epoch|unix|utc|date(time)?|clock|beg[ai]n|start(ed)?|end(ed)?|since|at"
+)
+OTHERS = re.compile(
+    "temp(erature)?|celsius|power|m?watts?|mw|energy|joules?|mj|mem(ory)?|ram|[kmg]i?b|bytes?"
+    "|percent|pct|utilization|usage|score|confidence|std(dev)?|sd|variance|jitter|interval|period"
+)
+LAST_LETTER = re.compile("[abcgjkvw]")  # a unit at the end of a title
 
 Times = npt.NDArray[np.float64]
 
@@ -126,129 +133,140 @@ def from_table(
     column: str | None = None,
     unit: str | None = None,
 ) -> Measurement:
-    """Latencies that somebody else measured, in a column of a table (CSV or Parquet), or in a file
-    of ``trtexec --exportTimes`` (``.json``).
+    """Latencies that somebody else measured, in a column of a table (CSV or Parquet).
 
-    Raises UserError where it is not clear which column that is or what its unit is, and, naming the
-    line, for anything that is no time. Slow runs at the beginning are left out as a warm-up, unless
-    ``report`` accepts them.
+    Raises UserError where titles and options do not say which column that is and what its unit is,
+    and, naming the line, for anything that is no latency.
 
     Parameters
     ----------
     path : the file
     model : what it was that took so long
     report : is told what was read
-    column : its title; ``None``: the only one that holds latencies
-    unit : of its values, such as ``ms``; ``None``: as its title says, else milliseconds
+    column : its title; ``None``: the only one whose title says that it holds latencies
+    unit : of its values, such as ``ms``; ``None``: as its title says
     """
-    if path.suffix == ".json":
-        title, latencies = benchmark_logs.trtexec_times(path, column, report)
-        own = "ms"
-    else:
-        table = FileTable(path)
-        index = _column_of(table, column)
-        title = table.titles[index] if table.titles else ""
-        kind = title_of(title).unit
-        own = kind if UNITS.get(kind, ("",))[0] == "time" else ""
-        latencies = _latencies(table, index)
-        if len(table.titles) > 1:
-            report.choose("column", title, table.titles, "--column")
+    table = FileTable(path)
+    index = _column_of(table, column)
+    title = table.titles[index] if table.titles else ""
+    own = _unit_of(title)
     if unit is not None and own and UNITS[own] != UNITS[unit]:
-        raise UserError(f"{path}: --unit {unit}: the title {title!r} says {own}")
-    factor_ns = UNITS[unit or own or "ms"][1]
+        raise UserError(f"{path}: --unit {unit}: the title {short_repr(title)} says {own}")
+    unit = unit or own
+    if not unit:
+        what = f"column {short_repr(title)}" if title else "its only column"
+        raise UserError(f"{path}: {what} has no unit: say --unit, or call it latency_ms")
+    factor_ns = UNITS[unit][1]
+    latencies = _latencies(table, index, LARGEST_S * units.NS_PER_S / factor_ns)
     if len(latencies) < MIN_LATENCIES:
         raise UserError(f"{path}: {len(latencies)} latencies, expected at least {MIN_LATENCIES}")
     _check_latencies(path, title, latencies)
-    median_ms = float(np.median(latencies)) * factor_ns / units.NS_PER_MS
-    if not (unit or own) and not USUAL_MS[0] <= median_ms <= USUAL_MS[1]:
-        raise UserError(
-            f"{path}: has no unit, and {median_ms:g} ms would be an odd median for a detector: "
-            "say with --unit whether these are s, ms, us or ns"
-        )
+    if len(table.titles) > 1:
+        report.choose("column", title, table.titles, "--column")
     report.read(f"latencies{f' of column {title!r}' if title else ''}", len(latencies))
-    report.span("latency", (min(latencies), max(latencies)), unit or own or "ms (assumed)")
-    return Measurement(
-        model,
-        _without_warm_up(np.array(latencies) * factor_ns, report),
-        f"{len(latencies)} latencies from {path.name}",
-        here=False,
-        tag="S",
-    )
+    report.span("latency", (min(latencies), max(latencies)), unit)
+    source = f"{len(latencies)} latencies from {path.name}"
+    return Measurement(model, np.array(latencies) * factor_ns, source, here=False, tag="S")
 
 
-def _latencies(table: FileTable, index: int) -> list[float]:
-    """The numbers of a column. Raises UserError for one that is no time."""
-    number, latencies = FileColumn("latency", highest=1e15), []
+def _latencies(table: FileTable, index: int, largest: float) -> list[float]:
+    """The numbers of a column. Raises UserError for one that is no latency."""
+    number, latencies = FileColumn("latency"), []
+    column = f" of column {short_repr(table.titles[index])}" if table.titles else ""
     for where, (cell,) in table.cells([index]):
         try:
             latencies.append(number.value(with_point(cell)))
         except ValueError:
             latencies.append(0.0)
         if latencies[-1] <= 0:
-            column = f" of column {short_repr(table.titles[index])}" if table.titles else ""
             raise UserError(f"{where}: no latency in {short_repr(cell)}{column}")
+        if latencies[-1] > largest:
+            text = f"{short_repr(cell)}{column} is above an hour: no latency, perhaps a stamp"
+            raise UserError(f"{where}: {text}; say --column ({_choices(table)})")
     return latencies
 
 
 def _column_of(table: FileTable, name: str | None) -> int:
-    """Which column holds the latencies. Raises UserError where that is not clear."""
+    """Which column holds the latencies. Raises UserError where titles and options do not say so."""
     titles = list(table.titles)
-    _, first = next(table.cells(list(range(table.columns))), ("", []))
     if name is not None:
         if titles.count(name) != 1:
             raise UserError(f"{table.path}: --column: {unknown('column', name, titles)}")
-        return titles.index(name)
-    numeric = [index for index, cell in enumerate(first) if is_number(cell)]
-    if not titles:
-        if len(numeric) > 1:
-            raise UserError(
-                f"{table.path}: has {len(numeric)} columns of numbers and no header: "
-                "name the latencies in one, such as latency_ms"
-            )
-        return (numeric or [0])[0]
-    parts = [title_of(title) for title in titles]
-    in_time = [index for index in numeric if UNITS.get(parts[index].unit, ("",))[0] == "time"]
-    called = [index for index in numeric if LATENCY.search(parts[index].stem)]
-    for among in (called, in_time, numeric):
-        if len(among) == 1:
-            return among[0]
-        if among:
-            some = ", ".join(short_repr(titles[index]) for index in among)
-            raise UserError(f"{table.path}: which column holds latencies, {some}? Say --column")
-    return 0
+        among = [titles.index(name)]
+    elif table.columns <= 1:
+        among = [0]
+    else:
+        among = [index for index, title in enumerate(titles) if _unit_of(title)]
+        among = among or [index for index, title in enumerate(titles) if _says(LATENCIES, title)]
+    others = [_other_quantity(title) for title in titles] or [""]
+    right = [index for index in among if not others[index]]
+    if len(right) == 1:
+        return right[0]
+    if right:
+        some = ", ".join(short_repr(titles[index]) for index in right)
+        text = f"which column holds latencies, {some}? Say --column"
+    elif among:
+        at = among[0]
+        text = f"column {short_repr(titles[at])} holds {others[at]}, no latencies"
+        text += f": say --column, or invert them ({_choices(table)})"
+        text = text if others[at] == "rates" else text.replace(", or invert them", "")
+    elif titles:
+        text = f"no title says that it holds latencies, as latency_ms does: {_choices(table)}"
+    else:
+        text = f"has {table.columns} columns and no header: name the latencies latency_ms"
+    raise UserError(f"{table.path}: {text}")
 
 
-# Latencies that somebody sorted grow, too, but in steps of all sizes: their spread is their mean.
-EVEN_STEPS, GROWN = 0.5, 10.0
+def _choices(table: FileTable) -> str:
+    """The columns that there are."""
+    titles = ", ".join(map(short_repr, table.titles[:12]))
+    return f"the file has {titles}" if titles else "the file has one column without a title"
+
+
+def _unit_of(title: str) -> str:
+    """The unit of time that a title says, up to seconds: ``latency_min`` is a minimum."""
+    unit = title_of(title).unit
+    kind, factor_ns = UNITS.get(unit, ("", 0.0))
+    return unit if kind == "time" and factor_ns <= units.NS_PER_S else ""
+
+
+def _words(title: str) -> list[str]:
+    """``gpuTime [ms]`` as gpu, time, ms."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", title)
+    return re.findall(r"[^\W\d_]+", apart.lower())
+
+
+def _says(words: re.Pattern[str], title: str) -> bool:
+    return any(map(words.fullmatch, _words(title)))
+
+
+def _other_quantity(title: str) -> str:
+    """What a title says that it holds, and is no latency."""
+    words, is_latency = _words(title), _says(LATENCIES, title)
+    by_second = re.search(r"(/|per[\W_]*)s(ec|econds?)?\b|(s|sec)\^?-1", title.lower())
+    if _says(RATES, title) or (by_second and not is_latency):
+        return "rates"
+    if _says(STAMPS, title) and not is_latency and "to" not in words:
+        return "stamps"
+    has_unit = len(words) > 1 and LAST_LETTER.fullmatch(words[-1])
+    return "another quantity" if _says(OTHERS, title) or has_unit or "%" in title else ""
+
+
+# Latencies that somebody sorted grow, too; their title should say what they are.
+GROWN = 2.0
 
 
 def _check_latencies(path: Path, title: str, latencies: Sequence[float]) -> None:
     """Raises UserError for numbers of rows, and for times at which something was measured."""
     steps = np.diff(latencies)
-    numbers = (steps == 1).all()
-    even = (steps > 0).all() and steps.std() < EVEN_STEPS * steps.mean()
-    if numbers or (even and latencies[-1] > GROWN * latencies[0]):
-        what = "numbers of runs" if numbers else "times at which they began"
+    numbers = bool((steps == 1).all())
+    grown = bool((steps >= 0).all()) and latencies[-1] > GROWN * latencies[0]
+    if numbers or (grown and not _says(LATENCIES, title)):
+        what = "numbers of runs" if numbers else "times at which something happened"
         raise UserError(
-            f"{path}: column {title!r} counts from {latencies[0]:g} to {latencies[-1]:g}: these "
-            f"are {what}, not latencies"
+            f"{path}: column {short_repr(title)} counts from {latencies[0]:g} to "
+            f"{latencies[-1]:g}: these are {what}, not latencies (call it latency_ms if they are)"
         )
-
-
-def _without_warm_up(latencies_ns: Times, report: ImportReport) -> Times:
-    """The latencies without the slow ones at the beginning."""
-    slow = latencies_ns > WARM_UP_FACTOR * np.median(latencies_ns)
-    first = int(np.argmin(slow))  # that is not slow
-    if not first or first > len(latencies_ns) * MOST_WARM_UP:
-        return latencies_ns
-    slowest_ms = float(latencies_ns[:first].max()) / units.NS_PER_MS
-    text = f"the first {first} runs take up to {slowest_ms:.4g} ms: a warm-up"
-    if report.accept:
-        report.warn(f"{text}, kept by --accept")
-        return latencies_ns
-    report.warn(f"{text}, left out; --accept keeps them")
-    report.leave_out("latencies of the warm-up", first)
-    return latencies_ns[first:]
 
 
 def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:
@@ -264,16 +282,6 @@ def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:
         )
 
 
-def of_trtexec(path: Path, model: str, summary: benchmark_logs.Summary) -> tuple[Measurement, Fit]:
-    """The log-normal law through the median and a percentile of trtexec's summary."""
-    within = f"{100 * summary.share:g} % within {summary.percentile_ms:g} ms"
-    source = (
-        f"summary of trtexec in {path.name}: median {summary.median_ms:g} ms, {within}; "
-        "log-normal, which is assumed"
-    )
-    return _given(model, round(summary.median_ms * units.NS_PER_MS), summary.sigma, source)
-
-
 def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
     """The log-normal law of a mean and a standard deviation, where nothing else is known."""
     sigma = math.sqrt(math.log1p((sd_ns / mean_ns) ** 2))
@@ -282,10 +290,6 @@ def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
         f"given: mean {units.duration_text(mean_ns)}, standard deviation "
         f"{units.duration_text(sd_ns)}; log-normal, which is assumed"
     )
-    return _given(model, median_ns, sigma, source)
-
-
-def _given(model: str, median_ns: int, sigma: float, source: str) -> tuple[Measurement, Fit]:
     none = np.array([], dtype=np.float64)
     fitted = Fit(median_ns, loc=0.0, sigma=round(sigma, 4), gap=0.0, p95=1.0, p99=1.0, runs=0)
     return Measurement(model, none, source, here=False, tag="D"), fitted
@@ -333,7 +337,6 @@ def write(
     measured: Measurement,
     fitted: Fit,
     cores: int | None = None,
-    board: benchmark_logs.Board | None = None,
 ) -> DeviceProfile:
     """A whole device profile: what was measured, and assumptions, marked so, where nothing was.
     Reads it back.
@@ -342,9 +345,7 @@ def write(
     ----------
     path : the file
     measured, fitted : the model's latencies and their law
-    cores : of the device; ``None``: those of ``board``, or of this machine if it was measured
-        here, else assumed
-    board : what tegrastats told of the device
+    cores : of the device; ``None``: those of this machine if it was measured here, else assumed
     """
     spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
     source = f"{measured.source}; {fitted}" if fitted.runs else measured.source
@@ -355,9 +356,6 @@ def write(
     }
     if cores is not None:
         count = {"value": cores, "tag": "S", "source": "given"}
-    elif board is not None:
-        source_of = f"tegrastats, {board.lines} lines"
-        count = {"value": board.cores, "tag": "S", "source": source_of}
     elif measured.here:
         count = {
             "value": os.cpu_count() or 1,
@@ -396,18 +394,6 @@ def write(
         },
         "models": {measured.model: model},
     }
-    if board is not None and board.power is not None:
-        source_of = f"least squares over {board.lines} lines of tegrastats; range: two errors"
-        profile["power"] = {
-            name: {
-                "value": f"{watts:.3f} W",
-                "low": f"{max(watts - 2 * error, 0.0):.3f} W",
-                "high": f"{watts + 2 * error:.3f} W",
-                "tag": "D",
-                "source": source_of,
-            }
-            for name, (watts, error) in board.power.items()
-        }
     heading = (
         "# Tags: P the paper, S a public source, M measured, D derived, A assumed. "
         "Written by genie-sim profile.\n"

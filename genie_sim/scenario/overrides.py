@@ -1,16 +1,26 @@
 """Overrides of single settings from the command line: ``--set cars[0].device=orin_nano``."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.plugins import Choice
+from genie_sim.base.settings import (
+    REQUIRED,
+    Kind,
+    SettingError,
+    join,
+    plain_default,
+    settings_in,
+    written_out,
+)
 from genie_sim.scenario.yaml_input import parse
 
-_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6})\]")
+_STEP = re.compile(r"([A-Za-z_]\w*)|\[(\d{1,6}|\*)\]")
 _PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[(\d{1,6}|\*)\])*")
-# settings that may be a mere name
-_SHORT_FOR = {"link": "like", "edge_network": "like", "similarity": "name"}
+_ANYTHING = Kind.of(Any, "", {})
+EVERY = -1  # of the entries of a list, as a step
 
 
 class Override(NamedTuple):
@@ -19,12 +29,22 @@ class Override(NamedTuple):
     path: str
     text: str
 
+    def sets(self, path: str) -> bool:
+        """Whether what is at ``path`` was set, or something around it."""
+        every = re.escape(self.path).replace(r"\[\*\]", r"\[\d+\]")
+        return re.match(rf"{every}(?=[.\[]|$)", path) is not None
 
-def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[Override]:
-    """Sets each ``path=value`` in ``settings``, the value read as YAML; ``[*]`` in a path stands
-    for every entry of a list. Raises ``UserError`` naming the override.
+
+def apply_overrides(
+    cls: type, settings: Mapping[str, Any], overrides: Sequence[str]
+) -> tuple[dict[str, Any], list[Override]]:
+    """The settings of a class, as they are written, with each ``path=value``, the value read as
+    YAML; ``[*]`` in a path stands for every entry of a list. What is short for a mapping, and lists
+    that are not written, are written out where a path leads into them. Raises ``UserError`` naming
+    the override.
     """
-    applied = []
+    applied: list[Override] = []
+    changed: Any = dict(settings)
     for assignment in overrides:
         text = f"--set {assignment}"
         path, equals, value = assignment.partition("=")
@@ -33,72 +53,89 @@ def apply_overrides(settings: dict[str, Any], overrides: Sequence[str]) -> list[
             raise UserError(f"{text}: must be path=value, such as cars[0].device=orin_nano")
         if not _PATH.fullmatch(path):
             raise UserError(f"{text}: cannot read the path {path!r}; write it like cars[0].device")
-        for of_entry in list(_of_every_entry(settings, path, text)):
-            _assign(settings, _steps(of_entry), parse(value, text), text)
-            applied.append(Override(of_entry, text))
-    return applied[::-1]  # of two with the same path the last counts
+        steps = [name or (EVERY if at == "*" else int(at)) for name, at in _STEP.findall(path)]
+        change = _Change(steps, parse(value, text), text)
+        changed = change.of(Kind.of(cls, "", {}), changed, "", is_whole=True)
+        applied.append(Override(path, text))
+    return changed, applied[::-1]  # of two with the same path the last counts
 
 
-def _of_every_entry(settings: Any, path: str, text: str) -> Iterator[str]:
-    """``cars[*].link`` to ``cars[0].link``, ``cars[1].link`` ..."""
-    before, every, after = path.partition("[*]")
-    if not every:
-        yield path
-        return
-    node = settings
-    for step in _steps(before):
-        try:
-            node = node[step]
-        except (KeyError, IndexError, TypeError):
-            node = None
-    if not isinstance(node, list) or not node:
-        raise UserError(f"{text}: {before}: is no list with entries in the scenario")
-    for place in range(len(node)):
-        yield from _of_every_entry(settings, f"{before}[{place}]{after}", text)
+class _Change(NamedTuple):
+    """One override: the steps of its path that are left, and the value at their end."""
 
+    steps: Sequence[str | int]
+    value: Any
+    text: str
 
-def _steps(path: str) -> list[str | int]:
-    """``cars[1].genie`` to ``["cars", 1, "genie"]``."""
-    return [name or int(place) for name, place in _STEP.findall(path)]
-
-
-def _assign(settings: dict[str, Any], steps: list[str | int], value: Any, text: str) -> None:
-    """Sets what is at the end of ``steps``, and makes the mappings that lead there."""
-    node: Any = settings
-    path = ""
-    for place, (step, following) in enumerate(zip(steps, [*steps[1:], None], strict=True)):
+    def of(self, kind: Kind, node: Any, path: str, *, is_whole: bool) -> Any:
+        """What is written at ``path``, with the change. ``is_whole``: settings that are not written
+        are as by default, not as in a scenario to which these belong.
+        """
+        if not self.steps:
+            return self.value
+        step, *following = self.steps
+        below = self._replace(steps=following)
         if isinstance(step, int):
-            if not isinstance(node, list):
-                hint = ": it is null; set the whole list" if node is None else ""
-                raise UserError(f"{text}: {path}: is not a list in the scenario{hint}")
-            if step > len(node):
-                count = "1 entry" if len(node) == 1 else f"{len(node)} entries"
-                raise UserError(
-                    f"{text}: {path}: has {count}, counted from 0; the next is {path}[{len(node)}]"
-                )
-            if step == len(node):
-                node.append({} if isinstance(following, str) else [])
-            path += f"[{step}]"
-        else:
-            if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
-                below = "".join(
-                    f"[{one}]" if isinstance(one, int) else f".{one}" for one in steps[place:]
-                )
-                other = f"did you mean {path}[*]{below}, or {path}[0]{below}?"
-                raise UserError(f"{text}: {path}: is a list; {other}")
-            if not isinstance(node, dict):
-                raise UserError(
-                    f"{text}: {path}: is {short_repr(node)}, which has no setting {step!r}"
-                )
-            path += f".{step}" if path else step
-        if following is None:
-            node[step] = value
-        elif isinstance(step, int):
-            node = node[step]
-        else:
-            inner = node.get(step)
-            if isinstance(following, str) and (
-                inner is None or (isinstance(inner, str) and step in _SHORT_FOR)
-            ):
-                inner = {} if inner is None else {_SHORT_FOR[step]: inner}
-            node[step] = node = inner
+            return below.of_entries(kind, node, path, step, is_whole=is_whole)
+        if isinstance(node, list) and any(isinstance(entry, dict) for entry in node):
+            rest = _text(self.steps)
+            other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
+            raise UserError(f"{self.text}: {path}: is a list; {other}")
+        try:
+            mapping = {} if node is None else written_out(kind, node)
+        except SettingError:
+            problem = f"is {short_repr(node)}, which has no setting {step!r}"
+            raise UserError(f"{self.text}: {path}: {problem}") from None
+        setting = settings_in(kind, mapping).get(step)
+        if setting is None:
+            mapping[step] = below.of(_ANYTHING, mapping.get(step), join(path, step), is_whole=True)
+            return mapping
+        is_whole = is_whole and setting.default is not REQUIRED
+        inner = mapping.get(step)
+        leads_on = isinstance(setting.default, Choice) or isinstance([*following, ""][0], int)
+        if inner is None and following and leads_on and is_whole and setting.default is not None:
+            inner = plain_default(setting)
+        mapping[step] = below.of(setting.kind, inner, join(path, step), is_whole=is_whole)
+        return mapping
+
+    def of_entries(
+        self, kind: Kind, node: Any, path: str, step: int, *, is_whole: bool
+    ) -> list[Any]:
+        """The list with the entry at ``step``, or every one, changed."""
+        if not isinstance(node, list):
+            hint = ": it is null; set the whole list" if node is None else ""
+            raise UserError(f"{self.text}: {path}: is not a list in the scenario{hint}")
+        entries = [*node]
+        places = range(len(entries)) if step == EVERY else [step]
+        if not places:
+            raise UserError(f"{self.text}: {path}: is no list with entries in the scenario")
+        for place in places:
+            if place > len(entries):
+                count = "1 entry" if len(entries) == 1 else f"{len(entries)} entries"
+                text = f"has {count}, counted from 0; the next is {path}[{len(entries)}]"
+                raise UserError(f"{self.text}: {path}: {text}")
+            if place == len(entries):
+                entries.append([] if self.steps and isinstance(self.steps[0], int) else None)
+            of_entry = _entry(kind, place)
+            entries[place] = self.of(
+                of_entry, entries[place], f"{path}[{place}]", is_whole=is_whole
+            )
+        return entries
+
+
+def _entry(kind: Kind, place: int) -> Kind:
+    """What stands at a place of a list."""
+    for member in kind.members:
+        if member.type is tuple and member.arguments:
+            return member.items[
+                0 if member.arguments[-1] is ... else min(place, len(member.items) - 1)
+            ]
+    return _ANYTHING
+
+
+def _text(steps: Sequence[str | int]) -> str:
+    """``["cars", 1, "genie"]`` as ``cars[1].genie``."""
+    path = ""
+    for step in reversed(steps):
+        path = join("[*]" if step == EVERY else step, path)
+    return path

@@ -2,22 +2,20 @@
 known before simulating.
 """
 
-import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import SettingError, from_plain, plain_data
+from genie_sim.base.settings import SettingError, from_plain
 from genie_sim.methods import METHODS
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
 from genie_sim.scenario.scenario import Origin, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
-from genie_sim.sim.settings import FOUR_CAMERAS
 
 
 def load_scenario(
@@ -71,23 +69,40 @@ def read_scenario(
     UserError
         In one line, for the first mistake.
     """
-    settings = copy.deepcopy(dict(data))
-    if "cameras" not in settings and any(text.startswith("cameras[") for text in overrides):
-        settings["cameras"] = [plain_data(camera) for camera in FOUR_CAMERAS]  # one is changed
-    origin = Origin(where, tuple(apply_overrides(settings, overrides)))
-    if seed is not None:
-        settings["seed"] = seed
-    try:
+
+    def read(count: int) -> Scenario:
+        """With the first so many of the overrides. Raises ``SettingError``."""
+        settings, applied = apply_overrides(Scenario, data, overrides[:count])
+        if seed is not None:
+            settings["seed"] = seed
+        origin = Origin(where, tuple(applied))
         scenario = replace(from_plain(Scenario, settings), read_from=origin)
         if methods:
             scenario = _with_methods(scenario, methods, methods_from)
         return _checked(scenario)
+
+    try:
+        return read(len(overrides))
     except SettingError as error:
         message = error.message
         if message.startswith("unknown field"):
             message = setting_paths.hint(Scenario, error.field, message)
-        parts = (origin.of(error.field), error.field, message)
-        raise UserError(": ".join(part for part in parts if part)) from error
+        count = _first_wrong(read, error, len(overrides))
+        source = f"--set {overrides[count - 1]}" if count else where
+        raise UserError(": ".join(filter(None, (source, error.field, message)))) from error
+
+
+def _first_wrong(read: Callable[[int], Scenario], error: SettingError, count: int) -> int:
+    """How many overrides it takes for an error that ``count`` of them give."""
+    for fewer in range(count):
+        try:
+            read(fewer)
+        except SettingError as other:
+            if (other.field, other.text) == (error.field, error.text):
+                return fewer
+        except UserError:
+            pass
+    return count
 
 
 def _with_methods(scenario: Scenario, names: Sequence[str], where: str) -> Scenario:

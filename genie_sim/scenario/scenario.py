@@ -31,7 +31,6 @@ from genie_sim.base.settings import (
 from genie_sim.core.rules import ToldRules
 from genie_sim.data.source import FrameSource
 from genie_sim.data.sources import SOURCES
-from genie_sim.scenario.convoy import Convoy
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.methods import METHOD, MethodEntry
@@ -74,11 +73,8 @@ class Origin(NamedTuple):
 
     def of(self, path: str) -> str:
         """The override that set what is at ``path``, else the file."""
-        for override in self.overrides:
-            below = (f"{override.path}.", f"{override.path}[")
-            if path == override.path or path.startswith(below):
-                return override.text
-        return self.file
+        texts = (override.text for override in self.overrides if override.sets(path))
+        return next(texts, self.file)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,14 +122,10 @@ class Scenario(MethodSettings):
     """The edge servers."""
 
     cars: tuple[Car, ...] = ()
-    """The cars; instead of them, a `convoy` or a `fleet`."""
+    """The cars; instead of them, a `fleet`."""
 
     fleet: Fleet | None = None
     """Cars that are alike, in a town, instead of `cars` and `edges`."""
-
-    convoy: Convoy | None = None
-    """Cars that are alike and replay one drive. A convoy takes the place of `cars` and `edges` and
-    is expanded to car1, car2, ... and edge1, edge2, ..."""
 
     interface: InterfaceName = "auto"
     """The network interface of cars, for the energy that it takes: by default the one that fits
@@ -168,21 +160,11 @@ class Scenario(MethodSettings):
 
     @classmethod
     def expand(cls, value: object) -> object:
-        """Turns a convoy into the cars and edges that it stands for."""
+        """Raises ``SettingError`` for what is no scenario, or one without cars."""
         if not isinstance(value, Mapping):
             return value
         if "axes" in value:
             raise SettingError("axes", "belongs to a sweep, which 'genie-sim sweep' runs")
-        if value.get("convoy") is not None:
-            for key in ("cars", "edges", "fleet"):
-                if value.get(key):
-                    text = "a convoy brings its own cars and edges; leave them out, or 'convoy'"
-                    raise SettingError(key, text)
-            try:
-                convoy = from_plain(Convoy, value["convoy"])
-            except SettingError as error:
-                raise error.below("convoy") from error
-            value = {**value, "convoy": None, **convoy.expanded()}
         if value.get("fleet") is None and "cars" not in value:
             raise SettingError("cars", "missing")
         return value

@@ -22,5 +22,5 @@ def json_schema(what: str) -> Schema:
     schema = class_schema(SCHEMAS[what], classes)
     if what == "scenario":
         del schema["required"]  # the file's name stands for that of the scenario
-        schema["anyOf"] = [{"required": [who]} for who in ("cars", "convoy", "fleet")]
+        schema["anyOf"] = [{"required": [who]} for who in ("cars", "fleet")]
     return {"$schema": DIALECT, "$defs": dict(sorted(classes.items())), **schema}

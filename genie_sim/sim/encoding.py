@@ -22,7 +22,7 @@ class CodecTimes(NamedTuple):
 
 
 # With OpenCV on one core of an AMD EPYC: medians over drive 2011_09_26/0005
-# (benchmarks/encodings.py). Devices have a factor.
+# (tools/make/encodings.py). Devices have a factor.
 TIMES_NS: dict[Encoding, CodecTimes] = {
     "png": CodecTimes(14_410_000, 6_940_000),
     "jpeg90": CodecTimes(1_330_000, 1_690_000),

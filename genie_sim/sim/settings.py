@@ -261,7 +261,7 @@ class MethodSettings:
 
     edge_network: Annotated[Choice, LINK] = LINKS[USUAL_LINK]
     """The network between edges: a link's name, or a mapping with the settings below. The same
-    settings apply to the `link` of a car, a convoy or a fleet."""
+    settings apply to the `link` of a car or a fleet."""
 
     edge_neighbours: Count | None = None
     """With how many of the nearest edges each edge shares at least, where it does not name its own

@@ -42,18 +42,6 @@ COLUMNS = (  # of the tables
     "n",
     "runs",
 )
-PANELS = (  # the main metrics, each with a panel in figures
-    "image_reuse",
-    "object_reuse",
-    "confidence_boost",
-    "first_answer_mean",
-    "fresh_answer_mean",
-    "under_deadline_share",
-    "fresh_answered_share",
-    "streaming_f1",
-    "ghost_share",
-    "object_recall",
-)
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
 _QUANTITY = re.compile(
     r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII

@@ -19,12 +19,18 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
-from genie_sim.analysis.registry import definition, is_drawn_logarithmically, spans_much
+from genie_sim.analysis.metric import HEADLINE, SHORT
+from genie_sim.analysis.registry import (
+    definition,
+    is_drawn_logarithmically,
+    shown,
+    spans_much,
+)
 from genie_sim.analysis.statistics import across_seeds, thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text, percent_text
-from genie_sim.study.design import PANELS, Axis, Design, Level
+from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,15 +39,6 @@ MAX_TICKS = 8
 MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
-SIDE_BY_SIDE = (  # of these in a column, and where each value of another axis has its panels
-    "image_reuse",
-    "object_reuse",
-    "first_answer_mean",
-    "fresh_answered_share",
-    "streaming_f1",
-    "ghost_share",
-)
-HEATED = ("first_answer_mean", "object_reuse", "streaming_f1", "ghost_share")  # drawn as heat maps
 HEAT_COLOURS = mpl.colormaps["Blues"]
 BESIDE = 0.4  # how far the points at a value that is no number lie apart, of its room
 MAX_SHADES = 9
@@ -206,7 +203,7 @@ def along(
     width_in : float
         The figure's width in inches; that of a page with ``beside``, or ``UserError`` is raised.
     metrics : sequence of str
-        Which; by default ``design.PANELS`` or, in a column or with ``beside``, ``SIDE_BY_SIDE``.
+        Which; by default the short list or, in a column or with ``beside``, the headlines.
     """
     if beside is not None:
         _refuse_narrow(width_in)
@@ -214,8 +211,8 @@ def along(
     shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
     means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
     narrow = is_narrow(width_in)
-    few = [metric for metric in PANELS if metric in SIDE_BY_SIDE]
-    names = metrics or (PANELS if beside is None and not narrow else few)
+    tier = SHORT if beside is None and not narrow else HEADLINE
+    names = metrics or shown(tier, means["metric"])
     shown_metrics = [
         (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
     ]
@@ -275,7 +272,7 @@ def heat(
     footer: str,
     place: str = "",
     width_in: float = PAGE_IN,
-    metrics: Sequence[str] = HEATED,
+    metrics: Sequence[str] = (),
 ) -> Figure:
     """Means across seeds over two axes, a row of panels a metric, a column a method.
 
@@ -298,10 +295,11 @@ def heat(
     width_in : float
         The figure's width in inches, that of a page, or ``UserError`` is raised.
     metrics : sequence of str
-        Which.
+        Which; by default the headlines.
     """
     _refuse_narrow(width_in)
     means = across_seeds(runs[runs["component"] == ""], [first, second])
+    metrics = metrics or shown(HEADLINE, means["metric"])
     means = means[
         means["placement"].isin(("all", "car"))
         & means["metric"].isin(metrics)

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers
-from genie_sim.analysis.registry import checked, definition
+from genie_sim.analysis.metric import SHORT
+from genie_sim.analysis.registry import checked, definition, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, first_line, unknown
 from genie_sim.record import provenance
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 ABOUT = "sweep.json"
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
-PRINTED = ("first_answer_mean", "fresh_answered_share", "streaming_f1", "ghost_share")
 MAX_ROWS = 50  # of a table in LaTeX
 
 
@@ -93,7 +93,7 @@ def _columns(points: "pd.DataFrame", metrics: Sequence[str]) -> list[tuple[str, 
     whole = points[points["component"] == ""]
     there = dict.fromkeys(zip(whole["metric"], whole["placement"], strict=True))
     if not metrics:
-        return [(name, "all") for name in PRINTED if (name, "all") in there]
+        return [(name, "all") for name in shown(SHORT, whole["metric"]) if (name, "all") in there]
     columns = []
     for name in metrics:
         of_metric = [place for place in there if place[0] == name]

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from genie_sim.analysis import summary
-from genie_sim.analysis.correctness import METRICS, lap_views
-from genie_sim.analysis.metric import measured
+from genie_sim.analysis.correctness import METRICS, views
 from genie_sim.record.columns import Columns
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
@@ -44,9 +43,11 @@ def held(car: str, *counts: tuple[float, int, int, int]) -> pd.DataFrame:
 
 def laps_of(frames: list[pd.DataFrame], judged: list[pd.DataFrame]) -> dict[tuple[str, str], float]:
     tables = (Columns.of(pd.concat(tables, ignore_index=True)) for tables in (judged, frames))
+    of_genie = dict(zip(("held", "frames"), tables, strict=True))
     return {
-        (metric.metric, metric.component): metric.value
-        for metric in measured(METRICS, lap_views(*tables, ["genie"]))
+        ("lap_f1", seen.component): METRICS["lap_f1"].of(seen.rows).value
+        for seen in views(of_genie)
+        if seen.kind == METRICS["lap_f1"].rows
     }
 
 
@@ -58,9 +59,7 @@ def test_each_lap_is_judged_by_itself_and_each_car_has_its_own():
         held("car2", (4, 10, 9, 10), (6, 1, 0, 2)),
     ]
     assert laps_of(frames, judged) == {
-        ("lap_recall", "lap 1"): (2 + 1 + 9) / (4 + 4 + 10),
         ("lap_f1", "lap 1"): 2 * (2 + 1 + 9) / (2 + 2 + 10 + 4 + 4 + 10),
-        ("lap_recall", "lap 2"): (1 + 0) / (8 + 2),
         ("lap_f1", "lap 2"): 2 * (1 + 0) / (5 + 1 + 8 + 2),
     }
 
@@ -72,4 +71,4 @@ def test_one_lap_is_the_whole_run_and_not_judged_twice():
 def test_laps_stand_in_the_summary():
     settings = ["methods=[local]", "cars[0].route={window: [2 s, 3 s], laps: 2}"]
     text = summary.markdown(run_in_memory(load_scenario("street_1car_hetero", settings)))
-    assert "## Laps" in text and "recall in a lap, lap 2 [%]" in text
+    assert "## Laps" in text and "streaming F1 in a lap, lap 2 [%]" in text

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from genie_sim.analysis import looks as look_metrics
-from genie_sim.analysis import metric as of_metric
+from genie_sim.analysis import metrics
+from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MetricValue
 
 MS = 1_000_000
 # frame by stamp [ms]: what became of it, and when [ms]; None: nothing yet
@@ -59,20 +59,22 @@ def held(shared: int, shared_right: int) -> pd.DataFrame:
     return pd.DataFrame([judged | sees, judged | {"shared": 1, "shared_right": 0}, without_delay])
 
 
-def measured(**tables: pd.DataFrame) -> dict[str, MetricValue]:
+def measured(**tables: pd.DataFrame) -> dict[str, Measured]:
     parts: dict[str, Any] = {"looks": looks(), "frames": frames(), **tables}
     columns = {name: Columns.of(table) for name, table in parts.items()}
-    views = look_metrics.views(columns, dict.fromkeys(["other", "genie"]), intervals=True)
-    return {number.metric: number for number in of_metric.measured(look_metrics.METRICS, views)}
+    return {
+        name: metric.of(seen.rows, intervals=False)
+        for seen in look_metrics.views(metrics.of_method(columns, "genie"))
+        for name, metric in look_metrics.METRICS.items()
+        if metric.rows == seen.kind
+    }
 
 
 def test_each_frame_that_went_up_has_one_end():
     values = {name: metric.value for name, metric in measured().items()}
     assert values["looks_own_share"] == 1 / 10
     assert values["looks_sent_share"] == 9 / 10
-    shares = {"answered": 2, "stale": 1, "overtaken": 1, "timed_out": 2, "in_flight": 3}
-    for end, count in shares.items():
-        assert values[f"looks_{end}_share"] == count / 9, end
+    assert values["looks_answered_share"] == 2 / 9
 
 
 def test_the_round_trip_is_that_of_the_frames_that_were_answered():
@@ -83,15 +85,14 @@ def test_the_round_trip_is_that_of_the_frames_that_were_answered():
 
 def test_the_age_of_a_view_is_that_of_its_newest_look_when_a_frame_comes():
     """Frames before the first look have none: 100, 200, 200 and 700 ms."""
-    metrics = measured()
-    mean, median = metrics["view_age_mean"], metrics["view_age_p50"]
-    assert (mean.value, mean.n, median.value) == (300, 4, 200)
+    of_looks = measured()
+    assert (of_looks["view_age_mean"].value, of_looks["view_age_mean"].n) == (300, 4)
 
 
 def test_what_another_car_saw_counts_by_itself():
-    metrics = measured(held=held(5, 2))
-    assert (metrics["shared_share"].value, metrics["shared_share"].n) == (6 / 16, 16)
-    assert (metrics["shared_right_share"].value, metrics["shared_right_share"].n) == (2 / 6, 6)
+    of_held = measured(held=held(5, 2))
+    assert (of_held["shared_share"].value, of_held["shared_share"].n) == (6 / 16, 16)
+    assert (of_held["shared_right_share"].value, of_held["shared_right_share"].n) == (2 / 6, 6)
 
 
 def test_where_nothing_was_shared_nobody_knows_how_right_it_is():

@@ -115,7 +115,6 @@ def test_six_frames_worked_by_hand():
     assert value["first_answer_p99", "genie"] == pytest.approx(29.8)
     assert value["fresh_answer_mean", "genie"] == 45.0
     assert value["improvement_first_answer", "local"] == pytest.approx(1 - 20 / 250)
-    assert value["improvement_fresh_answer", "local"] == pytest.approx(1 - 45 / 250)
     assert (
         value["answered_share", "local"] == value["answered_share", "genie"] == pytest.approx(2 / 3)
     )
@@ -123,24 +122,7 @@ def test_six_frames_worked_by_hand():
     assert value["dropped_share", "genie"] == 0.0
     assert value["under_deadline_share", "genie"] == pytest.approx(2 / 3)  # of the published frames
     assert value["fresh_under_deadline_share", "genie"] == pytest.approx(1 / 3)
-    assert value["empty_answer_share", "genie"] == pytest.approx(1 / 3)
-    # local: two fresh answers between the first stamp and the last answer at 2.202 s
-    assert value["fresh_answer_throughput", "local"] == pytest.approx(2 / 2.202)
     assert ("improvement_first_answer", "remote") not in value  # remote was not simulated
-
-
-@pytest.mark.parametrize("seed", [1, 2])
-def test_every_published_frame_is_answered_or_dropped_or_in_flight(seed):
-    frames = made_up_run.frames(cars=2, seconds=4, seed=seed).to_frame()
-    for table in (six_frames(), frames):
-        value = {key: metric.value for key, metric in of_tables(frames=table).items()}
-        for method in set(table["method"]):
-            parts = [
-                value[f"frames_{part}", method] for part in ("answered", "dropped", "in_flight")
-            ]
-            assert (
-                sum(parts) == value["frames_published", method] == (table["method"] == method).sum()
-            )
 
 
 def test_a_frame_lost_after_its_first_answer_is_not_dropped():
@@ -151,8 +133,8 @@ def test_a_frame_lost_after_its_first_answer_is_not_dropped():
     dropped = {"received_ns": 0, "first_answer_ns": 9 * MS, "drop": "car1/detector:/image_raw"}
     table.append(FrameRow("genie", "car1", "camera_02", 0, 0, 0, **dropped))
     result = of_tables(frames=table.to_frame())
-    assert result["frames_answered", "genie"].value == 1
-    assert result["frames_dropped", "genie"].value == 0
+    assert result["answered_share", "genie"].value == 1
+    assert result["dropped_share", "genie"].value == 0
 
 
 def test_what_is_not_defined_is_none():
@@ -355,12 +337,9 @@ def test_resources_tell_utilization_queue_and_throughput():
     accelerator = "edge1.accelerator"
     assert result["utilization", accelerator].value == 0.75
     assert result["queue_mean", accelerator].value == 2.0
-    assert result["queue_max", accelerator].value == 6
     assert result["throughput", accelerator].value == 15.0
     assert result["dropped", "edge1:/image_raw"].value == 7
     assert ("utilization", "edge1:/image_raw") not in result
-    assert result["bytes", "car1->edge1"].value == 4_000
-    assert ("bytes", accelerator) not in result
 
 
 def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
@@ -391,7 +370,6 @@ def test_utilization_is_not_diluted_by_the_wait_for_the_last_answers():
     result = of_tables(frames=frames.to_frame(), resources=resources.to_frame())
     assert result["utilization", "car1.accelerator"].value == 1.0
     assert result["throughput", "car1.accelerator"].value == 3.0
-    assert result["completed", "car1.accelerator"].value == 7
 
 
 def test_the_order_of_frames_in_memory_does_not_matter():
@@ -466,7 +444,7 @@ def test_a_resource_is_placed_where_it_is():
     made = metrics.compute(
         METHODS, {"frames": frames.to_frame(), "resources": resources.to_frame()}
     )
-    assert {one.component: one.placement for one in made if one.metric == "completed"} == names
+    assert {one.component: one.placement for one in made if one.metric == "dropped"} == names
 
 
 def test_a_deadline_is_met_before_it_and_not_at_it():

@@ -6,45 +6,31 @@ from pathlib import Path
 
 import pytest
 
-from genie_sim.analysis import registry, summary
+from genie_sim.analysis import compare_tables, registry, seed_runs, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import own_code
 from genie_sim.base.settings import plain_data
 from genie_sim.record.results import Run
-from genie_sim.runs.folder import run_in_memory
+from genie_sim.report.output import Output
+from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """
-from genie_sim.analysis.frame_metrics import FrameShare, response_ms
-from genie_sim.analysis.metric import Metric
+from dataclasses import replace
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.metric import LOWER, Metric, mean, share
 
-class Slow(FrameShare):
-    '''Share of the frames with a first answer after 100 ms.'''
-    title = "slow frames"
-    reads = "frames: received_ns, first_answer_ns"
-    def flags(self, frames):
-        return response_ms(frames, "first") > 100
-
-class Raises(Slow):
-    def flags(self, frames):
-        return frames["nothing"]
-
-class Reads(Slow):
-    reads = "frames: nothing"
-
-class Returns(Slow):
-    def of(self, view):
-        return 0.5
-
-class Viewless(Metric):
-    title = "t"
-
-class Plain:
-    title = view = "t"
-    def of(self, view):
-        return None
+slow = Metric(
+    "slow frames", "%", LOWER, meaning="Frames with a first answer after 100 ms.",
+    formula=lambda frames: share(frames, response_ms(frames, "first") > 100),
+)
+plain = Metric("a number", "", formula=lambda frames: mean(frames, response_ms(frames, "first")))
+raises = replace(slow, formula=lambda frames: share(frames, frames["nothing"]))
+rowless = replace(slow, rows="nothing")
+returns = replace(slow, formula=lambda frames: 0.5)
+other = "text"
 """
 
 
@@ -65,27 +51,50 @@ def ran(name: str) -> Run:
 
 
 def test_it_is_in_every_table_with_its_interval():
-    run = ran("Slow")
-    found = {one.method: one for one in run.measured if one.metric == "own_metric:Slow"}
+    run = ran("slow")
+    found = {one.method: one for one in run.measured if one.metric == "own_metric:slow"}
     times = run.frames.query("method == 'local'").eval("first_answer_ns - received_ns") / 1e6
     assert found["local"].value == pytest.approx(float((times > 100).mean()))
     assert found["local"].low is not None and found["local"].n == len(times)
     assert "| slow frames [%] |" in summary.markdown(run)
     assert "| slow frames [%] |" in summary.table(run, "markdown")
-    row = next(one for one in compare([run]).rows if one.metric == "own_metric:Slow")
+    row = next(one for one in compare([run]).rows if one.metric == "own_metric:slow")
     assert row.value == found["local"].value
+
+
+def test_its_words_travel_with_the_results_and_its_code_does_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    scenario = load_scenario(
+        "street_1car_homo", [WINDOW, "record=[]", "metrics=[own_metric:slow, own_metric:plain]"]
+    )
+    folder = run_to_folder(scenario, tmp_path, output=Output(page=False)).folder
+    (tmp_path / "own_metric.py").write_text("raise AssertionError('ran')")
+    monkeypatch.setattr(registry, "_told", {})
     with own_code(allowed=False):
-        assert registry.title_of("own_metric:Slow") == "own_metric:Slow", "its code does not run"
+        run = seed_runs.load(folder)
+        for format in ("markdown", "latex"):
+            assert r"slow frames [%]" in summary.table(run, format).replace("\\%", "%")
+            assert "a number" in summary.table(run, format)
+        assert "own_metric:plain,local,all,," in summary.table(run, "csv")
+        assert "slow frames" in compare_tables.text(compare([run]))
+
+
+@pytest.mark.parametrize(
+    "told", [[], {"own_metric:slow": {"title": "t"}}, {"own_metric:slow": {"title": 1}}]
+)
+def test_words_that_are_none_are_refused_in_one_line(told: object):
+    with pytest.raises(UserError, match=r"^run.json: metrics: "):
+        registry.learn(told, "run.json: metrics")
 
 
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("Raises", r"own_metric:Raises': KeyError: .*own_metric.py, line \d+, in flags"),
-        ("Reads", "reads: frames: unknown column 'nothing'; known: "),
-        ("Returns", "must return Measured or None, not 0.5"),
-        ("Viewless", "has no view"),
-        ("Plain", "is no subclass of genie_sim.analysis.metric.Metric"),
+        ("raises", r"own_metric:raises': KeyError: .*own_metric.py, line \d+, in "),
+        ("rowless", "rows: unknown kind 'nothing'; known: "),
+        ("returns", "must return a Sample, Measured or None, not 0.5"),
+        ("other", "is no genie_sim.analysis.metric.Metric, but 'text'"),
         ("Nobody", "has no attribute 'Nobody'"),
     ],
 )

@@ -145,7 +145,6 @@ def test_energy_of_a_radio_is_a_closed_form():
     )
     assert value(made, "energy_per_frame", "remote", "car") == pytest.approx(joules / 20, rel=1e-9)
     assert value(made, "bytes_up_per_frame", "remote") == 100_000
-    assert value(made, "bytes_up_rate", "remote") == pytest.approx(frames * 1e5 / last_s, rel=1e-9)
     assert value(made, "bytes_down_per_frame", "remote") == row["bytes_down"] / frames
 
 
@@ -186,12 +185,7 @@ def test_bytes_of_hosts_are_those_of_frames():
     assert cpu_s["genie"] > 0
 
 
-def test_energy_per_fresh_result_and_per_right_object():
-    made = run(["remote"])
-    of_all = value(made, "energy_per_frame", "remote") * 20
-    frames = made.tables["frames"].to_frame()
-    fresh = int(frames["fresh_answer_ns"].notna().sum())
-    assert value(made, "energy_per_fresh", "remote") == pytest.approx(of_all / fresh, rel=1e-9)
+def test_energy_per_right_object():
     kitti = run_in_memory(
         load_scenario("street_1car_hetero", ["methods=[remote]", "cars[0].route.window=[0 s, 2 s]"])
     )
@@ -200,7 +194,7 @@ def test_energy_per_fresh_result_and_per_right_object():
     shown = summary.table(kitti, "markdown")
     for label in ("sent up per frame [B]", "accelerator time [s]", "energy per frame [J]"):
         assert label in shown
-    published = value(kitti, "frames_published", "remote")
+    published = len(kitti.tables["frames"])
     assert value(kitti, "energy_per_right", "remote") == pytest.approx(
         value(kitti, "energy_per_frame", "remote") * published / right, rel=1e-9
     )
@@ -361,18 +355,17 @@ def test_a_car_costs_the_same_however_late_it_starts():
     together, apart = join(0), join(LATE_S)
     of_cars = {"car1.accelerator", "car2.accelerator", "car1->edge1", "car2->edge1"}
     of_cars |= {"edge1->car1", "edge1->car2", "car1.cpu", "car1/vision_darknet_detect"}
-    rates = {"bytes_up_rate", "fresh_answer_throughput"}
     late = {one.row[:4]: one.value for one in apart.measured}
     compared = 0
     for one in together.measured:
         of_host = one.component in of_cars and one.method == "local"
         energy = one.metric.startswith("energy") and one.placement == "car"
-        if of_host or (one.method == "local" and (energy or one.metric in rates)):
+        if of_host or (one.method == "local" and energy):
             assert late[one.row[:4]] == pytest.approx(one.value, rel=1e-9), one
             compared += 1
         if one.metric == "utilization" and one.component.endswith("->edge1"):
             assert late[one.row[:4]] == pytest.approx(one.value, rel=0.01), one
-    assert compared > 25
+    assert compared > 12
     busy = [
         metric.value
         for metric in apart.measured

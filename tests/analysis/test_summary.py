@@ -93,7 +93,7 @@ def test_all_rows_see_every_method_and_the_busiest_device_of_each_kind(found):
         ("fresh result, mean [ms]", "fresh_answer_mean"),
     ):
         assert row(text, label)[-3:] == [f"{known[metric, method]:.3g}" for method in methods]
-    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 30
+    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 31
     assert text.index("first answer") < text.index("image reuse on cars") < text.index("busiest")
     assert "Times: from when a frame reaches the queue of its first ROS node." in " ".join(
         text.split()
@@ -130,7 +130,7 @@ def test_csv_has_all_digits_and_no_formula():
 def test_every_latency_of_every_method_has_its_row(found):
     text = markdown(found)
     known = {(metric.metric, metric.method): metric.value for metric in found}
-    for metric in ("first_answer_mean", "fresh_answer_mean", "fresh_answer_p95"):
+    for metric in ("first_answer_mean", "fresh_answer_mean", "first_answer_p95"):
         cells = [cell.split()[0] for cell in row_of(text, METRICS[metric].label)]
         assert cells == [f"{known[metric, role]:.3g}" for role in ("local", "remote", "genie")]
 
@@ -229,7 +229,7 @@ def test_improvements_name_the_baseline_and_genies_their_place():
     run += [MetricValue("image_reuse", method, "car", "", 0.5, "1") for method in ("swift", "slow")]
     text = summary.markdown(run_of(run, plain("swift", "plain", "slow")))
     assert row_of(text, "first answer, mean [ms]") == ["10", "10", "10"]
-    over_plain = "improvement of the mean first answer over plain [%]"
+    over_plain = "improvement of the mean first answer, plain [%]"
     assert row_of(text, over_plain) == ["50"], "the other columns are empty"
     assert row_of(text, "image reuse on cars [%]") == ["50", "50"]
 
@@ -262,7 +262,6 @@ def test_every_placement_method_and_component_has_its_own_number():
         MetricValue("streaming_f1", "local", "all", "", 0.55, "1"),
         MetricValue("streaming_f1", "genie", "all", "", 0.66, "1"),
         MetricValue("streaming_f1", "local", "all", "zero_delay", 0.77, "1"),
-        MetricValue("held_age", "genie", "all", "", 0.88, "s"),
     ]
     text = screen.text(run_of(run), 80, ())
     assert row(text, "image reuse on cars [%]") == ["-", "11", "-"]
@@ -270,7 +269,6 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert row(text, "object reuse on cars [%]") == ["-", "33", "-"]
     assert row(text, "object reuse on edges [%]") == ["-", "44", "-"]
     assert row(text, "streaming F1 [%]") == ["55", "66", "77"]
-    assert row(text, "age of held objects [s]") == ["-", "0.88", "-"]
     assert row_of(markdown(run), "object reuse on cars [%]") == ["33"]
     assert row_of(markdown(run), "object reuse on edges [%]") == ["44"]
     assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]

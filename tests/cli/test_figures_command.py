@@ -87,7 +87,7 @@ def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
             ["--only", "latncy_cdf"],
             "--only: unknown figure 'latncy_cdf' (did you mean 'latency_cdf'?)",
         ),
-        (["--only", "poisoned_objects"], "poisoned_objects: these results have no value of it"),
+        (["--only", "lap_f1"], "lap_f1: these results have no value of it"),
         (["--only", "utilization"], "values are too many for a column: name fewer with --methods"),
         (["--only", "resources", "--width", "3.5"], "--width: the figure resources needs a page"),
         (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),

@@ -64,7 +64,7 @@ def test_one_metric_of_two_axes_is_a_map(plane, capsys):
 def test_a_sweep_says_what_it_cannot_draw(line, capsys):
     for name, message in (
         ("rte", "unknown figure 'rte' (did you mean 'rate'?); known: rate; or a metric"),
-        ("poisoned_objects", "poisoned_objects: this sweep has no value of it to draw"),
+        ("lap_f1", "lap_f1: this sweep has no value of it to draw"),
     ):
         assert main(["figures", line, "--only", name, "--out", "none"]) == 1
         said = capsys.readouterr().err

@@ -6,12 +6,12 @@ from collections.abc import Iterable
 
 import pytest
 
-from benchmarks.count_looks import counted
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.freshness.measure import PRIOR_FALSE_SHARE, SCORES, shrunk
 from genie_sim.core.messages import Look
 from tests.core.looks import look
 from tests.core.worlds import seen
+from tools.make.count_looks import counted
 
 PRIOR_LOOKS = 20
 

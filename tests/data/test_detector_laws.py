@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from benchmarks import detector_laws as measuring
 from genie_sim.analysis import screen, summary
 from genie_sim.analysis.summary import about_laws
 from genie_sim.base import files
@@ -24,6 +23,7 @@ from genie_sim.runs.build import setup
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario
+from tools.make import detector_laws as measuring
 
 SHIPPED = json.loads(
     (resources.files("genie_sim.data") / "detector_laws.json").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ import pymap3d
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.core.geometry import heading_of, inverse, transform
+from genie_sim.core.geometry import heading_of, transform
 from genie_sim.data.kitti import open_drive, read_image
 from tests.kitti_folder import (
     CENTRE_X,
@@ -76,12 +76,10 @@ def test_a_tilted_car_is_turned_as_pykitti_turns_it(tmp_path):
 def test_the_calibration_is_that_of_pykitti(kitti_root):
     reference = pykitti.raw(str(kitti_root), DATE, "0005").calib
     drive = open_drive(kitti_root, DRIVE, ["02"])
-    assert np.array_equal(drive.calibration.velo_SE3_imu, reference.T_velo_imu)
+    assert np.array_equal(drive.velo_SE3_imu, reference.T_velo_imu)
     for number, camera in enumerate(("00", "01", "02", "03")):
         expected = getattr(reference, f"T_cam{number}_velo")
         assert np.array_equal(drive.camera_SE3_velo(camera), expected)
-        expected = getattr(reference, f"K_cam{number}")
-        assert np.array_equal(drive.calibration.intrinsics[camera], expected)
 
 
 def test_frames_are_found_by_number_not_by_position(root, folder):
@@ -168,15 +166,15 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (remove(CALIBRATION), "calib_cam_to_cam.txt: cannot be read: No such file"),
         (
             rewrite(CALIBRATION, lambda text: text.replace("P_rect_02", "P_rect_xx")),
-            "cam_to_cam.txt: P_rect_02",
+            "2011_09_26: calibration: 'P_rect_02'",
         ),
         (
             rewrite(CALIBRATION, lambda text: text.replace("R_rect_03: 1 0", "R_rect_03: 1")),
-            "cam_to_cam.txt: R_rect_03",
+            "2011_09_26: calibration: .*reshape",
         ),
         (
             rewrite(f"{DATE}/calib_imu_to_velo.txt", lambda text: "nonsense"),
-            "calib_imu_to_velo.txt",
+            "2011_09_26: calibration: ",
         ),
         (remove(SYNC), "no drives here"),
         (remove(f"{SYNC}/image_03"), r"image_03/data: no images"),
@@ -188,27 +186,27 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (remove(f"{SYNC}/oxts/data"), "oxts/data: no .txt files"),
         (
             rewrite(OXTS, lambda text: text[: len(text) // 2]),
-            r"0000000002.txt: line 1: \d+ fields, expected 30",
+            "0000000002.txt: is no OXTS packet: ",
         ),
         (
             rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)),
-            "0000000002.txt: line 1: could not convert",
+            "0000000002.txt: is no OXTS packet: could not convert",
         ),
-        (rewrite(OXTS, lambda text: ""), "0000000002.txt: the file is empty"),
+        (rewrite(OXTS, lambda text: ""), "0000000002.txt: 0 lines, expected one"),
         (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 lines, expected one"),
         (
             rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]),
-            "packet 1: value 1 is 91, out of range",
+            r"0000000002.txt: no place on Earth and turn: \[91.0, ",
         ),
         (
             rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]),
-            "line 1: a number is not finite, or too large",
+            r"0000000002.txt: no place on Earth and turn: \[1e.308, ",
         ),
         (
             rewrite(
                 CALIBRATION, lambda text: text.replace(f"{FOCAL} 0 {CENTRE_X}", f"0 0 {CENTRE_X}")
             ),
-            "cam_to_cam.txt: P_rect_00 is not a matrix that can be inverted",
+            "2011_09_26: calibration: .* cannot be inverted|array must not contain infs",
         ),
         (remove(STAMPS), "image_02/timestamps.txt: cannot be read: No such file"),
         (rewrite(STAMPS, lambda text: text[:65]), "image_02/timestamps.txt: .*time stamp"),
@@ -239,7 +237,7 @@ def test_a_frame_without_a_position_is_left_out_and_named(root, folder, caplog):
     digest = whole.digest()
     (root / OXTS).unlink()
     rest = open_drive(root, DRIVE)
-    assert caplog.messages == [f"{root / OXTS}: missing: frame 2 is left out"]
+    assert caplog.messages == [f"{root / DRIVE}: frame 2 has no position: it is left out"]
     for camera, frames in rest.frames.items():
         assert [frame.index for frame in frames] == [0, 1, 3]
         for left, was in zip(
@@ -255,7 +253,7 @@ def test_a_camera_all_of_whose_frames_have_no_position_is_refused(root, folder):
     for index in range(3):
         (folder / "oxts" / "data" / f"{index:010d}.txt").unlink()
     with pytest.raises(
-        UserError, match="oxts/data: none of the frames of camera 03 has a file here"
+        UserError, match="image_03/data: none of the frames of camera 03 has a position"
     ):
         open_drive(root, DRIVE)
 
@@ -310,6 +308,9 @@ def test_a_truncated_scan_is_refused(root, folder):
     scan.write_bytes(scan.read_bytes()[:-5])
     with pytest.raises(UserError, match=r"0000000001.bin: 155 bytes"):
         open_drive(root, DRIVE).scan(1)
+    scan.write_bytes(scan.read_bytes()[:146])
+    with pytest.raises(UserError, match=r"0000000001.bin: 146 bytes"):
+        open_drive(root, DRIVE).scan(1)  # numpy would pass over the last two
 
 
 @pytest.mark.parametrize("content", [b"", b"no picture at all", b"\x89PNG\r\n\x1a\n half a header"])
@@ -340,16 +341,12 @@ def test_labelled_parked_cars_stay_at_one_place_in_the_world():
     """
     root = Path(os.environ["GENIE_SIM_KITTI"])
     drive = open_drive(root, DRIVE)
-    velo_SE3_imu = drive.calibration.velo_SE3_imu
     wander_m = {}
     for number, car in enumerate(read_tracklets(root / SYNC / "tracklet_labels.xml")):
         indices = [index for index in car.centres if index in drive.world_SE3_imu]
         if car.kind != "Car" or len(indices) < 15:
             continue
-        world = [
-            transform(drive.world_SE3_imu[i] @ inverse(velo_SE3_imu), car.centres[i])
-            for i in indices
-        ]
+        world = [transform(drive.world_SE3_velo(i), car.centres[i]) for i in indices]
         offsets = np.asarray(world) - np.median(world, axis=0)
         wander_m[number] = float(np.hypot(*offsets[:, :2].T).max())
     print(wander_m)

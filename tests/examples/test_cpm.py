@@ -240,4 +240,4 @@ def test_without_a_medium_it_is_refused_in_one_line(method: str):
 def test_a_car_without_cameras_is_left_out():
     assert CPM().on_car(host("car1")).broadcast == (TOPIC,)
     assert CPM().on_car(replace(host("car1"), gets_images=False)) is None
-    assert cpm.HiddenHeld.unit == "objects"
+    assert cpm.hidden_held.unit == "objects"

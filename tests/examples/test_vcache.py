@@ -186,7 +186,7 @@ def test_the_bound_is_one_for_each_cache_and_none_for_caches_in_series():
     replayed = [found["image_reuse", "car", name] for name in ("each", *deltas)]
     assert replayed == sorted(replayed) and replayed[0] < 0.05, "entry by entry there is too little"
     for name, delta in deltas.items():
-        in_series = found["vcache:WrongReplays", "all", name]
+        in_series = found["vcache:wrong_replays", "all", name]
         for placement in ("car", "edge"):
             reuse = found["image_reuse", placement, name]
             assert reuse * found["wrong_hit_share", placement, name] < 1.15 * delta

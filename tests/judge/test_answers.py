@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from genie_sim.analysis import correctness, metrics, screen, summary
-from genie_sim.analysis.metric import measured
+from genie_sim.analysis import metrics, screen, summary
 from genie_sim.core.matching import SAME_M, near, pairs, placed
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.judge.agreement import Agreement
@@ -135,7 +134,7 @@ def values(*rows: Row) -> dict[tuple[str, str], tuple[float | None, int]]:
     made = Table(ANSWERS)
     for number, (which, source, *counts) in enumerate(rows):
         made.append(("genie", "car1", "camera_02", number * SECOND, which, source, *counts))
-    found = measured(correctness.ANSWERS, correctness.answer_views(made.columns(), ["genie"]))
+    found = metrics.compute(METHODS[-1:], {"answers": made.columns()})
     return {(metric.metric, metric.placement): (metric.value, metric.n) for metric in found}
 
 
@@ -178,10 +177,10 @@ def test_a_run_compares_every_answer_and_a_baseline_is_always_right():
     assert (
         made.answers["matched"] <= np.minimum(made.answers["served"], made.answers["detected"])
     ).all()
-    f1 = {one.method: one.value for one in made.measured if one.metric == "result_proxy_f1"}
+    f1 = {one.method: one.value for one in made.measured if one.metric == "first_proxy_f1"}
     assert (f1["local"], f1["remote"]) == (1.0, 1.0)
     told = " ".join(screen.text(made, 80, ()).split())
-    assert "proxy F1, first answer" in told and "Proxy, and cache hits: against the" in told
+    assert "proxy F1" not in told and "Proxy, and cache hits: against the" in told, "truth is known"
     assert "wrong cache hits [%]" in summary.markdown(made)
 
 

@@ -55,7 +55,6 @@ def test_every_number_by_hand():
         "ghost_share_never_there": 0.0,
         "ghost_share_duplicate": 1 / 8,
         "gospa": 3.5,
-        "held_age": 2.0,
         "place_error": 0.5,
     }
 

@@ -244,3 +244,23 @@ def test_an_observer_sees_each_methods_world_and_changes_nothing():
 def test_an_observer_is_for_one_run_in_memory(options):
     with pytest.raises(gs.UserError, match="observer: is for one run in memory"):
         gs.run(SHORT, observer=Seen(), **options)
+
+
+@pytest.mark.parametrize(
+    ("server", "devices", "edges"),
+    [
+        ("one", ["quadro_rtx_4000", "agx_xavier", "agx_xavier"], ["edge1", "edge2", "edge3"]),
+        ("all", ["quadro_rtx_4000"] * 3, ["edge1", "edge2", "edge3"]),
+        ("shared", ["quadro_rtx_4000"], ["edge1"] * 3),
+    ],
+)
+def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
+    scenario = EvaluationRun("street_3car_hetero", 1, (f"server={server}",)).load()
+    assert ([edge.device for edge in scenario.edges], [car.edge for car in scenario.cars]) == (
+        devices,
+        edges,
+    )
+    alike = EvaluationRun("street_3car_homo", 1, (f"server={server}",)).load()
+    assert [edge.device for edge in alike.edges] == ["agx_xavier"] * 3
+    with pytest.raises(UserError, match="unknown server 'al'"):
+        EvaluationRun("street_3car_homo", 1, ("server=al",)).load()

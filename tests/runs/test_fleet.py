@@ -503,7 +503,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
         mine = mine.set_index("metric")["value"]
         measured = run_in_memory(one.scenario).measured
         alone = {metric.metric: metric.value for metric in measured if not metric.component}
-        for name in ("frames_published", "first_answer_mean", "ghost_share"):
+        for name in ("answered_share", "first_answer_mean", "ghost_share"):
             assert mine[name] == alone[name], (one.scenario.seed, name)
 
 

@@ -155,13 +155,14 @@ def test_a_profile_has_the_machines_processors(tmp_path, monkeypatch, processors
         ("12.5\n" * 30 + "-3\n", "line 31"),
         ("12.5\n" * 30 + "nan\n", "line 31"),
         ("latency\nunit\n12.5\n", "line 2"),
+        ("value\n" + "12.5\n" * 30 + "1700000000100\n", "line 32: .* is above an hour"),
     ],
 )
 def test_what_is_no_latency_is_named(tmp_path, text, message):
     path = tmp_path / "times.csv"
     path.write_text(text)
     with pytest.raises(UserError, match=rf"times.csv: {message}"):
-        device_fit.from_table(path, "yolo", ImportReport(path))
+        device_fit.from_table(path, "yolo", ImportReport(path), unit="ms")
 
 
 def table(path, titles: str, *columns) -> ImportReport:
@@ -171,7 +172,8 @@ def table(path, titles: str, *columns) -> ImportReport:
 
 
 def spread(median: float, count: int = 40) -> list[float]:
-    return [round(median * (0.9 + 0.2 * k / (count - 1)), 6) for k in range(count)]
+    times = [round(median * (0.9 + 0.2 * k / (count - 1)), 6) for k in range(count)]
+    return times[::2] + times[1::2]
 
 
 @pytest.mark.parametrize(
@@ -180,9 +182,10 @@ def spread(median: float, count: int = 40) -> list[float]:
         ("iteration;latency_ms", None, None, 50.0),
         ("iteration;Latency [us]", None, None, 50_000.0),
         ("frame;inference (s)", None, None, 0.05),
+        ("frame;latency", None, "ms", 50.0),
         ("stamp_ms;GPU latency (ms)", None, None, 50.0),
+        ("fps [1/s];end_to_end_ms", None, None, 50.0),
         ("a;b", "b", "ns", 50e6),
-        ("b_s;b", "b", None, 50.0),
     ],
 )
 def test_the_named_column_is_read_in_its_unit(tmp_path, titles, column, unit, median):
@@ -195,45 +198,56 @@ def test_the_named_column_is_read_in_its_unit(tmp_path, titles, column, unit, me
 
 
 @pytest.mark.parametrize(
-    ("titles", "median", "message"),
+    ("titles", "message"),
     [
-        ("pre_ms;post_ms", 5, "which column holds latencies, 'pre_ms', 'post_ms'"),
-        ("a;b", 5, "which column holds latencies, 'a', 'b'"),
-        ("frame;latency", 0.05, "0.05 ms would be an odd median for a detector: say with --unit"),
-        ("name;run", 50, "which column"),
+        ("pre_ms;post_ms", "which column holds latencies, 'pre_ms', 'post_ms'"),
+        ("a;b", "no title says that it holds latencies, .* the file has 'a', 'b'"),
+        ("name;run", "no title says that it holds latencies"),
+        ("frame;latency", "column 'latency' has no unit: say --unit"),
+        ("frame;latency_min", "column 'latency_min' has no unit: say --unit"),
+        ("frame;timestamp_ms", "column 'timestamp_ms' holds stamps.* has 'frame', 'timestamp_ms'"),
     ],
 )
-def test_what_may_be_another_column_is_asked(tmp_path, titles, median, message):
+def test_what_may_be_another_column_is_asked(tmp_path, titles, message):
     path = tmp_path / "times.csv"
-    report = table(path, titles, range(1, 41), spread(median))
+    report = table(path, titles, range(1, 41), spread(50))
     with pytest.raises(UserError, match=message):
         device_fit.from_table(path, "m", report)
+
+
+OF_OTHERS = (
+    *("fps", "images/s", "queries_per_second", "samples/sec", "1/s", "rate [Hz]", "it/s", "fps_ms"),
+    *("temperature_C", "T [°C]", "GPU power [W]", "mem_MB", "util_%", "cpu_pct", "std_ms"),
+    *("timestamp_ms", "start_ms", "stampMs", "unix time [s]"),
+)
+
+
+@pytest.mark.parametrize("unit", [None, "ms"])
+@pytest.mark.parametrize("title", OF_OTHERS)
+def test_a_lone_column_of_another_quantity_is_refused(tmp_path, title, unit):
+    path = tmp_path / "times.csv"
+    report = table(path, title, spread(25))
+    for column in (None, title):
+        with pytest.raises(UserError, match=r"holds (rates|stamps|another quantity), no latencies"):
+            device_fit.from_table(path, "m", report, column, unit)
 
 
 def test_numbers_of_runs_are_no_latencies(tmp_path):
     path = tmp_path / "times.csv"
     path.write_text("\n".join(["run", *map(str, range(1, 41))]))
     with pytest.raises(UserError, match="counts from 1 to 40"):
-        device_fit.from_table(path, "m", ImportReport(path))
+        device_fit.from_table(path, "m", ImportReport(path), unit="ms")
 
 
-def test_times_of_runs_are_no_latencies_and_sorted_latencies_are(tmp_path):
+@pytest.mark.parametrize("step_ms", [1000, 5])
+def test_times_of_runs_are_no_latencies_and_sorted_latencies_are(tmp_path, step_ms):
     path = tmp_path / "times.csv"
-    path.write_text("\n".join(["time_ms", *(f"{1000 * k + 7 * (k % 3)}" for k in range(1, 41))]))
-    with pytest.raises(UserError, match=r"'time_ms' counts from 1007 to 40007: these are times at"):
+    times = [f"{step_ms * k + (k % 3)}" for k in range(1, 41)]
+    path.write_text("\n".join(["time_ms", *times]))
+    with pytest.raises(UserError, match=r"'time_ms' counts from .*: these are times at"):
         device_fit.from_table(path, "m", ImportReport(path))
     path.write_text("\n".join(["latency_ms", *(f"{50 * 1.08**k}" for k in range(40))]))
     assert len(device_fit.from_table(path, "m", ImportReport(path)).latencies_ns) == 40
-
-
-@pytest.mark.parametrize("accept", [False, True])
-def test_a_warm_up_is_told_and_left_out(tmp_path, accept):
-    path = tmp_path / "times.csv"
-    path.write_text("\n".join(map(str, [2500.0, 900.0, 300.0, *spread(20)])))
-    report = ImportReport(path, accept)
-    measured = device_fit.from_table(path, "m", report)
-    assert len(measured.latencies_ns) == (43 if accept else 40)
-    assert "the first 3 runs take up to 2500 ms: a warm-up" in report.lines()[-1]
 
 
 def test_a_law_that_does_not_fit_is_told_in_words():
@@ -261,7 +275,7 @@ def test_a_device_of_a_mean_and_a_deviation_has_both(run_cli, tmp_path):
 
 def test_latencies_of_others_claim_no_machine(run_cli, tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(map(str, spread(20))))
-    assert run_cli("profile", "--csv", "a.csv", "--out", "a.yaml").returncode == 0
+    assert run_cli("profile", "--csv", "a.csv", "--unit", "ms", "--out", "a.yaml").returncode == 0
     device = load_profile(tmp_path / "a.yaml")
     assert device.cores.tag == "A" and device.spreads.default.tag == "S"
     assert device.models["a"].tag == "S"

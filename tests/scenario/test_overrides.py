@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.scenario.overrides import Override, apply_overrides
-from genie_sim.scenario.reading import load_scenario
+from genie_sim.scenario.reading import load_scenario, read_scenario
+from genie_sim.scenario.scenario import Scenario
 
 
 def settings() -> dict[str, Any]:
@@ -17,7 +19,12 @@ def settings() -> dict[str, Any]:
         "genie": {"capacity": "5 entries"},
         "edges": None,
         "seed": 3,
+        "methods": ["local", {"name": "x", "method": "genie", "genie": "recommended"}],
+        "fleet": {"devices": "jetson_tx2"},
     }
+
+
+WIFI = {"like": "wifi", "rate": "1 Mbit/s"}
 
 
 @pytest.mark.parametrize(
@@ -31,22 +38,63 @@ def settings() -> dict[str, Any]:
         ("genie.view_range=50 m", ["genie"], {"capacity": "5 entries", "view_range": "50 m"}),
         ("genie.object_map.rate=0.5", ["genie", "object_map"], {"rate": 0.5}),
         ("record=[held]", ["record"], ["held"]),
-        ("cars[0].link.rate=1 Mbit/s", ["cars", 0, "link"], {"like": "wifi", "rate": "1 Mbit/s"}),
+        ("record[0]=held", ["record", 0], "held"),
+        # what is short for a mapping
+        ("cars[0].link.rate=1 Mbit/s", ["cars", 0, "link"], WIFI),
         ("cars[1].link.rate=1 Mbit/s", ["cars", 1, "link"], {"rate": "1 Mbit/s"}),
+        ("genie.capacity.bytes=1 MB", ["genie", "capacity"], {"entries": 5, "bytes": "1 MB"}),
+        ("fleet.devices.orin=0.5", ["fleet", "devices"], {"jetson_tx2": 1.0, "orin": 0.5}),
+        ("fleet.link.delay=1 ms", ["fleet", "link"], {"like": "nr5g", "delay": "1 ms"}),
+        ("methods[0].title=Own", ["methods", 0], {"method": "local", "title": "Own"}),
+        ("methods[1].genie.looks.every=50 ms", ["methods", 1, "genie", "algorithm"], "recommended"),
+        ("methods[1].genie.looks.every=50 ms", ["methods", 1, "genie", "looks", "every"], "50 ms"),
+        (
+            "genie.similarity.cell=1 m",
+            ["genie", "similarity"],
+            {"name": "pose_grid", "cell": "1 m", "heading": "15 deg"},
+        ),
+        # of a method, what is not written is as in the scenario
+        ("methods[0].consumer.p_min=0.5", ["methods", 0, "consumer"], {"p_min": 0.5}),
+        (
+            "methods[0].genie.similarity.cell=1 m",
+            ["methods", 0, "genie", "similarity"],
+            {"cell": "1 m"},
+        ),
+        # lists that are not written
+        ("cameras[1].phase=5 ms", ["cameras", 1, "recording"], "03"),
+        ("cameras[1].phase=5 ms", ["cameras", 1, "phase"], "5 ms"),
     ],
 )
 def test_a_value_goes_where_its_path_leads(override: str, path: list[Any], value: Any):
-    data: Any = settings()
-    (applied,) = apply_overrides(data, [override])
+    before = settings()
+    data: Any
+    data, (applied,) = apply_overrides(Scenario, before, [override])
     assert applied == Override(override.partition("=")[0].strip(), f"--set {override}")
+    assert before == settings()
     for step in path:
         data = data[step]
     assert data == value
 
 
+@pytest.mark.parametrize("method", ["[5]", "[*]"])
+def test_a_field_below_a_short_form_changes_and_the_rest_stays(method: str):
+    override = f"methods{method}.genie.looks.every=50 ms"
+    if method == "[*]":
+        overrides = ["methods=[{name: genie_recommended, method: genie, genie: recommended}]"]
+        plain = load_scenario("3car_recommended", overrides)
+        changed = load_scenario("3car_recommended", [*overrides, override])
+    else:
+        plain = load_scenario("3car_recommended")
+        changed = load_scenario("3car_recommended", [override])
+    before, after = (
+        scenario.method_settings["genie_recommended"].genie for scenario in (plain, changed)
+    )
+    assert before.looks is not None and before.looks.every_ns != 50_000_000
+    assert after == replace(before, looks=replace(before.looks, every_ns=50_000_000))
+
+
 def test_of_two_the_last_counts_and_is_named_first():
-    data = settings()
-    applied = apply_overrides(data, ["seed=5", "seed=6", "name=x"])
+    data, applied = apply_overrides(Scenario, settings(), ["seed=5", "seed=6", "name=x"])
     assert data["seed"] == 6
     assert [override.text for override in applied] == [
         "--set name=x",
@@ -56,8 +104,7 @@ def test_of_two_the_last_counts_and_is_named_first():
 
 
 def test_a_list_grows_by_one_entry_at_a_time_also_of_lists():
-    data: dict[str, Any] = {"rows": []}
-    apply_overrides(data, ["rows[0][0]=1", "rows[0][1]=2", "rows[1]=3"])
+    data, _ = apply_overrides(Scenario, {"rows": []}, ["rows[0][0]=1", "rows[0][1]=2", "rows[1]=3"])
     assert data == {"rows": [[1, 2], 3]}
 
 
@@ -69,16 +116,16 @@ def test_a_list_grows_by_one_entry_at_a_time_also_of_lists():
         ("cars[x].name=5", "cannot read the path 'cars[x].name'; write it like cars[0].device"),
         ("cars[1234567]=5", "cannot read the path"),
         ("cars[3].name=5", "cars: has 2 entries, counted from 0; the next is cars[2]"),
-        ("edges[0].name=e", "edges: is not a list in the scenario: it is null; set the whole list"),
+        ("edges[*].name=e", "edges: is no list with entries in the scenario"),
         ("seed[0]=1", "seed: is not a list in the scenario"),
         ("seed.name=1", "seed: is 3, which has no setting 'name'"),
-        ("genie.capacity.of=1", "genie.capacity: is '5 entries', which has no setting 'of'"),
+        ("cars.device=x", "cars: is a list; did you mean cars[*].device, or cars[0].device?"),
         ("cars[0].link[0]=1", "cars[0].link: is not a list"),
     ],
 )
 def test_what_cannot_be_set_is_one_line(override: str, message: str):
     with pytest.raises(UserError) as error:
-        apply_overrides(settings(), [override])
+        apply_overrides(Scenario, settings(), [override])
     assert str(error.value).startswith(f"--set {override}: ")
     assert message in str(error.value) and "\n" not in str(error.value)
 
@@ -87,7 +134,30 @@ def test_one_entry_is_counted_as_one():
     with pytest.raises(
         UserError, match=r"cars: has 1 entry, counted from 0; the next is cars\[1\]"
     ):
-        apply_overrides({"cars": [{}]}, ["cars[2].name=x"])
+        apply_overrides(Scenario, {"cars": [{}]}, ["cars[2].name=x"])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "blamed", "field"),
+    [
+        (["seed.x=1"], 0, "seed"),
+        (["seed=2", "cars[3].name=car4"], 1, "cars[3].device"),
+        (["cars[*].nam=x", "seed=2"], 0, "cars[0].nam"),
+        (["genie.capacity.of=1"], 0, "genie.capacity.of"),
+        (["consumer.p_min=0.5", "seed=3"], 0, "consumer.p_min"),
+        (["cars[0].edge=edge9", "seed=3"], 0, "cars[0].edge"),
+    ],
+)
+def test_blame_goes_to_what_was_typed(overrides: list[str], blamed: int, field: str):
+    with pytest.raises(UserError) as error:
+        load_scenario("3car_hetero", overrides)
+    assert str(error.value).startswith(f"--set {overrides[blamed]}: {field}: ")
+
+
+def test_a_mistake_of_the_file_is_not_blamed_on_what_was_typed():
+    data = {"name": "x", "cars": [{"name": "car1", "device": "jetson_tx2", "edge": "none"}]}
+    with pytest.raises(UserError, match=r"^mine.yaml: cars\[0\].edge: "):
+        read_scenario(data, ["cars[0].name=car2"], where="mine.yaml")
 
 
 def test_a_star_stands_for_every_entry_of_a_list():
@@ -98,7 +168,7 @@ def test_a_star_stands_for_every_entry_of_a_list():
     assert {edge.device for edge in scenario.edges} == {"jetson_tx2"}
 
 
-@pytest.mark.parametrize("path", ["convoy[*].link", "cars[*][*].link", "cars[0].route[*].laps"])
+@pytest.mark.parametrize("path", ["fleet[*].link", "cars[*][*].link", "cars[0].route[*].laps"])
 def test_a_star_where_no_list_is_names_the_place(path: str):
-    with pytest.raises(UserError, match=r"^--set .*: is no list with entries in the scenario"):
+    with pytest.raises(UserError, match=r"^--set .*: is not a list in the scenario"):
         load_scenario("3car_hetero", [f"{path}=wifi"])

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import urban_n78
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.seeds import Draws, stream
@@ -19,6 +18,7 @@ from genie_sim.sim.link_models.recording import Steps
 from genie_sim.sim.link_models.trace import RecordedLink, TraceRadio
 from genie_sim.sim.link_models.wire import Wire
 from tests.conformance import small
+from tools.make import urban_n78
 
 S, MBIT, MS = 1_000_000_000, 1_000_000, 1_000_000
 UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)

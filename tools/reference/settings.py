@@ -19,7 +19,6 @@ GROUPS = {  # a setting belongs to the longest path that it is below
     "Cameras": ("cameras", "image_encoding"),
     "Edges": ("edges", "edge_neighbours", "edge_network", "serving"),
     "Cars": ("cars", "interface", "broadcast"),
-    "Convoy": ("convoy",),
     "Fleet": ("fleet",),
     "Faults": ("faults",),
     "Genie's message cache (Algorithm 1)": ("genie",),
@@ -44,7 +43,6 @@ SEE = {  # where more is written
     "broadcast": "[Let cars hear each other](../how-to/links.md#let-cars-hear-each-other)",
     "interface": "[Measure energy](../how-to/energy.md)",
     "serving": "[Serve in batches](../how-to/serving.md)",
-    "convoy": "[Write a scenario](../how-to/scenario.md)",
     "fleet": "[Simulate a fleet](../how-to/fleets.md)",
     "faults": "[Add a fault](../extend/fault.md)",
     "genie": "[How the paper is read](../explanation/paper-readings.md)",
@@ -80,8 +78,6 @@ REPEATED = (
     "cars[].link.",
     "cars[].further_uplinks[].link.",
     "fleet.link.",
-    "convoy.link.",
-    "convoy.route.",
     *(f"methods[].{key}" for key in keys_of(MethodSettings)),
 )
 

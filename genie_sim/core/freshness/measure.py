@@ -1,4 +1,4 @@
-"""The laws of a detector that follow from counts (``benchmarks/count_looks.py`` makes them)."""
+"""The laws of a detector that follow from counts (``tools/make/count_looks.py`` makes them)."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

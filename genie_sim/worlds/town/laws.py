@@ -1,6 +1,6 @@
 """The laws of a detector: how likely it misses an object, its score, and where it places it.
 
-They are read from ``laws.json``, fitted on a real trace (``benchmarks/town_fit``). A Gaussian
+They are read from ``laws.json``, fitted on a real trace (``tools/make/town_fit``). A Gaussian
 copula ties the looks at one object together: each look has a standard normal number
 
     z = object_weight * Z(object) + view_weight * Z(object, view) + look_weight * Z(object, look)

@@ -29,7 +29,7 @@ class TownRules:
     is how far a camera's detector looks.
 
     The densities are assumed ones: chosen so that a frame shows as many objects of each group as
-    the KITTI trace does, which ``benchmarks/town_laws.py`` prints. Raises UserError for values that
+    the KITTI trace does, which ``tools/make/town_laws.py`` prints. Raises UserError for values that
     make no town.
     """
 

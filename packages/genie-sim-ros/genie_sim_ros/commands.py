@@ -67,13 +67,13 @@ def attach(
     """
     from genie_sim.base import units
     from genie_sim.scenario.overrides import apply_overrides
+    from genie_sim.sim.settings import MethodSettings
     from genie_sim_ros.attach import attach as attach_genie
 
     for assignment in set_:
         if not assignment.startswith("genie."):
             raise UserError(f"--set {assignment}: write --set genie.{assignment}")
-    settings: dict[str, Any] = {}
-    apply_overrides(settings, set_)
+    settings, _ = apply_overrides(MethodSettings, {}, set_)
     try:
         fov_rad = units.angle_rad(fov)
     except ValueError as error:

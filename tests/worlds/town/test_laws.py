@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from benchmarks.town_fit import fit, validation
 from genie_sim.base import files
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import CameraPose
@@ -27,6 +26,7 @@ from genie_sim.worlds.town.noise import mix, normals, smooth_normals
 from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD
 from genie_sim.worlds.town.view import VisibleObjects
 from tests.worlds.town.town_truth import near, truth_near
+from tools.make.town_fit import fit, validation
 
 VEHICLES, PERSONS = ("car", "truck", "bus"), ("person",)
 REPLICATIONS = 40
@@ -227,7 +227,7 @@ def test_some_vehicles_are_called_something_else_at_times(laws):
 
 
 def test_the_laws_are_those_of_the_shipped_trace(laws, trace):
-    """When the trace is made again, so must be the laws: python benchmarks/town_laws.py."""
+    """When the trace is made again, so must be the laws: python tools/make/town_laws.py."""
     assert laws.provenance["trace_digest"] == trace.digest
     assert "KITTI" in laws.provenance["data"]
     assert laws.provenance["detector"] == trace.provenance["detector"]
@@ -413,7 +413,7 @@ def test_looks_at_a_vehicle_are_alike_as_the_real_ones(laws, looks):
 @pytest.mark.slow
 @pytest.mark.nightly
 def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):
-    """benchmarks/town_laws.py: the same trace and labels give the numbers that are committed."""
+    """tools/make/town_laws.py: the same trace and labels give the numbers that are committed."""
     laws = fit.fit(
         trace,
         read_truth(kitti_root, "2011_09_26/0005", trace),

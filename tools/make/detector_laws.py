@@ -1,7 +1,7 @@
 """Measures the laws of detectors on development drives and writes them where the package reads
 them.
 
-    GENIE_SIM_KITTI=... GENIE_SIM_WEIGHTS=... python -m benchmarks.detector_laws [choose]
+    GENIE_SIM_KITTI=... GENIE_SIM_WEIGHTS=... python -m tools.make.detector_laws [choose]
 
 The drives: raw 2011_09_26/0005 for detectors of pictures; the tracking sequences 0000 (the same
 street) and those of ``DEVELOPMENT``, with published detections, for ``pointrcnn`` and ``rrc``; and
@@ -31,7 +31,6 @@ from typing import Any
 
 import pandas as pd
 
-from benchmarks.count_looks import counted
 from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
@@ -43,6 +42,7 @@ from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.version import PACKAGE_FOLDER
 from genie_sim.worlds.town.town import drive_name
+from tools.make.count_looks import counted
 
 OUT = PACKAGE_FOLDER / "data" / "detector_laws.json"
 DRIVE, TOWN_SEED, TOWN_CARS = "2011_09_26/0005", 11, 10

@@ -1,8 +1,8 @@
 """Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's
 labels.
 
-    GENIE_SIM_KITTI=... python benchmarks/town_laws.py [--out genie_sim/worlds/town/laws.json]
-    GENIE_SIM_KITTI=... python benchmarks/town_laws.py --compare
+    GENIE_SIM_KITTI=... python tools/make/town_laws.py [--out genie_sim/worlds/town/laws.json]
+    GENIE_SIM_KITTI=... python tools/make/town_laws.py --compare
 
 The second compares the laws as they are with the real detector and its trace, and writes nothing.
 Only fitted numbers are written, with their provenance; KITTI's labels stay where they are.
@@ -17,10 +17,8 @@ import math
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.town_fit import validation
-from benchmarks.town_fit.fit import Look, fit, found_law, looks, place_law
 from genie_sim.base import files
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.classes import GROUPS
@@ -29,8 +27,10 @@ from genie_sim.data.trace import Trace, read_trace
 from genie_sim.data.truth import read_truth
 from genie_sim.worlds.town import Town, TownRules
 from genie_sim.worlds.town.laws import FittedLaws, detector_laws
+from tools.make.town_fit import validation
+from tools.make.town_fit.fit import Look, fit, found_law, looks, place_law
 
-LAWS = Path(__file__).resolve().parent.parent / "genie_sim" / "town" / "laws.json"
+LAWS = Path(__file__).resolve().parents[2] / "genie_sim" / "worlds" / "town" / "laws.json"
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 
@@ -50,7 +50,7 @@ def main() -> None:
     laws = fit(trace, read_truth(root, LABELS, trace), read_truth(root, GHOST_LABELS, trace))
     kept = ("data", "drive", "drive_sha256", "detector", "weights_sha256")
     laws["provenance"] = {
-        "made_by": "benchmarks/town_laws.py",
+        "made_by": "tools/make/town_laws.py",
         "trace": TRACE,
         "trace_digest": trace.digest,
         "labels": {"objects": LABELS, "ghosts": GHOST_LABELS},

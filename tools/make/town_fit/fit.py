@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.town_fit.copula import fit_shares
 from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection, Location
@@ -18,6 +17,7 @@ from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.truth import PictureLabels
 from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.worlds.town.rules import GHOST_BESIDE_M
+from tools.make.town_fit.copula import fit_shares
 
 SCORE_EDGES_M = {"vehicles": (0, 12, 18, 24, 30, 40, 60), "persons": (0, 8, 10, 12, 20)}
 PLACE_EDGES_M = {"vehicles": (0, 12, 18, 24, 32, 60), "persons": (0, 10, 20)}

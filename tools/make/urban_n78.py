@@ -1,4 +1,4 @@
-"""Generates the recording of round trips that is shipped: `python -m benchmarks.urban_n78`.
+"""Generates the recording of round trips that is shipped: `python -m tools.make.urban_n78`.
 
 It is no measurement. The quantiles are those of CICV5G's urban drives on n78, 152,000 round trips
 from a car to a cloud and back at up to 100 Hz (zxr805/CICV5G, commit ea215aa9, CC BY 4.0); the
@@ -13,13 +13,13 @@ import numpy as np
 from genie_sim.base.seeds import stream
 from genie_sim.sim.link_models import recording
 
-OUT = Path(__file__).resolve().parent.parent / "scenarios/links/urban_n78_generated.parquet"
+OUT = Path(__file__).resolve().parents[2] / "scenarios/links/urban_n78_generated.parquet"
 INTERVAL_NS, ROWS = 50_000_000, 2400  # 20 Hz for two minutes
 CORRELATION = 0.8  # of one row and the next; assumed
 PROBABILITIES = (0.0, 0.5, 0.95, 0.99, 0.999, 1.0)
 QUANTILES_MS = (12.0, 16.0, 24.0, 29.0, 217.0, 300.0)  # the first and the last are assumed
 ABOUT = {
-    "made_by": "python -m benchmarks.urban_n78",
+    "made_by": "python -m tools.make.urban_n78",
     "source": "generated from quantiles of zxr805/CICV5G @ ea215aa9, urban n78; not a measurement",
     "licence": "Apache-2.0",
 }

@@ -8,8 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.town_fit.copula import Pairs, normal_scores
-from benchmarks.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 from genie_sim.core.classes import GROUPS
 from genie_sim.core.geometry import Array
 from genie_sim.core.messages import Detection
@@ -20,6 +18,8 @@ from genie_sim.worlds.town.objects import ObjectColumns, town_object
 from genie_sim.worlds.town.rules import MAX_VIEW_M
 from genie_sim.worlds.town.streets import StreetObjects
 from genie_sim.worlds.town.view import ViewPoses, in_view
+from tools.make.town_fit.copula import Pairs, normal_scores
+from tools.make.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 
 
 def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -> list[Look]:

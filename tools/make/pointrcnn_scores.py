@@ -1,7 +1,7 @@
 """How PointRCNN's logits become scores: logistic regression on the labels of the tracking
 sequences.
 
-    GENIE_SIM_KITTI=... python benchmarks/pointrcnn_scores.py
+    GENIE_SIM_KITTI=... python tools/make/pointrcnn_scores.py
 
 Prints the constants of ``genie_sim.data.tracking.POINTRCNN_SCORES`` (fitted on all
 sequences), and how well such a fit holds on sequences that it has not seen: fitted on every other

@@ -1,7 +1,7 @@
 """Bytes and processor time of encoded pictures of drive 0005, colour and grey: a table, one line an
 encoding.
 
-    GENIE_SIM_KITTI=... python benchmarks/encodings.py
+    GENIE_SIM_KITTI=... python tools/make/encodings.py
 
 One thread of OpenCV; medians over every fourth picture of camera 02. ``genie_sim/sim/encoding.py``
 has the times of colour pictures, per megabyte of their pixels, from a machine that did nothing
