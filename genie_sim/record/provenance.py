@@ -49,7 +49,7 @@ EARLIER = ".earlier"  # the name of a result while another takes its place
 _LEFTOVER = re.compile(
     rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?"
 )
-PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib")
+PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib", "onnxruntime")
 
 
 def run_id(facts: Mapping[str, Any]) -> str:
@@ -117,9 +117,33 @@ def environment() -> dict[str, Any]:
         "genie_sim": VERSION,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "packages": _packages(),
         "commit": _commit(),
     }
+
+
+def _packages() -> dict[str, str]:
+    """The versions of those that are installed."""
+    versions = {}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return versions
+
+
+def other_versions(about: Mapping[str, Any]) -> list[str]:
+    """Which versions a result was made with that are others now, a line each: ``pyarrow: 26.0.1
+    when it was made, 15.0.0 now``.
+    """
+    packages = about.get("packages")
+    before = {name: about.get(name) for name in ("genie_sim", "python")}
+    before |= packages if isinstance(packages, Mapping) else {}
+    now = {"genie_sim": VERSION, "python": platform.python_version(), **_packages()}
+    return [
+        one_line(f"{name}: {version or 'unknown'} when it was made, {now.get(name, 'none')} now")
+        for name, version in before.items()
+        if version != now.get(name)
+    ]
 
 
 def check_writable(out: Path) -> None:
@@ -288,9 +312,10 @@ def _clear_away(folder: Path) -> None:
                 shutil.rmtree(leftover)
 
 
-def write_json(path: Path, value: object) -> None:
+def write_json(path: Path, value: object, *, sort_keys: bool = True) -> None:
     """JSON to read by eye and to compare by line. Raises ``UserError``."""
-    write_text(path, json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+    text = json.dumps(value, indent=2, sort_keys=sort_keys, ensure_ascii=False)
+    write_text(path, f"{text}\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.base.paths import atomic_write
 from genie_sim.record.provenance import Attempt, contained, derived
 from genie_sim.report import comparison, html_page
@@ -57,3 +58,8 @@ class Output:
 
 
 DEFAULT_OUTPUT = Output()
+SHOWN = (  # the names of all that it may write
+    "report.html",
+    "summary.md",
+    *(f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")),
+)

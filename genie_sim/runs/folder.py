@@ -1,18 +1,22 @@
 """Runs a scenario, in memory or into a result folder, and makes a result folder anew."""
 
+import logging
 import tempfile
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from genie_sim.analysis.style import RUN_FIGURES
+import numpy as np
+
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import read_text, sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
 from genie_sim.record import provenance
+from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
     FILES,
@@ -22,13 +26,18 @@ from genie_sim.record.results import (
     changed_files,
     checked_label,
 )
+from genie_sim.record.tables import read as read_columns
 from genie_sim.record.tables import write as write_columns
-from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
+from genie_sim.scenario.yaml_input import parse
+
+log = logging.getLogger(__name__)
+DIFFERENT = "DIFFERENT"
 
 
 def run_to_folder(
@@ -65,10 +74,7 @@ def stale(earlier: Path, now: Path) -> Collection[str]:
         before, after = (provenance.read_run_json(folder) for folder in (earlier, now))
         if all(before.get(key) == after.get(key) for key in keys):
             return ()
-    figures = [
-        f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")
-    ]
-    return ("report.html", "summary.md", *figures)
+    return SHOWN
 
 
 def run_in_memory(
@@ -147,7 +153,8 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
         **more,
         **provenance.environment(),
     }
-    provenance.write_json(folder / "run.json", about)
+    # own settings keep the order in which they were written
+    provenance.write_json(folder / "run.json", about, sort_keys=False)
 
 
 def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
@@ -185,18 +192,41 @@ def methods_of(prepared: Prepared) -> list[MethodInfo]:
     return [MethodInfo(**method) for method in prepared.facts["methods"]]
 
 
+class Compared(NamedTuple):
+    """A result that was computed again: ``versions`` that are not those of the first time, a line
+    each, and of each file, by its name, whether its bytes are ``identical``, its contents
+    ``equal``, or whether it is ``DIFFERENT``.
+    """
+
+    versions: Sequence[str]
+    files: Mapping[str, str]
+
+    @property
+    def reproduces(self) -> bool:
+        """Whether all contents are equal. What people look at shows versions, too: it may differ
+        where these do.
+        """
+        return all(
+            how != DIFFERENT or (self.versions and name in SHOWN)
+            for name, how in self.files.items()
+        )
+
+
 def rerun(
     folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
-) -> dict[str, bool]:
-    """Runs a result folder's scenario again, with the device profiles it was made with; tells of
-    each file, by its name, whether the bytes are the same. ``run.json`` holds the wall time and is
-    not compared, nor is any file that no run writes.
+) -> Compared:
+    """Runs a result folder's scenario again, with the device profiles it was made with, and
+    compares each file that a run writes with it. ``run.json`` holds the wall time and is not
+    compared.
 
     Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
     differ.
     """
     made = provenance.read_run_json(folder)
     where = str(folder / "run.json")
+    versions = provenance.other_versions(made)
+    for line in versions:
+        log.warning("%s: %s", folder, line)
     scenario = read_scenario(made["facts"]["scenario"], where=where)
     devices = {
         name: read(DeviceProfile, device, lambda _: where)
@@ -214,14 +244,42 @@ def rerun(
         label = checked_label(made.get("label", ""), f"{where}: label")
         run = write(Path(temporary), prepared, made["run_id"], progress=progress, label=label)
         Output((folder / "report.html").is_file(), formats).write(run, Path(temporary))
-        same = {}
-        for path in Path(temporary).rglob("*"):
-            name = str(path.relative_to(temporary))
-            if path.is_file() and name != "run.json":
-                same[name] = (folder / name).is_file() and (
-                    provenance.contained(folder, name).read_bytes() == path.read_bytes()
-                )
-        return dict(sorted(same.items()))
+        files = {
+            path.relative_to(temporary).as_posix(): _compared(folder, Path(temporary), path)
+            for path in sorted(Path(temporary).rglob("*"))
+            if path.is_file() and path.name != "run.json"
+        }
+    return Compared(versions, files)
+
+
+def _compared(folder: Path, again: Path, path: Path) -> str:
+    """How the file at ``path`` in the folder ``again`` compares with the one in ``folder``."""
+    name = path.relative_to(again).as_posix()
+    before = provenance.contained(folder, name)
+    if not before.is_file():
+        return DIFFERENT
+    if sha256_of(before) == sha256_of(path):
+        return "identical"
+    if path.suffix == ".parquet":
+        schema = SCHEMAS[path.stem]
+        rows, again_rows = read_columns(before, schema), read_columns(path, schema, trusted=True)
+        is_equal = len(rows) == len(again_rows) and all(
+            _equal(rows[column.name], again_rows[column.name]) for column in schema.columns
+        )
+        return "equal" if is_equal else DIFFERENT
+    if path.suffix == ".json":
+        return "equal" if provenance.read_json(before) == provenance.read_json(path) else DIFFERENT
+    if path.suffix == ".yaml":
+        first, second = (parse(read_text(file), str(file)) for file in (before, path))
+        return "equal" if first == second else DIFFERENT
+    return DIFFERENT
+
+
+def _equal(first: Any, second: Any) -> bool:
+    """Whether two columns hold the same values, unknown ones in the same rows."""
+    if isinstance(first, Text) or isinstance(second, Text):
+        return bool(first.tolist() == second.tolist())
+    return bool(np.array_equal(first, second, equal_nan=first.dtype.kind == "f"))
 
 
 def _formats_in(folder: Path) -> list[str]:

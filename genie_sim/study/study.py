@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.seed_runs import load
-from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
@@ -19,7 +18,7 @@ from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page
-from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
@@ -36,10 +35,6 @@ ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
-SHOWN = (
-    "report.html",
-    *(f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")),
-)
 
 
 @dataclass(frozen=True)
