@@ -102,7 +102,17 @@ class Study:
         """
         check_folder(out / design.name)
         planned = plan(design, where, progress, base=base, methods=methods, reports=reports)
-        return cls(design, folder_of(out / design.name, planned), planned, label)
+        study = cls(design, out / design.name, planned, label)
+        study._find_place()
+        return study
+
+    def _find_place(self) -> None:
+        """Another sweep that is finished keeps its folder: this one goes to one of its own, with
+        the runs that both have. Raises ``UserError``.
+        """
+        earlier, self.folder = self.folder, folder_of(self.folder, self.plan)
+        if self.folder != earlier:
+            self._parts.borrow(Parts(earlier), self.plan.runs)
 
     def run(
         self,
@@ -113,6 +123,7 @@ class Study:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when
         all others are done.
         """
+        self._find_place()
         number, shards = shard
         of_shard = set(sorted(self.plan.runs)[number - 1 :: shards])
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
@@ -128,6 +139,7 @@ class Study:
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
         """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
+        self._find_place()  # another sweep of this name may have ended in the meantime
         kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
         done = len(self._parts.done(kept))
         status = StudyStatus(
@@ -241,11 +253,14 @@ def check_folder(folder: Path) -> None:
 
 
 def folder_of(folder: Path, planned: Plan) -> Path:
-    """The folder, if it is new or has no run that is not planned: a sweep goes on there, or grows.
-    Another sweep has a folder of its own beside it, so that nothing is overwritten. Raises
+    """The folder, unless it has tables of a run that is not planned: a sweep goes on there, or
+    grows. Another one has a folder of its own beside it, so that nothing is overwritten. Raises
     ``UserError``.
     """
-    if not (folder / ABOUT).exists() or {*read_about(folder)["run_ids"]} <= planned.runs.keys():
+    if not (folder / ABOUT).exists():
+        return folder
+    about = read_about(folder)
+    if not about.get("digests") or {*about["run_ids"]} <= planned.runs.keys():
         return folder
     digest = hashlib.sha256(" ".join(sorted(planned.runs)).encode()).hexdigest()[:8]
     other = folder.with_name(f"{folder.name}-{digest}")

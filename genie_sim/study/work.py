@@ -21,7 +21,7 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, atomic_write, usable
+from genie_sim.base.paths import PARTIAL, atomic_write, read_text, usable
 from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.record import provenance
@@ -197,6 +197,11 @@ class Parts:
             "digest": _digest(rows),
         }
         _write(self.parts / f"{run_id}.json", json.dumps(part))
+
+    def borrow(self, other: "Parts", run_ids: Collection[str]) -> None:
+        """Takes over the runs of another study. Raises ``UserError``."""
+        for run_id in other.done(run_ids) - self.done(run_ids):
+            _write(self.parts / f"{run_id}.json", read_text(other.parts / f"{run_id}.json"))
 
     def write_failure(self, run: PointRun, traceback_text: str) -> None:
         """Keeps why a run failed. Raises ``UserError``."""
