@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from genie_sim.core.messages import CameraPose, Detection, Image, Message
-from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import Bend, Objects, bent
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 
 @dataclass(frozen=True)
-class LyingCar(FaultOfHost):
+class LyingCar(Fault):
     """The car ``target`` shows others an object ahead of each of its cameras."""
 
     target: str
@@ -38,15 +38,11 @@ class LyingCar(FaultOfHost):
         if not 0 < self.score <= 1:
             raise ValueError(f"score: must be above 0 and at most 1, but is {self.score:g}")
 
-    def begin(self, network: AffectedNetwork) -> None:
-        network.bend(self.target, self._bend)
-
-    def end(self, network: AffectedNetwork) -> None:
-        network.unbend(self.target, self._bend)
-
-    @property
-    def _bend(self) -> Bend:
-        return Bend(_unchanged, self._told, self.dropped_by)
+    def strike(self, network: Network) -> Strike:
+        bend = Bend(_unchanged, self._told, self.dropped_by)
+        network.bend(self.target, bend)
+        yield
+        network.unbend(self.target, bend)
 
     def _told(self, message: Message, receiver: str) -> Message:
         """What leaves a car for another host."""

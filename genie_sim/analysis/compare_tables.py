@@ -11,7 +11,7 @@ from genie_sim.analysis.compare import (
     Difference,
     as_metrics,
 )
-from genie_sim.analysis.metric import MARKS, SHORT
+from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import cell, definition, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 
@@ -101,7 +101,6 @@ def values(comparison: ComparedRuns) -> ResultTable:
         ],
         title=f"{' and '.join(comparison.names)}, compared",
         notes=[about, comparison.warning],
-        marks={} if several else MARKS,
     )
 
 

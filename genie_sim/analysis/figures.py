@@ -36,10 +36,15 @@ from genie_sim.analysis.drawing import (
     seeds_of,
 )
 from genie_sim.analysis.frame_metrics import PART
-from genie_sim.analysis.genie_metrics import reuse, running_boost, windowed_reuse
+from genie_sim.analysis.genie_metrics import (
+    images,
+    objects,
+    reuse,
+    running_boost,
+    running_reuse,
+)
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.latency_cdf import latency_cdf
-from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import mean_bands, over_seeds, thinned, wilson
@@ -75,7 +80,7 @@ FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
 }
 ALWAYS = "latency_cdf"  # the figure of every run
 MIN_USE = 0.01
-FEW_UPDATES = 50
+FEW_EVENTS = 50
 MAX_COLUMNS = 4  # of methods beside each other
 
 
@@ -187,13 +192,12 @@ def image_reuse(
     *,
     ax: Axes | None = None,
 ) -> Figure:
-    """Hits / requests of the message caches by their own clients (paper: Fig. "reuse-img")."""
-    of_clients = {
-        label: [lookups.where(kind="image", requester="client") for lookups in seeds_of(panel)]
-        for label, panel in panels.items()
+    """Hits / requests of the message caches (paper: Fig. "reuse-img")."""
+    of_caches = {
+        label: [images(lookups) for lookups in seeds_of(panel)] for label, panel in panels.items()
     }
     return _reuse_bars(
-        of_clients, methods, what="Image reuse", footer=footer, width_in=width_in, ax=ax
+        of_caches, methods, what="Image reuse", footer=footer, width_in=width_in, ax=ax
     )
 
 
@@ -208,8 +212,7 @@ def object_reuse(
 ) -> Figure:
     """Share of object look-ups that an object with C >= C_T answers (paper's Fig. "reuse-obj")."""
     of_maps = {
-        label: [lookups.rows(lookups["kind"] != "image") for lookups in seeds_of(panel)]
-        for label, panel in panels.items()
+        label: [objects(lookups) for lookups in seeds_of(panel)] for label, panel in panels.items()
     }
     return _reuse_bars(
         of_maps, methods, what="Object reuse", footer=footer, width_in=width_in, ax=ax
@@ -225,11 +228,11 @@ def confidence_boost(
     *,
     ax: Axes | None = None,
 ) -> Figure:
-    """Running mean of C_new - C_old over the updates of the object maps on cars and on edges
-    (paper: Fig. "boost").
+    """Confidence added so far by the object maps on cars and on edges, over the objects that they
+    then store (paper: Fig. "boost").
 
     In greys; with several methods that run Genies, in the colour of each. The axis begins at
-    zero and ends at most at twice what is reached after the first updates, which are means of few.
+    zero and ends at most at twice what is reached after the first events, which are means of few.
     Of several seeds a curve is the mean of theirs, as far as all of them go,
     with its 95 % t interval.
     """
@@ -241,12 +244,12 @@ def confidence_boost(
         for method_style, method in _with_genies(tables, methods):
             for placement, where in PLACEMENTS.items():
                 curve = _boost_curve(
-                    [rows.where(method=method.name, placement=placement) for rows in seeds]
+                    [objects(rows.where(method=method.name, placement=placement)) for rows in seeds]
                 )
                 if curve is None:
                     continue
-                updates, boost, low, high = curve
-                settled += boost[updates > FEW_UPDATES].tolist()
+                events, boost, low, high = curve
+                settled += boost[events > FEW_EVENTS].tolist()
                 drawing = style.PLACEMENT_LINES[placement] | {"label": f"Genies {where}"}
                 if several:
                     drawing |= {
@@ -256,17 +259,17 @@ def confidence_boost(
                         "markevery": (0.05 + 0.03 * (method_style % 8), 0.3),
                         "markersize": 3.5,
                     }
-                axis.plot(updates, boost, **drawing)
+                axis.plot(events, boost, **drawing)
                 if len(seeds) > 1:
-                    draw_band(axis, updates, low, high, colour=str(drawing["color"]))
+                    draw_band(axis, events, low, high, colour=str(drawing["color"]))
         axis.set_title(label if len(panels) > 1 else "")
         axis.margins(x=0.02)
     low, high = axes[0].get_ylim()
     if settled:
         high = min(high, 2 * max(settled))
     axes[0].set_ylim(min(low, 0.0), max(high, 0.0))
-    label_outer(axes, "updates so far", "confidence boost")
-    title = "Confidence boost: running mean over the updates of the object maps"
+    label_outer(axes, "events recorded so far", "confidence boost")
+    title = "Confidence boost: confidence added so far over the objects then stored"
     if ax is None:
         finish(figure, title, footer, axes)
     else:
@@ -275,21 +278,21 @@ def confidence_boost(
 
 
 def _boost_curve(seeds: Sequence[Columns]) -> tuple[Any, Any, Any, Any] | None:
-    """How many updates, and then the mean over seeds and the ends of its interval; ``None`` where
-    no seed has an update.
+    """How many events were recorded, and then the mean over seeds and the ends of its interval;
+    ``None`` where no seed stores an object.
     """
     curves = [curve for rows in seeds if len(curve := running_boost(rows))]
     if not curves:
         return None
     if len(curves) == 1:
         places = thinned(len(curves[0]))
-        updates, boost = curves[0]["updates"], curves[0]["boost"]
-        return updates[places], boost[places], boost[places], boost[places]
-    first = max(curve["updates"][0] for curve in curves)
-    last = max(min(curve["updates"][-1] for curve in curves), first)
-    updates = np.unique(np.linspace(first, last, 1000).astype(np.int64))
-    boosts = [np.interp(updates, curve["updates"], curve["boost"]) for curve in curves]
-    return (updates, *mean_bands(np.array(boosts)))
+        events, boost = curves[0]["events"], curves[0]["boost"]
+        return events[places], boost[places], boost[places], boost[places]
+    first = max(curve["events"][0] for curve in curves)
+    last = max(min(curve["events"][-1] for curve in curves), first)
+    events = np.unique(np.linspace(first, last, 1000).astype(np.int64))
+    boosts = [np.interp(events, curve["events"], curve["boost"]) for curve in curves]
+    return (events, *mean_bands(np.array(boosts)))
 
 
 @in_style()
@@ -355,8 +358,8 @@ def _reuse_bars(
     width_in: float | None,
     ax: Axes | None,
 ) -> Figure:
-    """Bars are means over the Genies on cars and on edges. Error bars are the extreme windows of
-    any of them; of several seeds, the 95 % interval of their mean.
+    """Bars are means over the Genies on cars and on edges. Error bars are the lowest and highest
+    running ratio of any of them; of several seeds, the 95 % interval of their mean.
 
     Parameters
     ----------
@@ -376,7 +379,7 @@ def _reuse_bars(
     ran = [method for _, method in _with_genies(panels, methods)] or methods[:1]
     groups = [(label, method, seeds) for label, seeds in panels.items() for method in ran]
     several_seeds = max(map(len, panels.values())) > 1
-    whiskers = f"lowest and highest {WINDOW_REQUESTS} requests of a Genie"
+    whiskers = "lowest and highest running ratio of a Genie"
     if several_seeds:
         whiskers = "95 % interval over seeds"
     title = f"{what}: mean over Genies; error bars: {whiskers}"
@@ -450,7 +453,7 @@ def _reuse_bar(
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **drawing)
     whiskers = np.array(wilson(mean, half))
     if len(seeds) == 1:
-        whiskers = windowed_reuse(seeds[0])["ratio"]
+        whiskers = running_reuse(seeds[0])["ratio"]
     if len(whiskers):
         ends = [[max(mean - whiskers.min(), 0)], [max(whiskers.max() - mean, 0)]]
         axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)

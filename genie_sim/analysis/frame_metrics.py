@@ -34,7 +34,7 @@ TIMES, FRAMES, IMPROVEMENTS = "Response times", "Published frames", "Improvement
 ANSWERS = {"first": "first answer", "fresh": "fresh result"}  # as titles and meanings say
 # what each part of a mean took, by answer
 PART = {"first": "first_answer_part", "fresh": "fresh_answer_part"}
-SPAN = "from when a frame reaches the queue of its first ROS node to its"
+SPAN = "from the camera's stamp of a frame to its"
 
 
 class PairedFrames(NamedTuple):
@@ -64,7 +64,11 @@ def views(tables: Tables) -> Iterator[Seen]:
         steps = steps.rows(steps["which"].isin((answer, "both")))
         parts = steps["part"]
         sums_ns = np.bincount(parts.codes, steps["end_ns"] - steps["begin_ns"], len(parts.names))
-        for part, sum_ns in zip(parts.names, sums_ns.tolist(), strict=True):
+        of_parts = dict(zip(parts.names, sums_ns.tolist(), strict=True))
+        answered = frames.rows(is_answered(frames, answer))
+        to_first_node_ns = float((answered.floats("received_ns") - answered["stamp_ns"]).sum())
+        of_parts["hop"] = of_parts.get("hop", 0.0) + to_first_node_ns
+        for part, sum_ns in of_parts.items():
             if n and sum_ns:
                 yield Seen("parts", PartOfTime(answer, sum_ns, n), component=part)
 
@@ -77,10 +81,10 @@ def pairs(tables: Tables, baselines: Mapping[str, Tables]) -> Iterator[Seen]:
 
 
 def response_ms(frames: Columns, answer: str) -> Floats:
-    """From received to the ``first`` or the ``fresh`` answer, in milliseconds; NaN where there is
-    none.
+    """From the camera's stamp to the ``first`` or the ``fresh`` answer, in milliseconds; NaN where
+    there is none. The stamp is in the headers of picture and answer, so a consumer can tell it.
     """
-    return (frames.floats(f"{answer}_answer_ns") - frames.floats("received_ns")) / NS_PER_MS
+    return (frames.floats(f"{answer}_answer_ns") - frames.floats("stamp_ns")) / NS_PER_MS
 
 
 def look_age_ms(frames: Columns) -> Floats:

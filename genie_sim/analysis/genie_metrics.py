@@ -1,5 +1,6 @@
 """Metrics of Genies: reuse, confidence boosts, and how much their caches and maps hold."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -8,9 +9,8 @@ import numpy as np
 from genie_sim.analysis.metric import (
     HEADLINE,
     HIGHER,
+    MAIN,
     SHORT,
-    WINDOW_REQUESTS,
-    WINDOWS,
     Metric,
     Sample,
     Seen,
@@ -64,30 +64,14 @@ def reuse(lookups: Columns) -> dict[str, float]:
     }
 
 
-def windowed_reuse(lookups: Columns, window: int = WINDOW_REQUESTS) -> Columns:
-    """hits / requests over the last ``window`` requests, per Genie: columns ``genie``, ``t_ns``,
-    ``ratio``.
-
-    A window ends with each message and holds as few messages as make up ``window`` requests:
-    exactly ``window`` for images, which are asked for one by one. A Genie with fewer requests has
-    no window.
-    """
-    events, (requests, hits), first = _counted(lookups)
-    ends = np.flatnonzero(requests[1:] - requests[first] >= window) + 1
-    starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
-    ratios = (hits[ends] - hits[starts]) / (requests[ends] - requests[starts])
-    return Columns(
-        {"genie": events["genie"][ends - 1], "t_ns": events["t_ns"][ends - 1], "ratio": ratios}
-    )
-
-
 def running_reuse(lookups: Columns) -> Columns:
-    """hits / requests of each Genie so far, after each of its messages: columns ``t_ns`` and
-    ``ratio``.
+    """hits / requests of each Genie so far, after each of its messages: columns ``genie``,
+    ``t_ns`` and ``ratio``.
     """
     events, (requests, hits), first = _counted(lookups.rows(lookups["requests"] > 0))
     return Columns(
         {
+            "genie": events["genie"],
             "t_ns": events["t_ns"],
             "ratio": (hits[1:] - hits[first]) / (requests[1:] - requests[first]),
         }
@@ -107,23 +91,14 @@ def _counted(
 
 
 def running_boost(lookups: Columns) -> Columns:
-    """Mean of C_new - C_old over all updates so far: columns ``t_ns``, ``updates`` (how many) and
-    ``boost``.
+    """All confidence that a placement's maps added so far, over the objects that they then store,
+    from the first object on: columns ``t_ns``, ``events`` (how many look-ups) and ``boost``.
     """
-    events = lookups.rows(lookups["updates"] > 0)
-    updates = np.cumsum(events["updates"])
-    boost = np.cumsum(events["boost_sum"]) / updates
-    return Columns({"t_ns": events["t_ns"], "updates": updates, "boost": boost})
-
-
-def boost_over_events(lookups: Columns, per_object: bool) -> Columns:
-    """All confidence added so far, over the updates or over the objects then stored, Genies
-    together, from the first of these on: columns ``events`` (how many look-ups) and ``boost``.
-    """
-    over = np.cumsum(_added_entries(lookups) if per_object else lookups["updates"])
-    known = over > 0
-    boost = np.cumsum(lookups["boost_sum"])[known] / over[known]
-    return Columns({"events": np.flatnonzero(known) + 1, "boost": boost})
+    stored = np.cumsum(_added_entries(lookups))
+    known = stored > 0
+    boost = np.cumsum(lookups["boost_sum"])[known] / stored[known]
+    events = np.flatnonzero(known) + 1
+    return Columns({"t_ns": lookups["t_ns"][known], "events": events, "boost": boost})
 
 
 def _added_entries(lookups: Columns) -> "Ints":
@@ -143,10 +118,12 @@ def last_of_genies(events: Columns) -> list[int]:
 
 
 def _reuse(lookups: Columns) -> Measured:
-    ratios, windows = list(reuse(lookups).values()), windowed_reuse(lookups)["ratio"]
-    low, high = (float(windows.min()), float(windows.max())) if len(windows) else (None, None)
-    value = float(np.mean(ratios)) if ratios else None
-    return Measured(value, low, high, int(lookups["requests"].sum()))
+    """With the lowest and the highest ratio that any Genie has had so far at any time."""
+    ratios, running = list(reuse(lookups).values()), running_reuse(lookups)["ratio"]
+    if not ratios:
+        return Measured(None)
+    value, n = float(np.mean(ratios)), int(lookups["requests"].sum())
+    return Measured(value, n=n, range_low=float(running.min()), range_high=float(running.max()))
 
 
 def _pooled(lookups: Columns) -> Measured:
@@ -154,7 +131,13 @@ def _pooled(lookups: Columns) -> Measured:
     return quotient(int(asked["hits"].sum()), int(asked["requests"].sum()))
 
 
-def _boost(lookups: Columns) -> Sample:
+def _boost(lookups: Columns) -> Measured:
+    maps = objects(lookups)
+    stored = sum(last_of_genies(maps))
+    return quotient(math.fsum(maps["boost_sum"]), stored)
+
+
+def _boost_per_sighting(lookups: Columns) -> Sample:
     events = objects(lookups)
     events = events.rows(events["updates"] > 0)
     of_genies = events.assign(car=events["genie"], stamp_ns=events["t_ns"])
@@ -178,26 +161,27 @@ METRICS = {
     "image_reuse": _of_lookups(
         "image reuse",
         "%",
-        "Hits / requests of the message caches, asked by their own clients, mean over Genies.",
-        lambda lookups: _reuse(of_clients(lookups)),
-        better=HIGHER,
-        tier=HEADLINE,
-        mark=WINDOWS,
-    ),
-    "image_reuse_pooled": _of_lookups(
-        "image reuse, pooled",
-        "%",
-        "Hits / requests of all message caches together, so that each request weighs the same.",
-        _pooled,
-        better=HIGHER,
-    ),
-    "image_reuse_with_neighbours": _of_lookups(
-        "image reuse with neighbours",
-        "%",
-        "Image reuse in which the requests of other edges count, too.",
+        "Hits / requests of a Genie's message cache, of its clients and of other Genies; mean over "
+        "Genies.",
         lambda lookups: _reuse(images(lookups)),
         better=HIGHER,
-        mark=WINDOWS,
+        tier=HEADLINE,
+    ),
+    "image_reuse_own": _of_lookups(
+        "image reuse of own clients",
+        "%",
+        "Image reuse in which the requests of other Genies do not count.",
+        lambda lookups: _reuse(of_clients(lookups)),
+        better=HIGHER,
+        tier=MAIN,
+    ),
+    "image_reuse_pooled": _of_lookups(
+        "image reuse of own clients, pooled",
+        "%",
+        "Hits / requests of the own clients of all message caches, so that each request weighs the "
+        "same.",
+        _pooled,
+        better=HIGHER,
     ),
     "coalesced_share": _of_lookups(
         "coalesced requests",
@@ -208,19 +192,28 @@ METRICS = {
     "object_reuse": _of_lookups(
         "object reuse",
         "%",
-        "Object look-ups answered by an object with C >= C_T, mean over Genies.",
+        "Hits / requests of an object map: look-ups answered by an object with C >= C_T; mean over "
+        "Genies.",
         lambda lookups: _reuse(objects(lookups)),
         better=HIGHER,
         tier=HEADLINE,
-        mark=WINDOWS,
     ),
     "confidence_boost": _of_lookups(
         "confidence boost",
         "",
-        "Mean of C(new) - C(old) over the object maps' updates.",
+        "Confidence added by all Genies of a placement until the end, over the objects that they "
+        "then store.",
         _boost,
         better=HIGHER,
         tier=SHORT,
+    ),
+    "boost_per_sighting": _of_lookups(
+        "boost per sighting",
+        "",
+        "Mean of C(new) - C(old) over the object maps' updates.",
+        _boost_per_sighting,
+        better=HIGHER,
+        tier=MAIN,
     ),
     "stored_images": _of_lookups(
         "stored images per Genie",

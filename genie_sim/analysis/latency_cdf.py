@@ -101,7 +101,7 @@ def latency_cdf(
         axis.set_ylim(0, 1.02)
         logarithmic_x(axis, low, high, (1,) if several and is_narrow(width_in) else (1, 2, 5))
     label_outer(axes, "response time [ms], logarithmic", f"share of {of} frames")
-    title = f"Response time from received to first answer, share of {of} frames"
+    title = f"Response time from the camera's stamp to the first answer, share of {of} frames"
     seeds = max(map(len, tables.values()))
     if seeds > 1:
         title += f"; means of {seeds} seeds with 95 % intervals"

@@ -22,15 +22,9 @@ from genie_sim.record.columns import Columns, joined
 DEADLINE_MS = 33.0  # Section V-B of the paper: 30 frames per second
 RECENT_MS = 100.0  # a look is recent that is no older: the time between two frames of a camera
 RIGHT_F1 = 0.8  # a cache hit below it is a wrong hit
-WINDOW_REQUESTS = 50  # of which the paper's error bars of reuse are made
 ZERO_DELAY = "zero_delay"  # as a component: of the detector's own answers without any delay
 LOWER, HIGHER = "lower", "higher"
 HEADLINE, SHORT, MAIN, REST = range(4)  # tiers
-WINDOWS, POWERS = "a", "b"  # marks of intervals that are no 95 % intervals
-MARKS = {
-    WINDOWS: f"lowest and highest ratio of any {WINDOW_REQUESTS} requests in a row of any Genie",
-    POWERS: "with every power at the lower and at the upper end of its range",
-}
 
 Tables = Mapping[str, Columns]  # of one method, by name
 
@@ -162,8 +156,6 @@ class Metric:
         Where it is shown: ``HEADLINE`` in sentences, ``SHORT`` on a terminal after a run and in
         figures for papers, ``MAIN`` in tables and comparisons, ``REST`` in ``summary.md`` and
         wherever it is asked for; each also where the later ones are.
-    mark : str
-        What kind of interval it has, a key of ``MARKS``; empty for a 95 % interval.
     """
 
     title: str
@@ -174,7 +166,6 @@ class Metric:
     formula: Formula = lambda _: None
     rows: str = "frames"
     tier: int = REST
-    mark: str = ""
 
     def of(self, rows: Any, intervals: bool = True) -> Measured | None:
         """Its number of some rows; ``None`` where it has none there."""
@@ -220,7 +211,7 @@ class Metric:
             None if number is None or math.isnan(number) else self.factor * float(number)
             for number in (value, low, high)
         )
-        return Cell(value, low, high, mark="" if low is None else self.mark, sign=sign)
+        return Cell(value, low, high, sign=sign)
 
 
 # How the title ends, how the meaning begins, and the percentile.

@@ -1,16 +1,10 @@
 """The metrics of a run, among them those of the paper's Section V, as arithmetic on its tables.
 
-``low`` and ``high`` of a metric mean, by the kind of metric:
-
-- latencies, shares, improvements and boosts of one run: the 95 % interval from batch means over
-  blocks of one second of camera time, each car (for boosts each Genie) a stratum. It covers the
-  variability *inside* this run, with frames of one second correlated as they like; it says nothing
-  of other seeds or drives. Of shares it is Wilson's, with as many rows as that variability stands
-  for.
-- reuse: the lowest and highest ratio in any window of 50 requests of any Genie (the paper's error
-  bars).
-- energy: with every power at the lower and at the upper end of its range.
-- ``statistics.across_seeds``: the 95 % t interval over runs.
+``low`` and ``high`` of a metric are a 95 % interval. That of one run is from batch means over
+blocks of one second of camera time, each car (for boosts per sighting each Genie) a stratum. It
+covers the variability *inside* this run, with frames of one second correlated as they like; it says
+nothing of other seeds or drives. Of shares it is Wilson's, with as many rows as that variability
+stands for. Over several seeds it is ``statistics.across_seeds``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -126,7 +120,14 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured |
 
 def rounded(metric: MetricValue) -> MetricValue:
     """A metric with its numbers as they are written down."""
-    return replace(metric, value=_ten(metric.value), low=_ten(metric.low), high=_ten(metric.high))
+    return replace(
+        metric,
+        value=_ten(metric.value),
+        low=_ten(metric.low),
+        high=_ten(metric.high),
+        range_low=_ten(metric.range_low),
+        range_high=_ten(metric.range_high),
+    )
 
 
 def _ten(value: float | None) -> float | None:

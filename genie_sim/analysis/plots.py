@@ -63,7 +63,7 @@ class Plots:
         return self._bars("object_reuse", ax)
 
     def confidence_boost(self, *, ax: "Axes | None" = None) -> "Figure":
-        """Running mean of C_new - C_old over the updates of the object maps."""
+        """Confidence added so far by the object maps, over the objects that they then store."""
         with self._beside(ax) as methods:
             return self._of_lookups("confidence_boost", methods, ax)
 

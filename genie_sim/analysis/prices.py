@@ -20,7 +20,6 @@ import numpy as np
 from genie_sim.analysis.metric import (
     LOWER,
     MAIN,
-    POWERS,
     REST,
     Metric,
     Sample,
@@ -178,7 +177,7 @@ def _energy(hosts: Hosts, per: str) -> Measured | None:
     energy, n = ledger(hosts.hosts, hosts.power), hosts.counts[per]
     joules = (energy.joules(end) for end in ENDS)
     value, low, high = (None if of_end is None or not n else of_end / n for of_end in joules)
-    return Measured(value, low, high, n)
+    return Measured(value, n=n, range_low=low, range_high=high)
 
 
 def _of_hosts(
@@ -195,7 +194,7 @@ def _of_frames(title: str, meaning: str, column: str, tier: int) -> Metric:
     return Metric(title, "B", LOWER, PRICES, meaning=meaning, formula=bytes_of, tier=tier)
 
 
-IN_BRACKETS = " In brackets: with every power at the lower and the upper end of its range."
+OVER_POWERS = " Its range: with every power at the lower and the upper end of its own."
 METRICS = {
     "bytes_up_per_frame": _of_frames(
         "sent up per frame",
@@ -232,18 +231,16 @@ METRICS = {
     "energy_per_frame": _of_hosts(
         "energy per frame",
         "J",
-        "Energy per published frame." + IN_BRACKETS,
+        "Energy per published frame." + OVER_POWERS,
         partial(_energy, per="frame"),
         tier=MAIN,
-        mark=POWERS,
     ),
     "energy_per_right": _of_hosts(
         "energy per right object",
         "J",
         "Energy per right object that a consumer holds at a frame of its first camera."
-        + IN_BRACKETS,
+        + OVER_POWERS,
         partial(_energy, per="right"),
-        mark=POWERS,
     ),
 }
 

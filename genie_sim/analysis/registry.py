@@ -36,7 +36,6 @@ WORDS = {
     "section": str,
     "meaning": str,
     "tier": int,
-    "mark": str,
 }
 COMPONENT_TITLES = {
     ZERO_DELAY: "zero-delay detector",

@@ -216,25 +216,18 @@ def _tabular(table: ResultTable, wide: bool) -> str:
         r"\toprule",
         " & ".join([_escaped(table.corner), *map(_heading, table.columns)]).strip() + r" \\",
         r"\midrule",
-        *(line for row in table.rows for line in _lines(row, _marks(table, row))),
+        *(line for row in table.rows for line in _lines(row)),
         r"\bottomrule",
         r"\end{tabular}",
     ]
     return "\n".join(lines)
 
 
-def _marks(table: ResultTable, row: Row) -> list[str]:
-    """The marks of a row's intervals that the table explains."""
-    return [mark for mark in table.marks if any(cell.mark == mark for cell in row.cells)]
-
-
 def _signs(table: ResultTable) -> list[str]:
     """What the signs of a table mean, in LaTeX."""
-    used = dict.fromkeys(mark for row in table.rows for mark in _marks(table, row))
-    signs = [rf"\textsuperscript{{{mark}}} {_escaped(table.marks[mark])}." for mark in used]
-    if not all(cell.is_defined for row in table.rows for cell in row.cells):
-        signs.append("--: not defined.")
-    return signs
+    if all(cell.is_defined for row in table.rows for cell in row.cells):
+        return []
+    return ["--: not defined."]
 
 
 def _escaped(text: str) -> str:
@@ -294,10 +287,9 @@ def _heading(heading: str) -> str:
     return rf"{{\shortstack{{{stacked}}}}}"
 
 
-def _lines(row: Row, marks: Sequence[str]) -> list[str]:
+def _lines(row: Row) -> list[str]:
     """The row, and below it the intervals if there are any."""
-    raised = "".join(rf"\textsuperscript{{{mark}}}" for mark in marks)
-    lines = [[_escaped(row.title) + raised, *map(_value, row.cells)]]
+    lines = [[_escaped(row.title), *map(_value, row.cells)]]
     if any(ends := [_ends(cell) for cell in row.cells]):
         lines.append(["", *ends])
     return [" & ".join(line).strip() + r" \\" for line in lines]

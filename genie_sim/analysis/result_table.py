@@ -1,8 +1,8 @@
 """A table of results: cells in rows and columns. ``renderers`` writes it."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from genie_sim.base.text import number_text, one_line
@@ -21,8 +21,6 @@ class Cell(NamedTuple):
         The ends of its interval. Without a value, the cell is the interval alone.
     unit : str
         What follows the number; empty where the row's title says it.
-    mark : str
-        A key of the table's ``marks``: what kind of interval it is. LaTeX alone shows it.
     sign : str
         ``+`` writes the sign of positive numbers, too.
     """
@@ -31,7 +29,6 @@ class Cell(NamedTuple):
     low: float | None = None
     high: float | None = None
     unit: str = ""
-    mark: str = ""
     sign: str = ""
 
     @property
@@ -81,8 +78,6 @@ class ResultTable:
         What stands below it.
     corner : str
         The title of the column of row titles.
-    marks : mapping of str to str
-        What the cells' marks mean.
     """
 
     columns: Sequence[str]
@@ -90,7 +85,6 @@ class ResultTable:
     title: str = ""
     notes: Sequence[str] = ()
     corner: str = ""
-    marks: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of_texts(

@@ -228,12 +228,16 @@ def wilson(value: float, half: float, n: int = 0) -> tuple[float, float]:
 
 
 class Measured(NamedTuple):
-    """A number, the ends of its interval, and over how many rows it is."""
+    """A number, the ends of its 95 % interval, over how many rows it is, and the lowest and the
+    highest value that something has where it is one of several.
+    """
 
     value: float | None
     low: float | None = None
     high: float | None = None
     n: int = 0
+    range_low: float | None = None
+    range_high: float | None = None
 
 
 def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = True) -> Measured:

@@ -12,10 +12,8 @@ from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES
 from genie_sim.analysis.metric import (
     MAIN,
-    MARKS,
     RECENT_MS,
     SHORT,
-    WINDOW_REQUESTS,
     ZERO_DELAY,
 )
 from genie_sim.analysis.outages import FAULTS
@@ -28,7 +26,7 @@ from genie_sim.analysis.registry import (
     definition,
     shown,
 )
-from genie_sim.analysis.result_table import ResultTable, Row
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.text import one_line
@@ -51,8 +49,8 @@ SECTIONS = (
 )
 
 ABOUT_TIMES = (
-    "Times: from when a frame reaches the queue of its first ROS node. Shares: of all published "
-    "frames, unless the name says otherwise."
+    "Times: from the camera's stamp. Shares: of all published frames, unless the name says "
+    "otherwise."
 )
 ABOUT_ANSWERS = (
     "First answer: any, perhaps from the object map. Fresh result: a detector looked at this very "
@@ -76,7 +74,7 @@ NO_TRUTH = (
 )
 ABOUT_ENERGY = (
     "Energy: of cars while they drive and of edges until the last answer, from the watts of the "
-    "device profiles; in brackets with every power at the lower and at the upper end of its range."
+    "device profiles; its range: with every power at the lower and at the upper end of its own."
 )
 ABOUT = {
     IMPROVEMENTS: "Improvement: 1 - mean of the method / mean of the baseline.",
@@ -86,9 +84,8 @@ ABOUT = {
 }
 ABOUT_BUSIEST = "Busiest: the utilization of whichever is used most."
 ABOUT_INTERVALS = (
-    "In brackets: for latencies, shares, improvements and boosts the 95 % interval inside this run "
-    "(blocks of one second; other seeds and drives may differ by more); for reuse the lowest and "
-    f"the highest ratio of any {WINDOW_REQUESTS} requests in a row of any Genie."
+    "In brackets: the 95 % interval inside this run (blocks of one second; other seeds and drives "
+    "may differ by more). A range of reuse: the lowest and the highest running ratio of any Genie."
 )
 IN_ONE_RUN = "In brackets: 95 % intervals inside the run, over blocks of one second."
 
@@ -134,11 +131,21 @@ class _Numbers:
         """Whether there is a number of any of these metrics."""
         return any(name in self._places for name in metrics)
 
+    def _range(self, name: str, method: str, placement: str, component: str) -> Cell:
+        """The range of a number alone."""
+        metric = self._by_place.get((name, method, placement, component))
+        if metric is None or metric.range_low is None:
+            return Cell()
+        return definition(metric.metric).cell(None, metric.range_low, metric.range_high)
+
     def rows(
-        self, metrics: Iterable[str], columns: Sequence[_Column], whole: bool = False
+        self,
+        metrics: Iterable[str],
+        columns: Sequence[_Column],
+        whole: bool = False,
     ) -> Iterator[Row]:
-        """A row for each metric, placement and component that has a number; with ``whole``, of a
-        metric of cars and edges together that alone.
+        """A row for each metric, placement and component that has a number, and one for its range;
+        with ``whole``, of a metric of cars and edges together that alone, and no range.
         """
         for name in metrics:
             places = self._places.get(name, {})
@@ -157,6 +164,12 @@ class _Numbers:
                     metric = definition(name)
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
+                    ranges = [
+                        self._range(name, column.method, placement, component or column.component)
+                        for column in columns
+                    ]
+                    if not whole and any(cell.is_known for cell in ranges):
+                        yield Row(metric.labelled(f"{title}, range"), ranges)
 
     def section(self, title: str) -> ResultTable:
         """The table of a section, of the columns that have a number."""
@@ -252,7 +265,6 @@ def _latex(run: Run | SeedRuns, table: ResultTable, metrics: Sequence[str]) -> s
         table,
         title=f"{run.title}: response times, correctness and cost ({seeds})",
         notes=[about, *table.notes, run.warning],
-        marks={} if several else MARKS,
     )
     text = renderers.latex(titled, run.title)
     if several and len(run.methods) > 1:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 import click
 
@@ -11,6 +11,9 @@ from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH, accept_option, detector_options
 from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
+
+if TYPE_CHECKING:
+    from genie_sim.data.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
 
@@ -44,6 +47,11 @@ DEFAULT_MIN_SCORE = 0.3
 @click.option(
     "--allow-missing-scans", is_flag=True, help="Place by the ground alone where there is no scan."
 )
+@click.option(
+    "--check",
+    metavar="TRACE",
+    help="Instead: how far this environment's detections are from those of a trace of a drive.",
+)
 @click.option("--evaluate", is_flag=True, help="Judge the trace by KITTI's labels.")
 @click.option(
     "--labels", help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005."
@@ -68,6 +76,7 @@ def perceive(
     min_score: float | None,
     origin: str | None,
     allow_missing_scans: bool,
+    check: str | None,
     evaluate: bool,
     labels: str | None,
     encoding: Encoding,
@@ -78,8 +87,14 @@ def perceive(
     from genie_sim.data import perceive as perception
     from genie_sim.data.trace_report import write_told
 
-    if [drive, data_set].count(None) != 1:
-        raise UserError("perceive: give either --drive or --format")
+    if [drive, data_set, check].count(None) != 2:
+        raise UserError("perceive: give either --drive, --format or --check")
+    if check is not None:
+        if out is not None or evaluate:
+            raise UserError("perceive: --check writes and judges nothing: no --out, no --evaluate")
+        settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
+        _check(check, perception.kitti_folder(kitti), settings)
+        return
     if data_set is not None:
         if evaluate or encoding != "raw" or origin is not None:
             raise UserError(
@@ -115,6 +130,19 @@ def perceive(
 
         labelled = truth.read_truth(root, labels or drive, whole)
         click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
+
+
+def _check(name: str, kitti: Path, settings: "DetectorSettings") -> None:
+    """Prints how far what is found here is from what the trace of this name keeps."""
+    from genie_sim.base import files
+    from genie_sim.data import trace_check
+    from genie_sim.data.trace import read_trace
+
+    trace = read_trace(files.find(files.TRACE, name))
+    with ProgressBar(unit="frames") as progress:
+        again = trace_check.perceive_again(kitti, trace, settings, progress)
+    for line in trace_check.differences(trace, again):
+        click.echo(line)
 
 
 def _of_pair(

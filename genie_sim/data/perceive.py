@@ -35,6 +35,11 @@ DEFAULT_DETECTOR = DetectorSettings()
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 
 
+def versions() -> dict[str, str]:
+    """Of the packages that decide what is found, and where."""
+    return {name: importlib.metadata.version(name) for name in PACKAGES}
+
+
 def kitti_folder(root: str | Path | None) -> Path:
     """KITTI's folder: ``root``, else what GENIE_SIM_KITTI says. UserError if neither is given."""
     place = root or os.environ.get("GENIE_SIM_KITTI")
@@ -210,5 +215,5 @@ def _provenance(
         "detector": detector.name,
         "weights_sha256": detector.sha256,
         "parameters": parameters,
-        "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+        "versions": versions(),
     }

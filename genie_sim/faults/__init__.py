@@ -12,4 +12,4 @@ FAULTS: dict[str, str] = {
     "gnss": "genie_sim.faults.gnss:Gnss",
     "camera": "genie_sim.faults.camera:CameraFault",
 }
-MUST_HAVE = ("begin or run", "end or run")
+MUST_HAVE = ("strike",)

@@ -1,18 +1,18 @@
 """Cameras that fail: they show nothing, or the same picture again and again."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
 
 from genie_sim.core.messages import CameraPose, Detection, Image
-from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import bent
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 
-@dataclass
-class CameraFault(FaultOfHost):
+@dataclass(frozen=True)
+class CameraFault(Fault):
     """The cameras of the car ``target`` fail.
 
     A frozen camera repeats the first picture of the fault. The car believes the picture to be new,
@@ -25,30 +25,25 @@ class CameraFault(FaultOfHost):
     shows: Literal["frozen", "nothing"] = "frozen"
     """The same picture again and again, or nothing: its frames are dropped."""
 
-    _pictures: dict[str, Image] = field(default_factory=dict, init=False, repr=False, compare=False)
-
     befalls = "car"
     dropped_by = "camera"
 
-    def begin(self, network: AffectedNetwork) -> None:
-        self._pictures.clear()
-        network.senses(self.target).append((self._sense, self.dropped_by))
+    def strike(self, network: Network) -> Strike:
+        pictures: dict[str, Image] = {}  # the first of each camera
 
-    def end(self, network: AffectedNetwork) -> None:
-        network.senses(self.target).remove((self._sense, self.dropped_by))
+        def sense(image: Image) -> Image | None:
+            if self.shows == "nothing":
+                return None
+            picture = pictures.setdefault(image.header.frame_id, image)
+            if picture is image:
+                return image
+            content = bent(picture.content, partial(_moved_all, picture.pose, image.pose))
+            return replace(picture, header=image.header, pose=image.pose, content=content)
 
-    def _sense(self, image: Image) -> Image | None:
-        if self.shows == "nothing":
-            return None
-        picture = self._pictures.setdefault(image.header.frame_id, image)
-        if picture is image:
-            return image
-        return replace(
-            picture,
-            header=image.header,
-            pose=image.pose,
-            content=bent(picture.content, partial(_moved_all, picture.pose, image.pose)),
-        )
+        senses, failing = network.senses(self.target), (sense, self.dropped_by)
+        senses.append(failing)
+        yield
+        senses.remove(failing)
 
 
 def _moved_all(

@@ -3,12 +3,12 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from genie_sim.faults.targets import FaultOfHost
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 
 @dataclass(frozen=True)
-class Crash(FaultOfHost):
+class Crash(Fault):
     """The host ``target`` crashes, and is back at the end. Meanwhile its links are down. What is
     queued and in service there is lost.
     """
@@ -22,16 +22,15 @@ class Crash(FaultOfHost):
 
     dropped_by = "crash"
 
-    def begin(self, network: AffectedNetwork) -> None:
-        network.take_down(self.target, self.dropped_by)
+    def strike(self, network: Network) -> Strike:
         where = f"{self.target}:{self.dropped_by}"
+        network.take_down(self.target, self.dropped_by)
         network.void(self.target, where, keep="memory" if self.memory == "warm" else None)
         for processor in network.processors(self.target):
             processor.stall()
-
-    def end(self, network: AffectedNetwork) -> None:
+        yield
         # what came meanwhile, from cameras and links, reached nobody
-        network.void(self.target, f"{self.target}:{self.dropped_by}", keep="memory")
+        network.void(self.target, where, keep="memory")
         for processor in network.processors(self.target):
             processor.go_on()
         network.put_up(self.target, self.dropped_by)

@@ -1,16 +1,16 @@
 """Wrong positions: a car's satellite navigation is off."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Message
-from genie_sim.faults.targets import FaultOfHost
 from genie_sim.sim.bends import Bend, shifted
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 STEPS = 20  # of the noise, in each of its correlation times
 
@@ -54,8 +54,8 @@ class PositionError:
         return float(east_m), float(north_m)
 
 
-@dataclass
-class Gnss(FaultOfHost):
+@dataclass(frozen=True)
+class Gnss(Fault):
     """The car ``target`` takes itself to be elsewhere. What it tells others is displaced, and so is
     to it what others tell; what it sees itself is where it should be, as the car drives in a frame
     of its own.
@@ -74,31 +74,23 @@ class Gnss(FaultOfHost):
     correlation_ns: int = 20 * NS_PER_S
     """Correlation time of the noise. Urban multipath: 10 to 30 s. Assumed."""
 
-    _bend: Bend | None = field(default=None, init=False, repr=False, compare=False)
-
     befalls = "car"
     dropped_by = "gnss"  # it drops nothing
 
-    def begin(self, network: AffectedNetwork) -> None:
-        if self._bend is None:
-            (rng,) = network.stream("gnss", self.target).spawn(1)  # no other fault draws from it
-            error = PositionError(
-                rng,
-                bias_m=self.bias_m,
-                noise_m=self.noise_m,
-                correlation_ns=self.correlation_ns,
-            )
-            outward, inward = (partial(_displaced, network, error, sign) for sign in (1, -1))
-            self._bend = Bend(inward, outward, self.dropped_by)
-        network.bend(self.target, self._bend)
-
-    def end(self, network: AffectedNetwork) -> None:
-        assert self._bend is not None, "it has begun"
-        network.unbend(self.target, self._bend)
+    def strike(self, network: Network) -> Strike:
+        (rng,) = network.stream("gnss", self.target).spawn(1)  # no other fault draws from it
+        error = PositionError(
+            rng, bias_m=self.bias_m, noise_m=self.noise_m, correlation_ns=self.correlation_ns
+        )
+        outward, inward = (partial(_displaced, network, error, sign) for sign in (1, -1))
+        bend = Bend(inward, outward, self.dropped_by)
+        network.bend(self.target, bend)
+        yield
+        network.unbend(self.target, bend)
 
 
 def _displaced(
-    network: AffectedNetwork, error: PositionError, sign: int, message: Message, other: str
+    network: Network, error: PositionError, sign: int, message: Message, other: str
 ) -> Message:
     east_m, north_m = error.at(network.clock.now)
     return shifted(message, sign * east_m, sign * north_m)

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 from genie_sim.base.errors import unknown
 from genie_sim.base.units import NS_PER_MS, duration_text
-from genie_sim.sim.fault import AffectedNetwork, TimedFault
+from genie_sim.sim.fault import Fault, Problem, Strike, TimedFault
+from genie_sim.sim.network import Network
 
 
 @dataclass(frozen=True)
-class HandOver:
+class HandOver(Fault):
     """The car ``target`` leaves its edge, and joins another (``edge``) at the end.
 
     It is a break-before-make hand-over, as that of a mobile network and of a ROS node that connects
@@ -29,30 +30,27 @@ class HandOver:
     """How long the car can send and receive nothing."""
 
     @property
-    def duration_ns(self) -> int:
+    def duration_ns(self) -> int:  # type: ignore[override]
         return self.gap_ns
 
     @property
-    def dropped_by(self) -> str:
+    def dropped_by(self) -> str:  # type: ignore[override]
         return f"{self.target}:hand_over"
 
-    def begin(self, network: AffectedNetwork) -> None:
+    def strike(self, network: Network) -> Strike:
         uplink = network.uplinks.get(self.target)
         if uplink is not None:  # else nothing of the car goes to any edge
             uplink.leave(self.dropped_by)
-
-    def end(self, network: AffectedNetwork) -> None:
-        uplink = network.uplinks.get(self.target)
+        yield
         if uplink is not None:
             uplink.join(self.edge)
 
-    @staticmethod
+    @classmethod
     def check(
-        faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
-    ) -> Iterator[tuple[int, str, str]]:
-        """Yields each problem of the scenario's hand-overs: (the fault's index, field, what is
-        wrong). Each must lead a car from its edge to another that exists, after the one before is
-        over.
+        cls, faults: Sequence[TimedFault], edge_of: Mapping[str, str | None], edges: Collection[str]
+    ) -> Iterator[Problem]:
+        """Yields each problem of the scenario's hand-overs. Each must lead a car from its edge to
+        another that exists, after the one before is over.
         """
         current_edge = dict(edge_of)
         free_ns = dict.fromkeys(edge_of, 0)  # when the car's last hand-over is over

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from genie_sim.base.settings import Bounds
-from genie_sim.faults.targets import FaultOfHost
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 
 @dataclass(frozen=True)
-class Slow(FaultOfHost):
+class Slow(Fault):
     """Jobs that come to the accelerator and the CPU of ``target`` take ``factor`` times as long."""
 
     target: str
@@ -21,10 +21,9 @@ class Slow(FaultOfHost):
 
     dropped_by = "slow"  # it drops nothing itself: full queues do
 
-    def begin(self, network: AffectedNetwork) -> None:
+    def strike(self, network: Network) -> Strike:
         for processor in network.processors(self.target):
             processor.slow(self.factor)
-
-    def end(self, network: AffectedNetwork) -> None:
+        yield
         for processor in network.processors(self.target):
             processor.speed_up(self.factor)

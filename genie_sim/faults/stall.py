@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 
-from genie_sim.faults.targets import FaultOfHost
-from genie_sim.sim.fault import AffectedNetwork
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.network import Network
 
 
 @dataclass(frozen=True)
-class Stall(FaultOfHost):
+class Stall(Fault):
     """The accelerator and the CPU of ``target`` stand still; then they go on where they were.
     Messages still arrive, and wait.
     """
@@ -17,10 +17,9 @@ class Stall(FaultOfHost):
 
     dropped_by = "stall"  # it drops nothing itself: full queues do
 
-    def begin(self, network: AffectedNetwork) -> None:
+    def strike(self, network: Network) -> Strike:
         for processor in network.processors(self.target):
             processor.stall()
-
-    def end(self, network: AffectedNetwork) -> None:
+        yield
         for processor in network.processors(self.target):
             processor.go_on()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis import frame_metrics, genie_metrics, metrics
+from genie_sim.analysis import genie_metrics, metrics
 from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.paper.definitions import FROM_STAMP
@@ -21,6 +21,12 @@ METHODS = (  # of the paper's evaluation
 )
 
 FOR_EVER_NS = 2**62
+FORMER = {  # what the evaluation calls metrics of a run
+    "image_reuse": "image_reuse_with_neighbours",
+    "image_reuse_own": "image_reuse",
+    "confidence_boost": "boost_per_object",
+    "boost_per_sighting": "confidence_boost",
+}
 EARLY_PERCENTILES = (10, 20, 30, 40, 50)
 # answer -> the share of frames that have it in time; a result is a detection, or a cached answer
 DEADLINES = {
@@ -62,9 +68,8 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     """
     maps = lookups.rows(lookups["kind"] != "image")
     facts = _of_answers(frames) | _of_bytes(frames)
-    facts |= _of_metrics(
-        metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
-    )
+    measured = metrics.compute(METHODS, {"frames": frames, "lookups": lookups}, intervals=False)
+    facts = _of_metrics(measured) | facts | _windows(lookups)
     for genie, reused in genie_metrics.reuse(maps).items():
         facts[Fact("object_reuse", component=genie)] = reused
     for placement in genie_metrics.PLACEMENTS:
@@ -74,7 +79,7 @@ def facts_of(frames: Columns, lookups: Columns, resources: Columns) -> Facts:
     facts |= highest_running_ratios(lookups)
     requests_of_cars = lookups.where(kind="image", requester="client", placement="car")
     for metric, ratios in (
-        ("image_peak_at", genie_metrics.windowed_reuse(requests_of_cars)),
+        ("image_peak_at", windowed_reuse(requests_of_cars)),
         ("image_peak_at_running", genie_metrics.running_reuse(requests_of_cars)),
     ):
         facts[placed(metric, "car")] = _peak_at(ratios, frames)
@@ -87,12 +92,48 @@ def _of_metrics(rows: Iterable[MetricValue]) -> Facts:
     """Each metric's value; of reuse the highest window, too."""
     facts: Facts = {}
     for row in rows:
-        fact = Fact(row.metric, row.method, row.placement, row.component)
+        fact = Fact(FORMER.get(row.metric, row.metric), row.method, row.placement, row.component)
         facts[fact] = math.nan if row.value is None else row.value
-        if "reuse" in row.metric:
-            highest = fact._replace(metric=f"{row.metric}_high")
-            facts[highest] = math.nan if row.high is None else row.high
     return facts
+
+
+def _windows(lookups: Columns) -> Facts:
+    """The highest reuse in any window of requests."""
+    of_image = lookups["kind"] == "image"
+    images, objects = lookups.rows(of_image), lookups.rows(~of_image)
+    facts: Facts = {}
+    for metric, events in (
+        ("image_reuse", images.where(requester="client")),
+        ("image_reuse_with_neighbours", images),
+        ("object_reuse", objects),
+    ):
+        for placement in genie_metrics.PLACEMENTS:
+            ratios = windowed_reuse(events.where(placement=placement))["ratio"]
+            highest = float(ratios.max()) if len(ratios) else math.nan
+            facts[placed(f"{metric}_high", placement)] = highest
+    return facts
+
+
+def windowed_reuse(lookups: Columns, window: int = 50) -> Columns:
+    """hits / requests over the last ``window`` requests, per Genie: columns ``genie``, ``t_ns``,
+    ``ratio``.
+
+    A window ends with each message and holds as few messages as make up ``window`` requests:
+    exactly ``window`` for images, which are asked for one by one. A Genie with fewer requests has
+    no window.
+    """
+    events, (requests, hits), first = genie_metrics._counted(lookups)
+    ends = np.flatnonzero(requests[1:] - requests[first] >= window) + 1
+    starts = np.searchsorted(requests, requests[ends] - window, side="right") - 1
+    ratios = (hits[ends] - hits[starts]) / (requests[ends] - requests[starts])
+    return Columns(
+        {"genie": events["genie"][ends - 1], "t_ns": events["t_ns"][ends - 1], "ratio": ratios}
+    )
+
+
+def response_ms(frames: Columns, answer: str) -> np.ndarray:
+    """From received to an answer [ms]."""
+    return (frames.floats(f"{answer}_answer_ns") - frames.floats("received_ns")) / NS_PER_MS
 
 
 def _of_answers(frames: Columns) -> Facts:
@@ -108,7 +149,7 @@ def _of_answers(frames: Columns) -> Facts:
         for rows, end in ((of_method, ""), (stamped, FROM_STAMP)):
             facts |= _of_times(rows, method, end)
             for answer, deadline in DEADLINES.items():
-                times_ms = frame_metrics.response_ms(rows, answer)
+                times_ms = response_ms(rows, answer)
                 facts |= {
                     Fact(f"{answer}_answer_mean{end}", method): _mean(times_ms),
                     Fact(f"{answer}_answer_p95{end}", method): _percentiles(times_ms, [95])[0],
@@ -134,7 +175,7 @@ def _of_times(frames: Columns, method: str, end: str) -> Facts:
     """The early percentiles of a method's first answers, and each car's times; ``end``: of the
     metrics' names.
     """
-    times_ms = frame_metrics.response_ms(frames, "first")
+    times_ms = response_ms(frames, "first")
     early_ms = _percentiles(times_ms, EARLY_PERCENTILES)
     facts = {
         Fact(f"first_answer_p{percent}{end}", method): value

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis import frame_metrics, genie_metrics
+from genie_sim.analysis import genie_metrics
 from genie_sim.analysis.statistics import thinned
+from genie_sim.paper import facts
 from genie_sim.paper.checks import CASE
 from genie_sim.paper.definitions import Definitions
 from genie_sim.paper.facts import METHODS
@@ -115,7 +116,7 @@ def _times(seeds: Runs, definitions: Definitions, of_cars: bool) -> Found:
     else:
         parts = iter((method.name, frames.where(method=method.name)) for method in METHODS)
     for of, rows in parts:
-        times_ms = [np.sort(frame_metrics.response_ms(rows, answer)) for answer in ANSWERS]
+        times_ms = [np.sort(facts.response_ms(rows, answer)) for answer in ANSWERS]
         answered = [int(np.count_nonzero(~np.isnan(values))) for values in times_ms]  # NaN is last
         n = len(rows)
         places = thinned(n, TIME_POINTS * n // max([*answered, 1]))
@@ -135,7 +136,7 @@ def lookups(seeds: Runs, definitions: Definitions, of_images: bool, **where: str
 
 def _reuse(seeds: Runs, definitions: Definitions) -> Found:
     """By placement the mean reuse, and the lowest and highest ratio, all means over seeds."""
-    ratios_of = {"windows": genie_metrics.windowed_reuse, "running": genie_metrics.running_reuse}
+    ratios_of = {"windows": facts.windowed_reuse, "running": genie_metrics.running_reuse}
     ratios = ratios_of[definitions.error_bars]
     for of_images, what in REUSED.items():
         for placement in PLACEMENTS:
@@ -161,7 +162,7 @@ def _boosts(seeds: Runs, definitions: Definitions) -> Found:
         curves = [
             (curve["events"], curve["boost"])
             for rows in lookups(seeds, definitions, False, placement=placement)
-            if len(curve := genie_metrics.boost_over_events(rows, per_object))
+            if len(curve := boost_over_events(rows, per_object))
         ]
         if curves:
             yield ("boost", placement), _mean_curve(curves)
@@ -185,3 +186,13 @@ def _mean_curve(curves: Sequence[tuple[Any, Any]]) -> tuple[Any, Any]:
     last = max(min(x[-1] for x, _ in curves), first)
     places = np.unique(np.linspace(first, last, CURVE_POINTS).astype(np.int64))
     return places, np.mean([np.interp(places, x, y) for x, y in curves], axis=0)
+
+
+def boost_over_events(lookups: Columns, per_object: bool) -> Columns:
+    """All confidence added so far, over the updates or over the objects then stored, Genies
+    together, from the first of these on: columns ``events`` (how many look-ups) and ``boost``.
+    """
+    over = np.cumsum(genie_metrics._added_entries(lookups) if per_object else lookups["updates"])
+    known = over > 0
+    boost = np.cumsum(lookups["boost_sum"])[known] / over[known]
+    return Columns({"events": np.flatnonzero(known) + 1, "boost": boost})

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import drawing, figures, latency_cdf, style
-from genie_sim.analysis.metric import WINDOW_REQUESTS
 from genie_sim.analysis.registry import METRICS
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base.text import percent_text
@@ -28,6 +27,7 @@ from genie_sim.paper.figure_data import ANSWERS, REUSED, Key, Points
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns, concat
 
+WINDOW_REQUESTS = 50
 CLUSTERS = {"homogeneous": HO, "heterogeneous": HE}
 CARS = ("1 car", "2 cars", "3 cars")  # of each cluster's scenarios
 PLACES = {"edge": "remote Genies", "car": "local Genies"}

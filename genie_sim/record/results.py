@@ -50,7 +50,9 @@ class MetricValue:
     ``placement`` is ``car`` or ``edge`` for Genies and resources there, else ``all``. ``component``
     is the name of a resource, for an improvement that of the baseline, else empty. ``value`` is
     None where it is not defined; ``n`` counts what it was computed over: frames, requests, updates,
-    samples or runs. Shares have unit 1. What ``low`` and ``high`` mean: ``analysis.metrics``.
+    samples or runs. Shares have unit 1. ``low`` and ``high`` are the 95 % interval, of one run that
+    over blocks of one second; ``range_low`` and ``range_high`` the lowest and the highest running
+    ratio of any Genie, or the value with all powers at one end of their ranges.
     """
 
     metric: str
@@ -62,6 +64,8 @@ class MetricValue:
     low: float | None = None
     high: float | None = None
     n: int = 0
+    range_low: float | None = None
+    range_high: float | None = None
 
     @property
     def row(self) -> tuple[Any, ...]:

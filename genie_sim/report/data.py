@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.genie_metrics import running_boost, windowed_reuse
-from genie_sim.analysis.metric import DEADLINE_MS, MAIN, WINDOW_REQUESTS, ZERO_DELAY
+from genie_sim.analysis.genie_metrics import images, objects, running_boost, running_reuse
+from genie_sim.analysis.metric import DEADLINE_MS, MAIN, ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title, definition, words
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.screen import simulated_s
@@ -44,7 +44,6 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
     """
     notes: list[str] = []
     lookups = run.tables["lookups"]
-    of_maps = lookups["kind"] != "image"
     return {
         "about": _about(run),
         "methods": list(_methods(run)),
@@ -59,13 +58,10 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "deadline_ms": DEADLINE_MS,
         "cdf": list(_cdfs(run)),
         "over_time": {
-            "image_reuse": list(
-                _reuse(run, lookups.where(kind="image", requester="client"), notes)
-            ),
-            "object_reuse": list(_reuse(run, lookups.rows(of_maps), notes)),
+            "image_reuse": list(_reuse(run, images(lookups), notes)),
+            "object_reuse": list(_reuse(run, objects(lookups), notes)),
             "confidence_boost": list(_boost(run)),
         },
-        "window_requests": WINDOW_REQUESTS,
         "use": list(_use(run, notes)),
         "faults": list(_faults(run, notes)),
         "replay": replay_data(run, start_ns, notes, pictures),
@@ -276,23 +272,23 @@ def _placed(run: "Run", lookups: "Columns") -> "Iterator[tuple[dict[str, str], C
 
 
 def _reuse(run: "Run", lookups: "Columns", notes: list[str]) -> Iterator[dict[str, Any]]:
-    """hits / requests over the last 50 requests of each Genie."""
+    """hits / requests of each Genie so far."""
     for where, placed in _placed(run, lookups):
-        windows = windowed_reuse(placed)
-        genies = sorted(windows["genie"].unique(), key=natural_key)
+        running = running_reuse(placed)
+        genies = sorted(running["genie"].unique(), key=natural_key)
         if len(genies) > GENIES_PER_PLACEMENT:
             shown = (
                 f"{GENIES_PER_PLACEMENT} of {len(genies)} Genies {PLACEMENTS[where['placement']]}"
             )
             notes.append(f"Reuse over time shows {shown}; the metrics count all.")
         for genie in genies[:GENIES_PER_PLACEMENT]:
-            of_genie = windows.where(genie=genie)
+            of_genie = running.where(genie=genie)
             yield {**where, "name": genie, **_curve(of_genie["t_ns"], of_genie["ratio"], 3)}
 
 
 def _boost(run: "Run") -> Iterator[dict[str, Any]]:
-    """The running mean of C_new - C_old over the updates of the maps on cars, and on edges."""
-    for where, placed in _placed(run, run.tables["lookups"]):
+    """Confidence that the maps on cars, and on edges, added so far over the objects they store."""
+    for where, placed in _placed(run, objects(run.tables["lookups"])):
         running = running_boost(placed)
         if len(running):
             yield {**where, "name": "", **_curve(running["t_ns"], running["boost"], 5)}

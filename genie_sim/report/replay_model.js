@@ -87,13 +87,13 @@ function answersOf(run, car, rows) {
   return { t, ids };
 }
 
-// What a car holds at `t`: the newest frame with an answer, its age since it was received, and what the answer says.
+// What a car holds at `t`: the newest frame with an answer, its age since the picture, and what the answer says.
 function holding(run, method, place, t) {
   const { t: instants, ids } = method.held[place], i = lastUpTo(instants, t), { rows } = method;
   if (i < 0) return null;
   const id = ids[i], since = t - run.frames.stamp[id], came = (us) => us >= 0 && us <= since;
   const fresh = came(rows.fresh_answer_us[id]), result = came(rows.result_answer_us[id]);
-  return { id, age: since - Math.max(rows.received_us[id], 0), fresh, objects: (fresh ? rows.objects_fresh : result ? rows.objects_result : rows.objects_served)[id],
+  return { id, age: since, fresh, objects: (fresh ? rows.objects_fresh : result ? rows.objects_result : rows.objects_served)[id],
     source: run.names[rows.source[id]] };
 }
 

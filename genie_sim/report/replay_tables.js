@@ -12,7 +12,7 @@ function showNow(run, t) {
       make("small", {}, `${held.source === "map" ? "object map" : words(held.source)}${held.fresh ? ", fresh" : ""}`));
   })]));
   const truth = run.methods.some((one) => one.judged.some(Boolean)) ? " False objects: held in its field of view at its last frame, but not there." : "";
-  byId("now-about").textContent = `The newest answer: its objects, its age since the frame was received, its source.${truth}` +
+  byId("now-about").textContent = `The newest answer: its objects, its age since the picture, its source.${truth}` +
     (cars.length < run.cars.length ? ` The first ${cars.length} of ${run.cars.length} cars.` : "");
 }
 
@@ -55,7 +55,7 @@ function showLegend(run, method, mapped) {
   byId("hosts-about").textContent = run.methods.some((entry) => entry.hosts.size) ? "Below each street: the hosts. Bar: share of the last 0.1 s in which the accelerator " +
     "worked; squares: messages that wait in its queues and for its links; lost: messages pushed out or lost so far" +
     (run.methods.some((entry) => [...entry.hosts.values()].some((host) => host.channel)) ? "; air: share of it in which the host heard the channel busy." : ".") : "";
-  byId("lanes-about").textContent = "A lane for each method, a row for each car. Height: age of the newest answer since its frame was received, " +
+  byId("lanes-about").textContent = "A lane for each method, a row for each car. Height: age of the newest answer since its picture, " +
     `logarithmic, ${AGES_US[0] / 1000} ms or less to ${AGES_US[1] / 1e6} s or more; empty: no answer yet. Vertical line: now. Click to go there.` +
     (run.cars.length > MOST_CARS ? ` The first ${MOST_CARS} of ${run.cars.length} cars.` : "");
   byId("strip-about").textContent = `${method.title}: a cell for each frame, in the colour of its outcome; filled where a fresh result came, ` +

@@ -1,8 +1,8 @@
 // The page of a run, from its data.
 
 const keyOf = (name, method, placement = "all", component = "") => [name, method, placement, component].join("|");
-const FOUND = new Map(DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
-  [keyOf(name, method, placement, component), { value, unit, low, high, n, ranges: infoOf(name).mark !== "" }]));
+const FOUND = new Map(DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n, from, to]) =>
+  [keyOf(name, method, placement, component), { value, unit, low, high, n, range: from === null ? null : { low: from, high: to, unit } }]));
 const metric = (...key) => FOUND.get(keyOf(...key));
 const valueOf = (...key) => metric(...key)?.value ?? null;
 
@@ -54,8 +54,9 @@ function rangeText({ low, high, unit }) {
 // In brackets an interval; what has a range says so.
 function cell(found, best) {
   if (!found || found.value === null) return make("td", {}, "none");
-  const range = found.low === null ? null : make("small", {}, found.ranges ? `range ${rangeText(found)}` : `(${rangeText(found)})`);
-  return make("td", { class: best ? "number best" : "number" }, asText(found.value, found.unit), range);
+  const interval = found.low === null ? null : make("small", {}, `(${rangeText(found)})`);
+  const range = found.range && make("small", {}, `range ${rangeText(found.range)}`);
+  return make("td", { class: best ? "number best" : "number" }, asText(found.value, found.unit), interval, range);
 }
 
 // Whether a value is better than all others, with an interval that lies apart from theirs.
@@ -101,8 +102,8 @@ function showResults() {
       const entry = metric(name, ...key);
       return cell(entry && !isShare(name) ? { ...entry, unit: infoOf(name).unit } : entry, false);
     })]));
-  byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; the range is from the lowest to the highest ratio in any ` +
-    `${DATA.window_requests} requests of one Genie. A coalesced request is not a hit.`;
+  byId("placement-note").textContent = `Reuse: hits / requests, mean over Genies; the range is from the lowest to the ` +
+    "highest running ratio of any Genie. A coalesced request is not a hit. Confidence boost: confidence added over the objects stored.";
 }
 
 // How early the first answers come, against how right they are: what consumers hold where the truth is known, else the proxy.
@@ -133,7 +134,7 @@ function showLatency() {
       marker: methodMarker(curve.method), hollow: curve.answer === "fresh",
       x: curve.ms, y: curve.rank.map((rank) => rank / curve[of]), steps: true }));
     lineChart(byId("cdf"), { series, height: 250, x: { log: true, min: Math.max(0.8 * Math.min(...all), 0.1), max: 1.25 * Math.max(...all, DATA.deadline_ms),
-      label: "response time since received [ms], logarithmic", read: (value) => `within ${read(value)}` },
+      label: "response time since the camera's stamp [ms], logarithmic", read: (value) => `within ${read(value)}` },
       y: { min: 0, max: 1, label: `share of ${of} frames`, format: percent, read: percent }, marks: [{ x: DATA.deadline_ms, label: `${DATA.deadline_ms} ms` }] });
   };
   byId("cdf-of").addEventListener("change", render);
@@ -157,8 +158,8 @@ function chooseMethod(id, shown, render) {
 }
 
 function showOverTime() {
-  const charts = [["image_reuse", `Image reuse, last ${DATA.window_requests} requests of each Genie`], ["object_reuse", `Object reuse, last ${DATA.window_requests} look-ups of each Genie`],
-    ["confidence_boost", "Confidence boost: mean of C(new) - C(old) so far"]];
+  const charts = [["image_reuse", "Image reuse of each Genie so far"], ["object_reuse", "Object reuse of each Genie so far"],
+    ["confidence_boost", "Confidence added so far over the objects then stored"]];
   const dashes = [null, "7 3", "2 3", "9 3 2 3"], lineOf = (number) => ({ dash: dashes[number % dashes.length], marker: number < dashes.length ? undefined : number });
   const of = (name, method) => DATA.over_time[name].filter((one) => one.method === method && one.x.length);
   chooseMethod("reuse-of", (method) => charts.some(([name]) => of(name, method).length), () => {
@@ -196,7 +197,7 @@ function showUse() {
 function showMetrics() {
   const text = (value) => (value === null ? "" : digits(value, 4));
   filteredTable("metric", ["title", "metric", "method", "placement", "component", "value", "unit", "low", "high", "n"],
-    DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n]) =>
+    DATA.metrics.map(([name, method, placement, component, value, unit, low, high, n, from, to]) =>
       [titleCell(name), name, method, placement, component, text(value), unit, text(low), text(high), n.toLocaleString("en")]), 5);
 }
 

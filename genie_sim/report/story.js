@@ -1,5 +1,5 @@
 // One frame's whole story: what became of it under each method, and step by step what happened under one of them.
-// Milliseconds count from when that method's first node received the frame, as in the metrics.
+// Milliseconds count from the camera's stamp, as in the metrics.
 
 const SOURCES = {
   own_cache: "the message cache of its own Genie", own_detector: "its own detector", edge_cache: "its edge's message cache",
@@ -10,7 +10,7 @@ const LAST = 1e15; // after everything that has an instant
 const receivedAt = (rows, id) => Math.max(rows.received_us[id], 0);
 
 function storyOf(run, method, id) {
-  const { frames } = run, stream = run.streams[frames.stream[id]], zero = receivedAt(method.rows, id);
+  const { frames } = run, stream = run.streams[frames.stream[id]];
   const place = `${frames.east[id].toFixed(1)} m east, ${frames.north[id].toFixed(1)} m north`;
   const title = make("h3", {}, `${stream.car}, ${stream.name}, frame ${frames.number[id]}, under `, methodKey(method.name), ": ",
     make("span", { class: `outcome o-${outcomeOf(run, method, id)}` }, outcomeText(run, method, id)));
@@ -18,10 +18,9 @@ function storyOf(run, method, id) {
   const begin = sees ? `${stream.car} takes the picture with ${stream.name}` : `${stream.car}, without cameras, asks with its position`;
   const steps = [{ t: 0, text: begin, small: place }, ...stepsOf(run, method, id)];
   steps.sort((one, other) => one.t - other.t);
-  const never = method.rows.received_us[id] < 0 ? " No queue received this frame: here they count from the picture." : "";
-  return [comparison(run, id), make("div", {}, title, make("p", { class: "small" }, `Times count from when the first node's queue received the frame, as in the metrics.${never}`),
+  return [comparison(run, id), make("div", {}, title, make("p", { class: "small" }, "Times count from the camera's stamp, as in the metrics."),
     ...folded("Where its time went", partsOfFrame(run, method, id)),
-    ...folded("What happened to it", [make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t - zero)),
+    ...folded("What happened to it", [make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t)),
       make("span", { class: step.tone ? `o-${step.tone}` : null }, step.text, step.small ? make("span", { class: "small" }, step.small) : null))))]))];
 }
 
@@ -42,7 +41,7 @@ function shortStory(run, method, id) {
 function stepsOf(run, method, id) {
   const { rows, lookups } = method, { names } = run, steps = lookupSteps(run, method, id);
   const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id] >= 0 ? names[rows.drop[id]] : null;
-  const after = (us) => rows.received_us[id] >= 0 ? `${inMs(us - rows.received_us[id])} after it was received` : null;
+  const after = (us) => `${inMs(us)} after the picture`;
   if (rows.received_us[id] >= 0) steps.push({ t: rows.received_us[id], text: "The queue of the first node receives it" });
   if (first >= 0) {
     steps.push({ t: first, tone: "hit", text: `First answer: ${countOf(rows.objects_served[id])} from ${SOURCES[names[rows.source[id]]]}`,
@@ -78,14 +77,14 @@ function lookupSteps(run, { lookups, of_frame }, id) {
   });
 }
 
-// The same frame under every method, on one axis of milliseconds since each one's first node received it.
+// The same frame under every method, on one axis of milliseconds since the camera's stamp.
 function comparison(run, id) {
   const room = byId("story").clientWidth || 640, { methods } = run;
   const width = Math.max(300, Math.min(room > 1100 ? room / 2 - 16 : room, 830)); // two columns, or one
   const narrow = width < 560, row = narrow ? 44 : 30;
   const left = Math.min(12 + LETTER_PX * Math.max(...methods.map(({ title }) => title.length)), (narrow ? 0.45 : 0.3) * width);
   const fitting = (title) => (LETTER_PX * title.length + 12 > left ? `${title.slice(0, Math.floor((left - 12) / LETTER_PX) - 1)}\u2026` : title);
-  const since = ({ rows }) => ["first_answer_us", "fresh_answer_us"].map((name) => rows[name][id] < 0 ? -1 : rows[name][id] - receivedAt(rows, id));
+  const since = ({ rows }) => ["first_answer_us", "fresh_answer_us"].map((name) => rows[name][id]);
   const span = 1.05 * Math.max(1000, ...methods.flatMap(since)), across = (us) => left + us / span * (width - left - 40);
   const svg = draw("svg", { width, height: row * methods.length + 29, role: "img",
     "aria-label": methods.map(({ title, rows }) => `${title}: ${inWords(run, rows, id)}`).join("; ") });
@@ -96,7 +95,7 @@ function comparison(run, id) {
     if (narrow || last < 0) svg.append(draw("text", { class: "quiet", x: narrow ? 0 : left, y: narrow ? y + 20 : y + 4 }, told));
     if (last < 0) return;
     for (const { part, place, from, took } of stepsTo(run, method, id)) {
-      svg.append(draw("rect", { class: `step ${partClass(part)}`, x: across(from / 1000), y: y - 5, width: Math.max(took / 1000 / span * (width - left - 40), 0.5), height: 10 },
+      svg.append(draw("rect", { class: `step ${partClass(part)}`, x: across(receivedAt(method.rows, id) + from / 1000), y: y - 5, width: Math.max(took / 1000 / span * (width - left - 40), 0.5), height: 10 },
         draw("title", {}, `${partTitle(part)}, ${place}: ${inMs(took / 1000)}`)));
       shown.add(part);
     }
@@ -114,7 +113,7 @@ function comparison(run, id) {
     sign(draw("circle", { class: "hollow", cx: 7, cy: 7, r: 5, stroke: "currentColor" }), "fresh result")), partKeys(shown));
 }
 function inWords(run, rows, id) {
-  const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id], ms = (us) => inMs(us - receivedAt(rows, id));
+  const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id], ms = inMs;
   if (first < 0) return drop >= 0 ? `no answer: dropped at ${run.names[drop]}` : "no answer";
   if (fresh < 0) return `first ${ms(first)}, no fresh one`;
   return fresh === first ? `fresh ${ms(fresh)}` : `first ${ms(first)}, fresh ${ms(fresh)}`;

@@ -1,97 +1,74 @@
 """The process of a fault: it begins and ends at its times, and both are noted."""
 
 from collections.abc import Generator
-from contextlib import suppress
-from dataclasses import replace
-from typing import Any
 
 import simpy
 
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.contracts import Contract, require
+from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.core.monitor import FaultSpan
 from genie_sim.sim.clock import Steps
-from genie_sim.sim.fault import AffectedNetwork, DrawnFault, FaultProcess, TimedFault
+from genie_sim.sim.fault import Strike, TimedFault
+from genie_sim.sim.network import Network
+
+GENERATOR = Contract(
+    "a generator, a function that yields", lambda value: isinstance(value, Generator)
+)
 
 
-class RecordedFault:
-    """A fault that notes when it begins and ends.
-
-    Parameters
-    ----------
-    timed : TimedFault
-        The fault.
-    spans : list of FaultSpan
-        Gets every time from a beginning to an end.
-    """
-
-    def __init__(self, timed: TimedFault, spans: list[FaultSpan]) -> None:
-        self._timed = timed
-        self._spans = spans
-        self._present = -1  # the place of the span that has begun
-        self._process: simpy.Process | None = None
-
-    def begin(self, network: AffectedNetwork) -> None:
-        fault = self._timed.fault
-        hosts = fault.drawn_targets(network) if isinstance(fault, DrawnFault) else fault.target
-        text = hosts if isinstance(hosts, str) else ", ".join(hosts)
-        self._present = len(self._spans)
-        self._spans.append(FaultSpan(self._timed.kind, text, network.clock.now, None))
-        try:
-            if isinstance(fault, FaultProcess):
-                steps = fault.run(network)
-                if not isinstance(steps, Generator):
-                    raise UserError(
-                        f"run() returns {short_repr(steps)}, but must be a generator, a function "
-                        "that yields"
-                    )
-                self._process = network.clock.process(_until_interrupted(steps))
-            else:
-                fault.begin(network)
-        except UserError as error:  # such as an unknown host
-            raise UserError(f"fault {self._timed.kind!r}: {error}") from None
-
-    def end(self, network: AffectedNetwork) -> None:
-        span = self._spans[self._present]
-        self._spans[self._present] = span._replace(end_ns=network.clock.now)
-        if self._process is None:
-            self._timed.fault.end(network)
-        elif self._process.is_alive:
-            self._process.interrupt("end")
-
-
-def _until_interrupted(steps: Steps) -> Steps:
-    with suppress(simpy.Interrupt):
-        yield from steps
-
-
-def recorded(timed: TimedFault, spans: list[FaultSpan]) -> TimedFault:
-    """The same fault, which notes when it begins and ends."""
-    fault: Any = RecordedFault(timed, spans)
-    return replace(timed, fault=fault)
-
-
-def run(timed: TimedFault, network: AffectedNetwork, last_frame_ns: int) -> Steps:
+def run(timed: TimedFault, network: Network, last_frame_ns: int, spans: list[FaultSpan]) -> Steps:
     """The process of a fault: it begins and ends, once or again and again. A recurring one does not
-    begin again after the last frame.
+    begin again after the last frame. ``spans`` gets every time from a beginning to an end.
     """
-    clock, fault, between_ns = network.clock, timed.fault, timed.mean_time_between_ns
-    if between_ns is None:
-        yield clock.timeout(timed.begin_ns)
-        fault.begin(network)
-        if timed.end_ns is not None:
-            yield clock.timeout(timed.end_ns - timed.begin_ns)
-            fault.end(network)
-        return
+    clock, target = network.clock, timed.fault.target
+    owner, between_ns = f"fault {timed.kind!r}", timed.mean_time_between_ns
     rng = network.stream(timed.name)
 
     def drawn(mean_ns: int) -> simpy.Timeout:
         return clock.timeout(max(1, round(rng.exponential(mean_ns))))
 
     yield clock.timeout(timed.begin_ns)
-    yield drawn(between_ns)
-    while clock.now <= last_frame_ns:
-        fault.begin(network)
-        yield drawn(timed.mean_duration_ns)
-        fault.end(network)
+    if between_ns is not None:
+        yield drawn(between_ns)
+    while between_ns is None or clock.now <= last_frame_ns:
+        text = target if isinstance(target, str) else ", ".join(target)
+        place = len(spans)
+        spans.append(FaultSpan(timed.kind, text, clock.now, None))
+        steps = require(owner, "strike()", timed.fault.strike(network), GENERATOR)
+        with as_user_error(owner, UserError):  # such as an unknown host
+            event = next(steps, None)
+        process = clock.process(_working(owner, steps, event))
+        if between_ns is not None:
+            yield drawn(timed.mean_duration_ns)
+        elif timed.end_ns is not None:
+            yield clock.timeout(timed.end_ns - timed.begin_ns)
+        else:
+            return
+        spans[place] = spans[place]._replace(end_ns=clock.now)
+        if process.is_alive:
+            process.interrupt("end")
+        else:
+            next(steps, None)
+        if between_ns is None:
+            return
         if clock.now <= last_frame_ns:
             yield drawn(between_ns)
+
+
+def _working(owner: str, steps: Strike, event: simpy.Event | None) -> Steps:
+    """Waits for what a fault waits for, until that is its end alone."""
+    try:
+        while event is not None:
+            if not isinstance(event, simpy.Event):
+                raise UserError(
+                    f"{owner}: strike() yields {short_repr(event)}, but must yield an event of the "
+                    "clock, or nothing to wait for its end"
+                )
+            try:
+                value = yield event
+            except Exception as error:
+                event = steps.throw(error)
+            else:
+                event = steps.send(value)
+    except (StopIteration, simpy.Interrupt):
+        return

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from genie_sim.core.messages import Detections, Message
 from genie_sim.core.monitor import Monitor
-from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber
+from genie_sim.sim.uplinks import CarUplink
 
 
 class CarListener(Subscriber):
@@ -23,7 +23,7 @@ class CarListener(Subscriber):
         graph: Graph,
         monitor: Monitor,
         *,
-        uplinks: Sequence[EdgeConnection],
+        uplinks: Sequence[CarUplink],
         has_server: bool,
     ) -> None:
         self.address = f"{graph.name}/consumer"

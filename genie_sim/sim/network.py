@@ -5,7 +5,7 @@ act on.
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from genie_sim.sim.broadcast import Broadcast
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
-from genie_sim.sim.fault import EdgeConnection
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import BroadcastRadio, LinkEnds, LinkModel, Medium, Radio, Sender
@@ -26,6 +25,9 @@ from genie_sim.sim.link_models.channels import make_radio
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph, ignore_drop
 from genie_sim.sim.service import Device
+
+if TYPE_CHECKING:
+    from genie_sim.sim.uplinks import CarUplink
 
 
 class Network:
@@ -73,7 +75,7 @@ class Network:
         self.resources: list[Resource] = []  # what is sampled
         self.graphs: dict[str, Graph] = {}  # by the host
         self.links: dict[str, Link] = {}
-        self.uplinks: dict[str, EdgeConnection] = {}  # by the car, each to its own edge
+        self.uplinks: dict[str, CarUplink] = {}  # by the car, each to its own edge
         self.broadcasts: dict[str, Broadcast] = {}  # by the host
         self._seed = seed
         self._host_names = host_names

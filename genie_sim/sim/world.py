@@ -88,8 +88,7 @@ class World:
             self._build_car(car)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
-            timed = fault_process.recorded(timed, self._fault_spans)
-            steps = fault_process.run(timed, self.network, self.last_frame_ns)
+            steps = fault_process.run(timed, self.network, self.last_frame_ns, self._fault_spans)
             self._faults.append(self.clock.process(steps))
         for camera in self._cameras:
             self.clock.process(camera.run())
@@ -232,7 +231,7 @@ class World:
         self.clock.process(self._sample(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
             self.clock.run(until=self.last_frame_ns + drained_ns)
-            may_end_stall = any(fault.is_alive for fault in self._faults)
+            may_end_stall = any(process.is_alive for process in self._faults)
             if not self.network.is_busy(stalled_too=may_end_stall):
                 break
         self.monitor.sample(self._sampled, self.clock.now)

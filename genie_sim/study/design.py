@@ -40,6 +40,8 @@ COLUMNS = (  # of the tables
     "low",
     "high",
     "n",
+    "range_low",
+    "range_high",
     "runs",
 )
 UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}

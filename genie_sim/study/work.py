@@ -265,7 +265,9 @@ class Parts:
 
         rows = [(run_id, *row) for run_id in sorted(run_ids) for row in self._rows(run_id) or ()]
         table = pd.DataFrame(rows, columns=["run_id", *METRIC_FIELDS])
-        return table.astype(dict.fromkeys(("value", "low", "high"), float))
+        return table.astype(
+            dict.fromkeys(("value", "low", "high", "range_low", "range_high"), float)
+        )
 
     def tidy(self) -> None:
         """Removes what killed workers left, and reasons of failures that are mended."""

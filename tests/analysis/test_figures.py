@@ -79,7 +79,7 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
             "Genies on cars",
             "Genies on edges",
             "image reuse",
-            "lowest and highest 50 requests of a Genie",
+            "lowest and highest running ratio of a Genie",
         ],
         "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
         "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
@@ -259,7 +259,7 @@ def test_the_curve_passes_the_median_at_one_half(tables):
     assert median == pytest.approx(expected, rel=0.02)
 
 
-def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
+def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
     figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
     found = metrics.compute(
         METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
@@ -271,7 +271,7 @@ def test_bars_are_the_metrics_and_error_bars_their_windows(tables):
     assert label.get_text() == "Genie (DG)", "whose reuse it is, not which run"
     whiskers = [lines.get_segments() for lines in figure.axes[0].collections]
     tops = [segments[0][:, 1].max() for segments in whiskers if segments]
-    assert tops == pytest.approx([reuse["car"].high, reuse["edge"].high])
+    assert tops == pytest.approx([reuse["car"].range_high, reuse["edge"].range_high])
 
 
 def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):

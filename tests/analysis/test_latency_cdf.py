@@ -19,7 +19,7 @@ def frames(*answers_ms: float | None) -> Columns:
     nan = float("nan")
     first = np.array([nan if ms is None else ms * MS for ms in answers_ms])
     n = len(first)
-    columns = {"received_ns": np.zeros(n), "first_answer_ns": first}
+    columns = {"stamp_ns": np.zeros(n), "first_answer_ns": first}
     return Columns({**columns, "fresh_answer_ns": np.full(n, nan)}).assign(method="genie")
 
 

@@ -52,20 +52,20 @@ def test_more_columns_than_fit_one_of_two_span_the_page():
     assert r"\begin{table*}" in text and r"\end{table*}" in text and "n}" in text
 
 
-def test_a_run_s_table_says_what_its_brackets_are_and_marks_those_of_another_kind():
+def test_a_run_s_table_says_what_its_brackets_are_and_has_no_range():
     run = run_of(
         MetricValue("frames_published", "local", "all", "", 5, "frames"),
         MetricValue("frames_published", "mine", "all", "", 5, "frames"),
         MetricValue("first_answer_mean", "local", "all", "", 342.0, "ms", 328.0, 356.0),
         MetricValue("first_answer_mean", "mine", "all", "", 9.12, "ms", 9.12, 9.12),
-        MetricValue("image_reuse", "mine", "car", "", 0.25, "1", 0.1, 0.4),
+        MetricValue("image_reuse", "mine", "car", "", 0.25, "1", range_low=0.1, range_high=0.4),
     )
     text = summary.table(run, "latex")
     assert "first answer, mean [ms] & 342 & 9.12" in text
     assert r"{\scriptsize [328, 356]}" in text
     assert "[9.12, 9.12]" not in text, "an interval without width is none"
-    assert r"image reuse on cars [\%]\textsuperscript{a} & {--} & 25" in text
-    assert r"\textsuperscript{a} lowest and highest ratio of any 50 requests" in text
+    assert r"image reuse on cars [\%] & {--} & 25" in text
+    assert "[10, 40]" not in text, "a range is no interval"
     assert "95 \\% intervals inside the run" in text
     assert r"\shortstack{my\_50\% \& \$x\$}" in text
     assert "differences" not in text, "one seed has no paired differences over seeds"

@@ -110,11 +110,11 @@ def of_tables(
 def test_six_frames_worked_by_hand():
     result = of_tables(frames=six_frames())
     value = {key: metric.value for key, metric in result.items()}
-    assert value["first_answer_mean", "local"] == 250.0
-    assert value["first_answer_p50", "genie"] == 20.0
-    assert value["first_answer_p99", "genie"] == pytest.approx(29.8)
-    assert value["fresh_answer_mean", "genie"] == 45.0
-    assert value["improvement_first_answer", "local"] == pytest.approx(1 - 20 / 250)
+    assert value["first_answer_mean", "local"] == 252.0
+    assert value["first_answer_p50", "genie"] == 22.0
+    assert value["first_answer_p99", "genie"] == pytest.approx(31.8)
+    assert value["fresh_answer_mean", "genie"] == 47.0
+    assert value["improvement_first_answer", "local"] == pytest.approx(1 - 22 / 252)
     assert (
         value["answered_share", "local"] == value["answered_share", "genie"] == pytest.approx(2 / 3)
     )
@@ -161,9 +161,9 @@ def autocorrelated_run(rng: np.random.Generator, mean_ms: float) -> pd.DataFrame
         deviation = 0.0
         for frame in range(800):
             deviation = 0.8 * deviation + rng.standard_normal()
-            answer_ns = int((mean_ms + deviation) * MS)
+            answer_ns, stamp_ns = int((mean_ms + deviation) * MS), frame * 50 * MS
             table.append(
-                FrameRow("genie", car, "camera_02", frame, 0, frame * 50 * MS, 0, answer_ns)
+                FrameRow("genie", car, "camera_02", frame, 0, stamp_ns, 0, stamp_ns + answer_ns)
             )
     return table.to_frame()
 
@@ -181,7 +181,8 @@ def test_the_interval_inside_a_run_covers_the_true_mean_and_median():
         mean, median = result["first_answer_mean", "genie"], result["first_answer_p50", "genie"]
         covered += mean.low < 30.0 < mean.high
         median_covered += median.low < 30.0 < median.high
-        error = 1.96 * (frames["first_answer_ns"] / MS).std() / np.sqrt(len(frames))
+        taken_ms = (frames["first_answer_ns"] - frames["stamp_ns"]) / MS
+        error = 1.96 * taken_ms.std() / np.sqrt(len(frames))
         naive += abs(mean.value - 30.0) < error
     print(
         f"covered: mean {covered}/200, median {median_covered}/200, frames taken for independent"
@@ -199,10 +200,9 @@ def test_paired_frames_narrow_the_interval_of_an_improvement():
     table = Table(FRAMES)
     for method, factor in (("local", 1.0), ("genie", 0.1)):
         for frame in range(100):
-            answer_ns = int(factor * (200 + 10 * (frame // 10)) * MS)
-            table.append(
-                FrameRow(method, "car1", "camera_02", frame, 0, frame * 100 * MS, 0, answer_ns)
-            )
+            stamp_ns = frame * 100 * MS
+            answer_ns = stamp_ns + int(factor * (200 + 10 * (frame // 10)) * MS)
+            table.append(FrameRow(method, "car1", "camera_02", frame, 0, stamp_ns, 0, answer_ns))
     result = of_tables(frames=table.to_frame())
     improvement, mean = (
         result["improvement_first_answer", "local"],
@@ -261,7 +261,7 @@ def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():
     assert result["image_reuse", "edge"].value == 1.0
     assert result["image_reuse_pooled", "car"].value == pytest.approx(11 / 24)
     assert result["image_reuse", "car"].n == 24
-    assert result["image_reuse", "car"].low is None  # nobody made 50 requests
+    assert result["image_reuse", "car"].low is None, "a range is no interval"
     assert result["stored_images", "car"].value == (20 + 4) / 2
 
 
@@ -269,8 +269,8 @@ def test_neighbours_requests_count_apart():
     own = events("edge1/genie", "image", [1, 0, 0, 0])
     neighbours = events("edge1/genie", "image", [1, 1, 1, 1], requester="neighbour")
     result = of_tables(lookups=lookup_table(*own, *neighbours))
-    assert result["image_reuse", "edge"].value == 0.25
-    assert result["image_reuse_with_neighbours", "edge"].value == 5 / 8
+    assert result["image_reuse_own", "edge"].value == 0.25
+    assert result["image_reuse", "edge"].value == 5 / 8
 
 
 def test_object_reuse_counts_look_ups_of_each_kind_not_messages():
@@ -279,45 +279,33 @@ def test_object_reuse_counts_look_ups_of_each_kind_not_messages():
     result = of_tables(lookups=lookup_table(*sightings, *boosts))
     assert result["object_reuse", "car"].value == pytest.approx(7 / 12)
     assert result["image_reuse", "car"].value is None
-    assert result["confidence_boost", "car"].value == pytest.approx(0.1)
-    assert result["confidence_boost", "car"].n == 7
+    assert result["boost_per_sighting", "car"].value == pytest.approx(0.1)
+    assert result["boost_per_sighting", "car"].n == 7
+    assert result["confidence_boost", "car"].value == pytest.approx(0.7 / 2), "two are stored"
 
 
-def test_error_bars_are_the_extreme_windows_of_50_requests():
-    """100 misses, 40 hits, 60 misses: the best 50 requests in a row hold all 40 hits, the worst
-    none.
-    """
-    table = lookup_table(*events("car1/genie", "image", [0] * 100 + [1] * 40 + [0] * 60))
-    metric = of_tables(lookups=table)["image_reuse", "car"]
-    assert (metric.value, metric.low, metric.high) == (0.2, 0.0, 0.8)
+def test_a_range_is_from_the_lowest_to_the_highest_running_ratio_of_any_genie():
+    """Car 1 has 1, 1/2, 2/3; car 2 has 0, 0."""
+    one = events("car1/genie", "image", [1, 0, 1])
+    metric = of_tables(lookups=lookup_table(*one, *events("car2/genie", "image", [0, 0])))[
+        "image_reuse", "car"
+    ]
+    assert metric.value == pytest.approx((2 / 3 + 0) / 2)
+    assert (metric.range_low, metric.range_high) == (0.0, 1.0)
+    alone = of_tables(lookups=lookup_table(*one))["image_reuse", "car"]
+    assert (alone.range_low, alone.range_high) == (0.5, 1.0)
 
 
-def test_windows_of_objects_hold_whole_messages():
-    """20 requests a message: a window needs three messages, 60 requests, to hold 50."""
-    table = lookup_table(*events("car1/genie", "sighting", [20, 0, 10, 20], requests=20))
-    windows = genie_metrics.windowed_reuse(Columns.of(table))
-    assert list(windows["t_ns"]) == [2 * S, 3 * S]
-    assert list(windows["ratio"]) == [30 / 60, 30 / 60]
-
-
-def test_no_window_holds_requests_of_two_genies():
+def test_the_running_boost_is_confidence_added_over_objects_then_stored():
     table = lookup_table(
-        *events("car1/genie", "image", [1] * 52), *events("car2/genie", "image", [0] * 51)
-    )
-    windows = genie_metrics.windowed_reuse(Columns.of(table))
-    assert windows["genie"].tolist() == ["car1/genie"] * 3 + ["car2/genie"] * 2
-    assert windows["ratio"].tolist() == [1, 1, 1, 0, 0]
-
-
-def test_the_running_boost_weighs_updates_not_events():
-    table = lookup_table(
-        ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.10, 1),
-        ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.00, 1),
-        ("genie", 2, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
+        ("genie", 0, "g", "car", "boost", None, "car1", "c", 0, None, 1, 1, 1, 0.00, 0),
+        ("genie", 1, "g", "car", "boost", None, "car1", "c", 0, None, 1, 0, 0, 0.10, 2),
+        ("genie", 2, "h", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.06, 1),
+        ("genie", 3, "g", "car", "boost", None, "car1", "c", 0, None, 3, 3, 3, 0.00, 1),
     )
     curve = genie_metrics.running_boost(Columns.of(table))
-    assert list(curve["updates"]) == [1, 4]
-    assert list(curve["boost"]) == pytest.approx([0.10, 0.04])
+    assert list(curve["events"]) == [2, 3, 4]
+    assert list(curve["boost"]) == pytest.approx([0.10 / 2, 0.16 / 3, 0.16 / 2])
 
 
 def test_resources_tell_utilization_queue_and_throughput():
@@ -408,9 +396,9 @@ def test_each_method_is_measured_and_compared_with_every_baseline():
     table = Table(FRAMES)
     for method, answer_ms in (("plain", 100), ("slow", 80), ("swift", 10)):
         for frame in range(20):
-            table.append(
-                FrameRow(method, "car1", "c", frame, 0, frame * 100 * MS, 0, answer_ms * MS)
-            )
+            stamp_ns = frame * 100 * MS
+            row = FrameRow(method, "car1", "c", frame, 0, stamp_ns, 0, stamp_ns + answer_ms * MS)
+            table.append(row)
     lookups = lookup_table(
         *events("car1/genie", "image", [0, 0], method="slow"),
         *events("car1/genie", "image", [1, 1], method="swift"),
@@ -452,9 +440,9 @@ def test_a_deadline_is_met_before_it_and_not_at_it():
     late_ms = {"local": ([33, 33, 33], [33, 32, 33]), "genie": ([33, 33, 32], [33, 33, 33])}
     for method, (first_ms, fresh_ms) in late_ms.items():
         rows = (frames["method"] == method).to_numpy()
-        received_ns = frames.loc[rows, "received_ns"].to_numpy()
-        frames.loc[rows, "first_answer_ns"] = received_ns + np.array(first_ms) * MS
-        frames.loc[rows, "fresh_answer_ns"] = received_ns + np.array(fresh_ms) * MS
+        stamps_ns = frames.loc[rows, "stamp_ns"].to_numpy()
+        frames.loc[rows, "first_answer_ns"] = stamps_ns + np.array(first_ms) * MS
+        frames.loc[rows, "fresh_answer_ns"] = stamps_ns + np.array(fresh_ms) * MS
     result = of_tables(frames=frames)
     third = pytest.approx(1 / 3)
     assert result["under_deadline_share", "local"].value == 0.0

@@ -69,7 +69,7 @@ def value(of: Run, name: str, method: str, placement: str = "all", end: str = "v
         for metric in of.measured
         if (metric.metric, metric.method, metric.placement) == (name, method, placement)
     )
-    return getattr(metric, end)
+    return getattr(metric, end if end == "value" else f"range_{end}")
 
 
 @pytest.mark.parametrize("end", ["value", "low", "high"])

@@ -141,8 +141,8 @@ PAIR = ["--format", "v2v4real"]
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "give either --drive or --format"),
-        (["--drive", "a", *PAIR], "give either --drive or --format"),
+        ([], "give either --drive, --format or --check"),
+        (["--drive", "a", *PAIR], "give either --drive, --format or --check"),
         ([*PAIR, "--sequence", "s"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--out", "o"], "--format v2v4real needs --sequence and --out"),
         ([*PAIR, "--evaluate"], "--format goes with ROOT, --sequence, --partner, --min-score"),
@@ -152,6 +152,8 @@ PAIR = ["--format", "v2v4real"]
         (["--drive", "a", "--sequence", "s"], "--sequence s goes with --format v2v4real only"),
         (["--drive", "a", "--partner", "3"], "--partner 3 goes with --format v2v4real only"),
         (["--drive", "a"], "say what you want: --out or --evaluate"),
+        (["--check", "a", "--drive", "b"], "give either --drive, --format or --check"),
+        (["--check", "a", "--out", "b"], "--check writes and judges nothing"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):

@@ -7,19 +7,36 @@ class TestMine(FaultConformance):
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import pandas as pd
-import pytest
 
+from genie_sim.record.records import Tables
 from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
 
 S = 1_000_000_000
 BEGIN_NS, END_NS = round(0.5 * S), round(1.1 * S)
-# a frame that comes so long after the end has nothing to do with the fault any more
-WORK_NS = 2 * S
+Times = list[tuple[int, int | None]]  # when faults began and ended
+
+
+def scenario(faults: Sequence[dict[str, Any]], methods: Sequence[Any]) -> Scenario:
+    street = {"source": "tests.conformance.own:Street", "seconds": 2.0}
+    return small.scenario(methods, perception=street, faults=list(faults))
+
+
+@functools.cache
+def without_faults(methods: tuple[Any, ...]) -> pd.DataFrame:
+    """The frames of the same street on which nothing goes wrong."""
+    return small.frames(scenario([], methods))
+
+
+def times_of(written: Tables, method: str) -> Times:
+    rows = written["faults"].to_frame()
+    rows = rows[rows["method"] == method]
+    return list(zip(rows["begin_ns"].tolist(), rows["end_ns"].tolist(), strict=True))
 
 
 class FaultConformance:
@@ -31,50 +48,35 @@ class FaultConformance:
     times: ClassVar[dict[str, str]] = {"begin": "0.5 s", "end": "1.1 s"}
     methods: ClassVar[tuple[str, ...]] = small.ALL
 
-    def scenario(self, *faults: dict[str, Any], methods: Sequence[Any] | None = None) -> Scenario:
-        street = {"source": "tests.conformance.own:Street", "seconds": 2.0}
-        chosen = self.methods if methods is None else methods
-        return small.scenario(chosen, perception=street, faults=list(faults))
-
-    def test_every_frame_is_answered_or_dropped_and_twice_the_same(self, fault: dict[str, Any]):
-        written = small.check_twice_the_same(self.scenario({**fault, **self.times}))
+    def test_it_keeps_frames_and_methods_apart(self, fault: dict[str, Any]):
+        """Every frame is answered or dropped, every method meets the fault at its times and in the
+        same way whatever ran before, and what was before the fault is as if it never happened.
+        """
+        timed = {**fault, **self.times}
+        written = small.check_order_is_irrelevant(
+            lambda methods: scenario([timed], methods), self.methods
+        )
         rows = written["frames"].to_frame()
         small.check_conserved(rows, self.methods)
         if self.drops is not None:
             assert rows["drop"].str.contains(self.drops, regex=False).any(), "it loses nothing"
-
-    def test_no_state_goes_from_one_method_to_the_next(self, fault: dict[str, Any]):
-        timed = {**fault, **self.times}
-        small.check_order_is_irrelevant(
-            lambda methods: self.scenario(timed, methods=methods), self.methods
-        )
-
-    def test_what_was_before_is_as_if_it_never_happened(self, fault: dict[str, Any]):
-        """Up to the moment it begins: afterwards even an old frame may be lost."""
-        with_fault, without = (
-            small.frames(self.scenario(*one)) for one in ([{**fault, **self.times}], [])
-        )
+        for method in self.methods:
+            assert times_of(written, method) == [(BEGIN_NS, END_NS)]
+        before = without_faults(self.methods)
         for name in ("first_answer_ns", "fresh_answer_ns", "result_answer_ns"):
-            one, other = (
-                (rows[name].where(rows[name] < BEGIN_NS)) for rows in (with_fault, without)
-            )
-            pd.testing.assert_series_equal(one, other, check_dtype=False)
-        assert (without["first_answer_ns"] < BEGIN_NS).any()
-
-    def test_it_happens_at_its_times_under_every_method(
-        self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-    ):
-        happened = spy(monkeypatch, self.scenario({**fault, **self.times}))
-        begin, end = ("begin", BEGIN_NS), ("end", END_NS)
-        assert happened == [[begin, end]] * len(self.methods)
+            for method in self.methods:
+                one, other = (
+                    frames[(frames["method"] == method) & (frames[name] < BEGIN_NS)][name].tolist()
+                    for frames in (rows, before)
+                )
+                assert one == other, f"{method}: {name}"
+        assert (before["first_answer_ns"] < BEGIN_NS).any()
 
     def test_nothing_is_down_when_it_is_over(self, fault: dict[str, Any]):
-        for place, _ in enumerate(self.methods):
-            world, _ = small.world(self.scenario({**fault, **self.times}), place)
-            world.run()
-            assert not world.network.outages and not any(
-                link.down_by for link in world.network.links.values()
-            )
+        world, _ = small.world(scenario([{**fault, **self.times}], self.methods[-1:]))
+        world.run()
+        assert not world.network.outages
+        assert not any(link.down_by for link in world.network.links.values())
 
 
 class RandomFaultConformance:
@@ -83,55 +85,15 @@ class RandomFaultConformance:
     methods: ClassVar[tuple[str, ...]] = small.ALL
     times: ClassVar[dict[str, str]] = {"mean_time_between": "300 ms", "mean_duration": "200 ms"}
 
-    def test_it_comes_at_the_same_random_times_under_every_method(
-        self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-    ):
-        once, *others = spy(
-            monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}])
-        )
-        assert all(times == once for times in others)
-        assert [what for what, _ in once] == ["begin", "end"] * (len(once) // 2), (
-            "each ends before the next"
-        )
-        assert len(once) >= 4 and [when for _, when in once] == sorted(when for _, when in once)
-        again = spy(monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}]))
-        assert again == [once] * len(self.methods)
-        other = spy(
-            monkeypatch, small.scenario(self.methods, faults=[{**fault, **self.times}], seed=2)
-        )
-        assert other[0] != once, "another seed, other times"
-
-    def test_every_frame_is_answered_or_dropped_at_random_times_too(self, fault: dict[str, Any]):
-        rows = small.frames(small.scenario(self.methods, faults=[{**fault, **self.times}]))
-        small.check_conserved(rows, self.methods)
-
-    def test_another_fault_before_it_does_not_share_its_times(
-        self, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-    ):
-        twice = [{**fault, **self.times}] * 2
-        both = spy(monkeypatch, small.scenario(self.methods[:1], faults=twice))[0]
-        alone = spy(monkeypatch, small.scenario(self.methods[:1], faults=twice[:1]))[0]
-        assert len(both) > len(alone) and set(alone) < set(both)
-
-
-def spy(monkeypatch: pytest.MonkeyPatch, scenario: Scenario) -> list[list[tuple[str, int]]]:
-    """For each of a scenario's methods, when its faults began and ended."""
-    happened = []
-    for place, _ in enumerate(scenario.methods):
-        world, _ = small.world(scenario, place)
-        mine: list[tuple[str, int]] = []
-        happened.append(mine)
-        with monkeypatch.context() as patched:
-            for cls in {type(timed.fault) for timed in world.setup.faults}:
-                for what in ("begin", "end"):
-                    patched.setattr(cls, what, _noting(getattr(cls, what), what, mine))
-            world.run()
-    return happened
-
-
-def _noting(done, what: str, noted: list[tuple[str, int]]):
-    def note(self, network):
-        noted.append((what, network.clock.now))
-        done(self, network)
-
-    return note
+    def test_it_comes_at_random_times_of_its_own(self, fault: dict[str, Any]):
+        timed, (first, *_) = {**fault, **self.times}, self.methods
+        written = small.simulated(small.scenario(self.methods, faults=[timed]))
+        small.check_conserved(written["frames"].to_frame(), self.methods)
+        times, *others = (times_of(written, method) for method in self.methods)
+        assert all(of_other == times for of_other in others), "the same under every method"
+        instants = [instant for span in times for instant in span]
+        assert len(times) >= 2 and instants == sorted(instants), "each ends before the next"
+        other_seed = small.simulated(small.scenario([first], faults=[timed], seed=2))
+        assert times_of(other_seed, first) != times, "another seed, other times"
+        both = times_of(small.simulated(small.scenario([first], faults=[timed] * 2)), first)
+        assert len(both) > len(times) and set(times) < set(both), "another fault has times apart"

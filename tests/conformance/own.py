@@ -158,13 +158,13 @@ class Crash(Outage):
     def dropped_by(self):
         return "crash"
 
-    def begin(self, network):
-        super().begin(network)
-        network.void(self.target, f"{self.target}:{self.dropped_by}")
-
-    def end(self, network):
-        network.void(self.target, f"{self.target}:{self.dropped_by}")
-        super().end(network)
+    def strike(self, network):
+        where = f"{self.target}:{self.dropped_by}"
+        network.take_down(self.target, self.dropped_by)
+        network.void(self.target, where)
+        yield
+        network.void(self.target, where)
+        network.put_up(self.target, self.dropped_by)
 
 
 @dataclass(frozen=True)
@@ -175,14 +175,12 @@ class Blackout:
 
     dropped_by = "blackout"
 
-    def begin(self, network):
+    def strike(self, network):
         graph = network.graphs.get(self.target)
         if graph is not None:
             for node in graph.nodes:
                 node.void(f"{self.target}:blackout")
-
-    def end(self, network):
-        pass
+        yield
 
 
 @dataclass(frozen=True)
@@ -310,9 +308,11 @@ class LeakyFault(Blackout):
 
     begun: ClassVar = itertools.count()
 
-    def begin(self, network):
+    def strike(self, network):
         if next(self.begun) % 2:
-            super().begin(network)
+            yield from super().strike(network)
+        else:
+            yield
 
 
 class LeakyRadio(Radio):
@@ -397,7 +397,7 @@ class Beside:
 class Idles(Beside):
     """It waits again and again, for ever."""
 
-    def run(self, network):
+    def strike(self, network):
         while True:
             yield network.clock.timeout(7_000_000)
 
@@ -405,7 +405,7 @@ class Idles(Beside):
 class Floods(Beside):
     """More background traffic than its link can carry, for ever."""
 
-    def run(self, network):
+    def strike(self, network):
         while True:
             network.links[self.target].load("flood", 100_000)
             yield network.clock.timeout(5_000_000)
@@ -414,7 +414,7 @@ class Floods(Beside):
 class Yields(Beside):
     """It yields what is no event."""
 
-    def run(self, network):
+    def strike(self, network):
         yield network.clock.timeout(5)
         yield 3
 
@@ -422,14 +422,14 @@ class Yields(Beside):
 class Fraction(Beside):
     """It waits for half a nanosecond."""
 
-    def run(self, network):
+    def strike(self, network):
         yield network.clock.timeout(1.5)
 
 
 class Raises(Beside):
     """It fails."""
 
-    def run(self, network):
+    def strike(self, network):
         yield network.clock.timeout(5)
         raise KeyError("lost")
 
@@ -437,5 +437,5 @@ class Raises(Beside):
 class Returns(Beside):
     """It is no process."""
 
-    def run(self, network):
+    def strike(self, network):
         return 3

@@ -147,11 +147,13 @@ def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:
 
 def check_order_is_irrelevant(
     setting: Callable[[Sequence[Any]], Scenario], methods: Sequence[Any] = ALL
-) -> None:
+) -> Tables:
     """Every method gives the same bytes alone and after the others, so that nothing that a scenario
-    names keeps state from one method to the next.
+    names keeps state from one method to the next. Returns the tables of all of them.
     """
-    together = arrow(simulated(setting(methods[::-1])))
+    written = simulated(setting(methods[::-1]))
+    together = arrow(written)
     for method in methods:
         name = from_plain(MethodEntry, method).name
         same(of(name, arrow(simulated(setting([method])))), of(name, together))
+    return written

@@ -71,7 +71,7 @@ def test_a_method_that_keeps_state_is_caught():
 
 def test_a_fault_that_keeps_state_between_methods_is_caught():
     with pytest.raises(AssertionError):
-        FaultConformance().test_no_state_goes_from_one_method_to_the_next(
+        FaultConformance().test_it_keeps_frames_and_methods_apart(
             {"fault": f"{OWN}:LeakyFault", "target": "edge1"}
         )
 

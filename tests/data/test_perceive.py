@@ -3,6 +3,7 @@ KITTI's labels.
 """
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,7 @@ from genie_sim.data.perceive import DriveFrames, perceive
 from genie_sim.data.placement import HALF_DEPTH_M
 from genie_sim.data.sources import encoded_beside
 from genie_sim.data.trace import read_trace, write_trace
+from genie_sim.data.trace_check import differences, perceive_again
 from tests.kitti_folder import (
     DATE,
     HEIGHT,
@@ -48,6 +50,43 @@ def street(tmp_path_factory):
     root = tmp_path_factory.mktemp("kitti")
     make_street(root)
     return root, make_network(root / "yolox_nano.onnx")
+
+
+@pytest.fixture(scope="module")
+def trace(street):
+    return perceived(*street)
+
+
+def test_a_trace_checked_where_it_was_made_is_the_same(street, trace):
+    root, weights = street
+    again = perceive_again(root, trace, DetectorSettings(weights=weights))
+    versions, frames, detections, _ = differences(trace, again)
+    assert versions == "versions: the same"
+    assert frames == "frames: 6 of 6 have the same detections"
+    assert detections.endswith(", 0 are not found here, and 0 are new")
+
+
+def test_what_another_environment_finds_is_counted(trace):
+    (first, second, *others) = trace.frames["02"]
+    (car,) = second.detections
+    moved = replace(car, score=car.score - 0.01, box=tuple(x + 2.0 for x in car.box))
+    frames = (replace(first, detections=()), replace(second, detections=(moved,)), *others)
+    about = {**trace.provenance, "versions": {**trace.provenance["versions"], "numpy": "1.0"}}
+    other = replace(trace, frames={**trace.frames, "02": frames}, provenance=about)
+    versions, frames, detections, others = differences(trace, other)
+    assert versions.endswith("in the trace, 1.0 here") and "numpy" in versions
+    assert frames == "frames: 4 of 6 have the same detections"
+    assert "of 6, 1 are not found here, and 0 are new" in detections
+    assert "0.01 in score, 2 px, 0 m" in others
+
+
+def test_only_the_same_weights_and_files_can_be_checked(street, trace):
+    root, weights = street
+    other = replace(trace, provenance={**trace.provenance, "weights_sha256": "0" * 64})
+    with pytest.raises(UserError, match="other weights"):
+        perceive_again(root, other, DetectorSettings(weights=weights))
+    with pytest.raises(UserError, match="not perceived from a drive"):
+        perceive_again(root, replace(trace, provenance={}), DetectorSettings(weights=weights))
 
 
 def test_a_drive_becomes_a_trace(street):

@@ -41,7 +41,8 @@ class Border:
 
 def test_a_picture_leaves_with_a_phantom_ahead_of_its_camera():
     border, fault = Border(), LyingCar("car1", ahead_m=20.0, label="truck", score=0.9)
-    fault.begin(border)
+    lie = fault.strike(border)
+    next(lie)
     pose = CameraPose(100.0, 50.0, 1.6, math.pi / 2)  # north
     image = Image(Header(0, "02", "car1"), 100, "", 0, pose, 1.2, Picture())
     (bend,) = border.bends
@@ -50,7 +51,7 @@ def test_a_picture_leaves_with_a_phantom_ahead_of_its_camera():
     assert phantom.location == pytest.approx((100.0, 70.0, 1.6))
     answer = Detections(image.header, (SEEN,))
     assert bend.inward(answer, "edge1") is answer and bend.outward(answer, "edge1") is answer
-    fault.end(border)
+    next(lie, None)
     assert border.bends == []
 
 

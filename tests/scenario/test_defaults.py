@@ -41,7 +41,7 @@ EXPECTED = Path(__file__).parent / "defaults.txt"
 
 
 def settings(kind: str) -> Iterator[str]:
-    """``fault.spoof.score: default 0.95, minimum 0, maximum 1``."""
+    """``fault.slow.factor: default 2.0, exclusiveMinimum 0``."""
     for name, entry in sorted(REGISTRIES[kind].items()):
         schema = class_schema(resolve(kind, name, {name: entry}), {})
         required = schema.get("required", ())

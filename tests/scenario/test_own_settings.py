@@ -38,9 +38,7 @@ class Fog:
     target: str
     range_m: float = 10.0
 
-    def begin(self, network): ...
-
-    def end(self, network): ...
+    def strike(self, network): ...
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -121,17 +122,19 @@ def test_a_bias_moves_what_is_held_of_others_by_as_much_and_of_oneself_by_nothin
 
 
 def test_a_frozen_camera_shows_the_first_picture_where_the_car_is_now():
-    camera = CameraFault("car1")
+    senses: list = []
+    next(CameraFault("car1").strike(SimpleNamespace(senses=lambda car: senses)))  # type: ignore[arg-type]
+    ((sense, _),) = senses
     first = image(pose=CameraPose(0.0, 0.0, 1.6, 0.0))
-    assert camera._sense(first) is first
+    assert sense(first) is first
     turned = CameraPose(100.0, 50.0, 1.6, math.pi / 2)
-    frozen = camera._sense(image(header=Header(9, "camera_02", "car1"), pose=turned, digest="new"))
+    frozen = sense(image(header=Header(9, "camera_02", "car1"), pose=turned, digest="new"))
     assert frozen is not None and frozen.header.stamp_ns == 9 and frozen.pose == turned
     assert frozen.digest == first.digest and frozen.dhash == first.dhash
     place = frozen.content.detections[0].location
     assert place == pytest.approx((100.0 - 20.0, 50.0 + 10.0, 0.5))
     other = image(header=Header(9, "camera_03", "car1"))
-    assert camera._sense(other) is other, "each camera shows its own picture"
+    assert sense(other) is other, "each camera shows its own picture"
 
 
 def test_cameras_that_show_nothing_lose_their_frames_and_no_others():
@@ -202,15 +205,6 @@ def test_a_warm_crash_keeps_what_a_genie_knows_and_a_cold_one_does_not():
         (
             {"fault": "gnss", "target": "car1", "bias": "-1 m"},
             "faults[0].bias: must not be negative",
-        ),
-        ({"fault": "clock", "target": "car7"}, "faults[0].target: unknown car or edge 'car7'"),
-        (
-            {"fault": "clock", "target": "car1", "offset": "2 h"},
-            "faults[0].offset: must be from -3600 s to 3600 s",
-        ),
-        (
-            {"fault": "clock", "target": "car1", "drift": 20},
-            "faults[0].drift: drift 20 has no unit; write for example '20 ppm'",
         ),
         ({"fault": "camera", "target": "edge1"}, "faults[0].target: unknown car 'edge1'"),
         (

@@ -19,16 +19,15 @@ BETWEEN_NS, DURATION_NS = 400 * MS, 50 * MS
 class Noted:
     """A fault that notes when it begins and ends."""
 
-    target, dropped_by, duration_ns = "car1", "noted", None
+    target = "car1"
 
     def __init__(self) -> None:
         self.begins_ns: list[int] = []
         self.ends_ns: list[int] = []
 
-    def begin(self, network) -> None:
+    def strike(self, network):
         self.begins_ns.append(network.clock.now)
-
-    def end(self, network) -> None:
+        yield
         self.ends_ns.append(network.clock.now)
 
 
@@ -37,7 +36,7 @@ def course(until_ns: int, seed: int = 1, **times: int) -> Noted:
     clock, fault = Clock(), Noted()
     network = SimpleNamespace(clock=clock, stream=lambda *names: np.random.default_rng(seed))
     timed = TimedFault(fault=fault, name="fault 0", **times)
-    clock.process(run(timed, network, last_frame_ns=until_ns))
+    clock.process(run(timed, network, last_frame_ns=until_ns, spans=[]))
     clock.run(until=10 * until_ns)
     return fault
 

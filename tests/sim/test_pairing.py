@@ -285,9 +285,9 @@ def test_two_position_errors_of_a_car_do_not_feel_each_other():
         world, _ = small.world(scenario(["remote"]))
         network: Any = world.network
         first, second = Gnss("car1"), Gnss("car1", noise_m=1.0)
-        first.begin(network)
+        next(first.strike(network))
         bends = network._bends["car1"]
-        second.begin(network)
+        next(second.strike(network))
         for number in range(asked):
             world.clock._now = number * S
             bends[0].outward(message(number), "edge1")

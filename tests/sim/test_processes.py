@@ -11,7 +11,7 @@ import simpy
 
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.fault import TimedFault
-from genie_sim.sim.fault_process import recorded, run
+from genie_sim.sim.fault_process import run
 from genie_sim.sim.network import Network
 from tests.conformance import small
 
@@ -25,10 +25,8 @@ class Course:
 
     steps: Any
     target: str = "edge1"
-    dropped_by = "course"
-    duration_ns = None
 
-    def run(self, network):
+    def strike(self, network):
         return self.steps(network)
 
 
@@ -37,7 +35,7 @@ def course(steps: Any, until_ns: int = 100 * MS, **times: int) -> list[Any]:
     clock, spans = Clock(), []
     network = Network(clock, None, seed=1, host_names=(), queue_length=1)  # type: ignore[arg-type]
     timed = TimedFault(fault=Course(steps), name="course", **times)
-    clock.process(run(recorded(timed, spans), network, until_ns))
+    clock.process(run(timed, network, until_ns, spans))
     clock.run(until=until_ns)
     return spans
 
@@ -76,6 +74,19 @@ def test_one_that_is_over_before_its_end_is_not_interrupted():
 
     (span,) = course(steps, begin_ns=5 * MS, end_ns=30 * MS)
     assert span.end_ns == 30 * MS
+
+
+def test_one_may_work_first_and_then_wait_for_its_end_alone():
+    noted = []
+
+    def steps(network):
+        yield network.clock.timeout(10 * MS)
+        noted.append(network.clock.now // MS)
+        yield
+        noted.append(network.clock.now // MS)
+
+    course(steps, begin_ns=5 * MS, end_ns=30 * MS)
+    assert noted == [15, 30]
 
 
 def test_a_stream_goes_on_where_it_stopped():
@@ -129,10 +140,10 @@ def test_background_traffic_takes_its_share_of_a_link_and_does_not_prolong_the_r
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("Yields", "(own.py, line "),
+        ("Yields", "strike() yields 3, but must yield an event of the clock"),
         ("Fraction", "a delay is a whole number of nanoseconds, not 1.5"),
         ("Raises", "KeyError: \"'lost'\""),
-        ("Returns", "run() returns 3, but must be a generator"),
+        ("Returns", "strike() is 3, but must be a generator"),
     ],
 )
 def test_a_broken_process_ends_the_run_with_one_line_and_writes_nothing(

@@ -1000,19 +1000,3 @@ def one_line(capsys: pytest.CaptureFixture[str], message: str) -> None:
     assert message in said
     assert said.count("\n") == 1, said
     assert "Traceback" not in said
-
-
-def test_values_within_one_step_of_a_heat_map_have_one_colour():
-    """The greatest value, too: intervals are as wide as the whole range."""
-    cells = pd.DataFrame({"value": [0.85, 0.87, 0.89], "low": [0.8] * 3, "high": [0.9] * 3})
-    scale = figures._scale(cells)
-    assert len({figures.HEAT_COLOURS(scale(value)) for value in cells["value"]}) == 1
-    narrow = figures._scale(cells.assign(low=0.85, high=0.86))
-    assert len({figures.HEAT_COLOURS(narrow(value)) for value in cells["value"]}) == 3
-
-
-def test_a_heat_map_tells_61_from_80_per_cent_however_wide_the_intervals():
-    cells = pd.DataFrame({"value": [0.61, 0.70, 0.80], "low": [0.3] * 3, "high": [0.9] * 3})
-    scale = figures._scale(cells, share=True)
-    low, _, high = (figures.HEAT_COLOURS(scale(value)) for value in cells["value"])
-    assert low != high

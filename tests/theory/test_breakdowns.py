@@ -10,10 +10,10 @@ import pytest
 from genie_sim.base.seeds import stream
 from genie_sim.faults.slow import Slow
 from genie_sim.faults.stall import Stall
-from genie_sim.sim import fault_process
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Processor
 from genie_sim.sim.fault import TimedFault
+from genie_sim.sim.fault_process import run
 from tests.sim.processes import job
 
 S, MS = 1_000_000_000, 1_000_000
@@ -51,7 +51,7 @@ def test_availability_of_a_queue_with_breakdowns():
         mean_time_between_ns=round(up_s * S),
         mean_duration_ns=round(down_s * S),
     )
-    clock.process(fault_process.run(timed, network(clock, processor), end_ns))  # type: ignore[arg-type]
+    clock.process(run(timed, network(clock, processor), end_ns, []))  # type: ignore[arg-type]
     clock.run(until=end_ns)
     share = sum(served_ns[:-1]) / end_ns
     expected = up_s / (up_s + down_s)
@@ -65,13 +65,13 @@ def test_a_stall_by_hand():
     clock, ended = Clock(), {}
     cpu = Processor(clock, "car1.cpu", "cpu", capacity=2)
 
-    def run(name: str, service_ms: int) -> None:
+    def serve(name: str, service_ms: int) -> None:
         job(cpu, service_ms * MS, lambda: ended.update({name: clock.now // MS}))
 
-    run("within", 30)  # would end during the stall
-    run("across", 100)  # would end after it
+    serve("within", 30)  # would end during the stall
+    serve("across", 100)  # would end after it
     clock.after(20 * MS, cpu.stall)
-    clock.after(40 * MS, run, ("later", 10))
+    clock.after(40 * MS, serve, ("later", 10))
     clock.after(70 * MS, cpu.go_on)
     clock.run()
     assert ended == {"within": 80, "later": 90, "across": 150}
@@ -137,13 +137,9 @@ def test_jobs_of_a_slow_host_take_longer():
         clock.run(clock.timeout(0))  # it is in the queue
 
     come()  # before: as usual
-    slow.begin(world)  # type: ignore[arg-type]
-    come()
-    hot.begin(world)  # type: ignore[arg-type]
-    come()
-    slow.end(world)  # type: ignore[arg-type]
-    come()
-    hot.end(world)  # type: ignore[arg-type]
-    come()
+    of_slow, of_hot = (fault.strike(world) for fault in (slow, hot))  # type: ignore[arg-type]
+    for steps in (of_slow, of_hot, of_slow, of_hot):
+        next(steps, None)
+        come()
     clock.run()
     assert ended == [10, 60, 135, 150, 160]

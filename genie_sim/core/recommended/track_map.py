@@ -72,8 +72,6 @@ class TrackMap(Map):
         How far answers out of the map look [m].
     view_margin_rad : float
         By how much they look wider than the camera, on each side [rad].
-    defence : Defence, optional
-        Decides which looks count, and learns from them.
     """
 
     def __init__(

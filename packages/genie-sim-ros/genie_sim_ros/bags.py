@@ -27,6 +27,7 @@ from genie_sim.core.geometry import Array, Geodetic, rigid, transform
 from genie_sim.core.messages import Detection
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
+from genie_sim.data.perceive import versions
 from genie_sim.data.placement import HALF_DEPTH_M, Placement
 from genie_sim.data.trace import Trace, TraceFrame, checked, detection, trace_frame
 from genie_sim.data.trace_report import tell_frames, tell_network
@@ -175,7 +176,11 @@ def perceive_bag(
     tell_frames(report, by_camera)
     detected_by: dict[str, Any] = {"detector": detections}
     if detector is not None:
-        detected_by = {"detector": detector.name, "weights_sha256": detector.sha256}
+        detected_by = {
+            "detector": detector.name,
+            "weights_sha256": detector.sha256,
+            "versions": versions(),
+        }
     provenance = {
         "data": f"bag {path.name}",
         "bag_sha256": _digest(path),
