@@ -470,25 +470,24 @@ def sweep(
     jobs : int, optional
         Processes; by default one per core.
     out : str or Path, optional
-        A folder that gets the sweep's folder. Finished runs in it are not run again.
+        A folder that gets the sweep's folder, as ``genie-sim sweep`` names it. Finished runs in it
+        are not run again; a sweep of other values has a folder of its own beside it.
     progress : callable, optional
         Called with how much is done, how much there is, and what is going on.
     """
     import pandas as pd
 
-    from genie_sim.study.design import named_axes, read_design
+    from genie_sim.study.design import read_design, sweep_of
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepPlots, SweepTable
 
-    given = {
-        "name": "sweep",
-        "scenario": str(scenario),
-        "axes": plain(named_axes(axes), "axes"),
+    names = _names("methods", methods)
+    more = {
         "set": plain(dict(settings or {}), "settings"),
         "samples": plain(samples, "samples"),
         "seeds": plain(seeds, "seeds"),
     }
-    names = _names("methods", methods)
+    given = sweep_of(str(scenario), plain(axes, "axes"), names, more)
     design = read_design(given, "sweep")
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
