@@ -6,19 +6,18 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import BoundaryNorm
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
-from genie_sim.analysis.drawing import finish, in_style, is_narrow
+from genie_sim.analysis.drawing import character_in, finish, in_style, is_narrow
 from genie_sim.analysis.metric import HEADLINE, SHORT
 from genie_sim.analysis.registry import (
     definition,
@@ -30,7 +29,7 @@ from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
-from genie_sim.base.text import number_text, percent_text
+from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
@@ -41,10 +40,8 @@ MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
 HEAT_COLOURS = mpl.colormaps["Blues"]
+LEVEL_COLOURS = mpl.colormaps["viridis"]  # from dark to light: they keep their order in greyscale
 BESIDE = 0.4  # how far the points at a value that is no number lie apart, of its room
-MAX_SHADES = 9
-MAX_STEP = 0.1  # of a share, between two shades
-MAX_SCALE_TICKS = 5
 LABEL_CHARACTERS, SHORT_LABEL_CHARACTERS = 20, 15  # in a line beside an axis; in a column
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
@@ -69,14 +66,29 @@ def of_sweep(
     footer : str
         What was run.
     width_in : float
-        Of a page or a column; maps and panels of two axes need a page. Raises ``UserError``.
+        Of a page or a column.
 
     Along each axis, with a column of panels for each value of one other axis; a heat map of the
-    first two crossed axes. Where there are more axes, every combination of their first values has
-    figures of its own. Only over values that were drawn is anything averaged, and the figure says
-    so.
+    first two crossed axes. In the width of a column two crossed axes give a figure of each
+    headline metric: along the first axis, with a line for each value of the second. Where there
+    are more axes, every combination of their first values has figures of its own. Only over values
+    that were drawn is anything averaged, and the figure says so.
     """
     columns, crossed = design.columns, design.crossed
+    if len(crossed) > 1 and is_narrow(width_in):
+        for metric in shown(HEADLINE, runs["metric"]):
+            for suffix, place, selected in _places(runs, [columns[name] for name in crossed[2:]]):
+                figure = lines(
+                    metric,
+                    design,
+                    selected,
+                    titles=titles,
+                    footer=footer,
+                    place=place,
+                    width_in=width_in,
+                )
+                yield f"{crossed[0]}-{metric}{suffix}", figure
+        return
     for name, axis in design.axes.items():
         remaining = [columns[axis_name] for axis_name in crossed if axis_name != name]
         drawn = [column for axis_name, column in columns.items() if axis_name not in crossed]
@@ -113,8 +125,9 @@ def of_metric(
     footer: str,
     width_in: float = PAGE_IN,
 ) -> Figure:
-    """One metric: a heat map of the first two crossed axes, or along the first axis. What it is
-    given is that of ``of_sweep``. Raises ``UserError`` where no method has a value.
+    """One metric along the first axis; of two crossed axes as a heat map or, in a column, with a
+    line for each value of the second. What it is given is that of ``of_sweep``. Raises
+    ``UserError`` where no method has a value.
     """
     has_value = (runs["metric"] == metric) & (runs["component"] == "") & runs["value"].notna()
     if not has_value.any():
@@ -123,6 +136,16 @@ def of_metric(
     if len(crossed) > 1:
         pair = columns[crossed[0]], columns[crossed[1]]
         _, place, selected = next(_places(runs, [columns[name] for name in crossed[2:]]))
+        if is_narrow(width_in):
+            return lines(
+                metric,
+                design,
+                selected,
+                titles=titles,
+                footer=footer,
+                place=place,
+                width_in=width_in,
+            )
         return heat(
             *pair,
             selected,
@@ -202,12 +225,10 @@ def along(
     place : str
         Where on the remaining axes the runs are, for the same note.
     width_in : float
-        The figure's width in inches; that of a page with ``beside``, or ``UserError`` is raised.
+        The figure's width in inches.
     metrics : sequence of str
         Which; by default the short list or, in a column or with ``beside``, the headlines.
     """
-    if beside is not None:
-        _refuse_narrow(width_in)
     levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
     shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
     means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
@@ -229,11 +250,13 @@ def along(
         of_panel = means[means["metric"] == metric]
         if level is not None:
             of_panel = of_panel[of_panel[beside] == level]
-        _draw(panel, axis, column, means=of_panel, titles=titles)
+        _draw(panel, axis, column, _by_method(of_panel, titles))
         spot = panel.get_subplotspec()
         panel.set_ylabel(_wrapped(label, narrow) if beside is None or spot.is_first_col() else "")
         if (beside is None and not narrow) or spot.is_last_row():
-            panel.set_xlabel(f"{column}, logarithmic" if panel.get_xscale() == "log" else column)
+            panel.set_xlabel(column)
+        if level is not None and not spot.is_last_row():
+            panel.tick_params(labelbottom=False)
         if level is not None and spot.is_first_row():
             panel.set_title(f"{beside} = {_shortened(level)}")
         of_metric = means["value"][means["metric"] == metric]
@@ -250,6 +273,7 @@ def along(
         low, high = panel.get_ylim()
         low = min(0.0, low)
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
+    _make_room(figure, 1 if beside is not None else rows)
     notes = []
     if len(shown_levels) < len(levels):
         notes.append(f"{len(shown_levels)} of {len(levels)} values of {beside}")
@@ -260,6 +284,64 @@ def along(
     several = "means and 95 % intervals across seeds"
     shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
     finish(figure, f"Along {column}: {shows}", footer, figure.axes, note="; ".join(notes))
+    return figure
+
+
+@in_style()
+def lines(
+    metric: str,
+    design: Design,
+    runs: "pd.DataFrame",
+    *,
+    titles: Mapping[str, str],
+    footer: str,
+    place: str = "",
+    width_in: float,
+) -> Figure:
+    """One metric along the first crossed axis with 95 % intervals across seeds: a line for each
+    value of the second, a panel for each method, and for its Genies on cars and on edges.
+
+    Parameters
+    ----------
+    metric : str
+        Its name; some method has a value of it.
+    design, runs, titles, footer, width_in
+        As those of ``of_sweep``; ``runs`` may be a part.
+    place : str
+        Where on the remaining axes the runs are, for the note above the panels.
+    """
+    name, other = design.crossed[:2]
+    column, other_column = design.columns[name], design.columns[other]
+    means = across_seeds(runs[runs["component"] == ""], [column, other_column])
+    means = means[(means["metric"] == metric) & means["value"].notna()]
+    panels = list(means.groupby(["method", "placement"], sort=False))
+    levels = list(dict.fromkeys(means[other_column]))
+    shades = LEVEL_COLOURS(np.linspace(0.0, 0.85, len(levels)))
+    figure = Figure(figsize=(width_in, 0.2 + 1.3 * len(panels)))
+    grid = figure.subplots(max(1, len(panels)), 1, squeeze=False, sharex=True, sharey=True)
+    for panel, (method_and_place, of_panel) in zip(grid[:, 0], panels, strict=True):
+        method, placement = map(str, method_and_place)
+        where = f", {PLACEMENTS[placement]}" if placement in PLACEMENTS else ""
+        panel.set_title(f"{titles[method]}{where}")
+        looks = [
+            {
+                "label": f"{other_column} = {_shortened(level)}",
+                "color": shades[number],
+                "marker": style.MARKERS[number % len(style.MARKERS)],
+            }
+            for number, level in enumerate(levels)
+        ]
+        of_level = [of_panel[of_panel[other_column] == level] for level in levels]
+        _draw(panel, design.axes[name], column, list(zip(of_level, looks, strict=True)))
+        if _is_share(metric):
+            panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
+    figure.supylabel(_label(metric))
+    grid[-1, 0].set_xlabel(column)
+    if means["value"].min() >= 0:
+        grid[0, 0].set_ylim(bottom=0)
+    _make_room(figure, 1)
+    note = f"at {place}" if place else ""
+    finish(figure, f"{_label(metric)} along {column}", footer, figure.axes, note=note)
     return figure
 
 
@@ -277,9 +359,9 @@ def heat(
 ) -> Figure:
     """Means across seeds over two axes, a row of panels a metric, a column a method.
 
-    Darker is more, on one scale a metric. A step of the scale is as wide as the median 95 %
-    interval of a cell, so cells that differ by less look alike or nearly so, but no step of a share
-    is wider than ``MAX_STEP``. Of Genies' metrics those on cars are shown.
+    Darker is more, on one scale a metric, which is logarithmic where values span decades. Of
+    Genies' metrics those on cars are shown. Methods on which neither axis has an effect are left
+    out where it has one on another, and named above the panels.
 
     Parameters
     ----------
@@ -294,11 +376,10 @@ def heat(
     place : str
         Where on the remaining axes the runs are, for the note above the panels.
     width_in : float
-        The figure's width in inches, that of a page, or ``UserError`` is raised.
+        The figure's width in inches, that of a page.
     metrics : sequence of str
         Which; by default the headlines.
     """
-    _refuse_narrow(width_in)
     means = across_seeds(runs[runs["component"] == ""], [first, second])
     metrics = metrics or shown(HEADLINE, means["metric"])
     means = means[
@@ -306,15 +387,24 @@ def heat(
         & means["metric"].isin(metrics)
         & means["value"].notna()
     ]
-    methods = list(dict.fromkeys(means["method"]))
+    of_methods = means.groupby("method", sort=False)
+    varying = [
+        method
+        for method, of_method in of_methods
+        if of_method.groupby("metric")["value"].nunique().max() > 1
+    ]
+    methods = varying or [method for method, _ in of_methods]
+    constant = [titles[str(method)] for method, _ in of_methods if method not in methods]
     metrics = [metric for metric in metrics if (means["metric"] == metric).any()]
     up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
     height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
     figure = Figure(figsize=(width_in, max(2.0, height_in)))
     grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
     for row, metric in zip(grid, metrics, strict=False):
-        of_metric = means[means["metric"] == metric]
-        scale, drawn = _scale(of_metric, _is_share(metric)), list[Axes]()
+        of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
+        values = of_metric["value"].tolist()
+        scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
+        drawn: list[Axes] = []
         for panel, method in zip(row, methods, strict=True):
             cells = of_metric[of_metric["method"] == method].pivot_table(
                 index=first, columns=second, values="value", sort=False
@@ -324,17 +414,24 @@ def heat(
                 continue
             cells = cells.reindex(index=up, columns=right)
             _heat_map(panel, cells, scale, percent=_is_share(metric))
-            panel.set_title(titles[method])
+            panel.set_title(titles[str(method)])
             panel.set_xlabel(second)
             panel.set_ylabel("" if drawn else first)
             drawn.append(panel)
         shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
         bar = figure.colorbar(shades, ax=drawn, label=_wrapped(_label(metric)), pad=0.01)
-        ticks = scale.boundaries[:: -(-len(scale.boundaries) // MAX_SCALE_TICKS)].tolist()
-        text = partial(percent_text, digits=3) if _is_share(metric) else number_text
-        bar.set_ticks(ticks, labels=[text(tick) for tick in ticks])
+        if isinstance(scale, LogNorm):
+            ticks = _round_ticks(min(values), max(values))
+            bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
+            bar.ax.yaxis.set_minor_locator(NullLocator())
+        elif _is_share(metric):
+            bar.formatter = FuncFormatter(percent_tick)
     title = f"Over {first} and {second}: means across seeds, darker is more"
-    finish(figure, title, footer, note=f"at {place}" if place else "")
+    _make_room(figure, len(metrics))
+    notes = [f"at {place}"] if place else []
+    if constant:
+        notes.append(f"the same everywhere: {', '.join(constant)}")
+    finish(figure, title, footer, note="; ".join(notes))
     return figure
 
 
@@ -348,42 +445,15 @@ def _is_share(metric: str) -> bool:
     return definition(metric).unit == "%"
 
 
-def _refuse_narrow(width_in: float) -> None:
-    """Raises ``UserError`` for the width of a column."""
-    if is_narrow(width_in):
-        raise UserError("figures of two axes need a page: leave --width out, or name a page's")
-
-
 def _wrapped(label: str, narrow: bool = False) -> str:
     return textwrap.fill(label, SHORT_LABEL_CHARACTERS if narrow else LABEL_CHARACTERS)
 
 
-def _scale(cells: "pd.DataFrame", share: bool = False) -> BoundaryNorm:
-    """Steps from the least to the greatest value, none narrower than the median interval, and of a
-    ``share`` none wider than ``MAX_STEP``; equal ratios where the values span decades.
-    """
-    columns = cells[["value", "low", "high"]]
-    logarithmic = spans_much(cells["value"].tolist())
-    numbers = columns.to_numpy(float)
-    values, lows, highs = (np.log(numbers) if logarithmic else numbers).T
-    low, high = values.min(), values.max()
-    widths = (highs - lows)[np.isfinite(highs - lows)]
-    width = float(np.median(widths)) if len(widths) else 0.0
-    steps = MAX_SHADES if width == 0 else min(max(int((high - low) / width), 1), MAX_SHADES)
-    if share and not logarithmic:
-        steps = max(steps, math.ceil((high - low) / MAX_STEP))
-    if high == low:
-        low, high = low - 0.5, high + 0.5
-    high += 1e-9 * (high - low)  # the greatest value is in the last step, not beyond it
-    boundaries = np.linspace(low, high, steps + 1)
-    return BoundaryNorm(np.exp(boundaries) if logarithmic else boundaries, HEAT_COLOURS.N)
-
-
-def _heat_map(panel: Axes, cells: "pd.DataFrame", scale: BoundaryNorm, percent: bool) -> None:
+def _heat_map(panel: Axes, cells: "pd.DataFrame", scale: Normalize, percent: bool) -> None:
     values = cells.to_numpy(float)
     panel.imshow(values, cmap=HEAT_COLOURS, norm=scale, aspect="auto", origin="lower")
     panel.grid(False)
-    panel.set_xticks(range(values.shape[1]), [_shortened(level) for level in cells.columns])
+    _name_ticks(panel, [_shortened(level) for level in cells.columns])
     panel.set_yticks(range(values.shape[0]), [_shortened(level) for level in cells.index])
     for (y, x), value in [
         (place, values[place]) for place in itertools.product(*map(range, values.shape))
@@ -407,37 +477,70 @@ def _is_dark(colour: Sequence[float]) -> bool:
     return 0.3 * red + 0.59 * green + 0.11 * blue < 0.5
 
 
+def _name_ticks(panel: Axes, names: Sequence[str]) -> None:
+    """Names the places 0, 1, ... of the axis to the right, upright where they are long."""
+    panel.set_xticks(range(len(names)), names)
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    room_in = panel.get_position().width * figure.get_figwidth()
+    if sum(len(name) + 2 for name in names) * character_in("xtick.labelsize") > room_in:
+        for name in panel.get_xticklabels():
+            name.set_rotation(90)
+
+
+def _make_room(figure: Figure, rows: int) -> None:
+    """Makes the figure higher where names of ticks stand upright below so many rows of panels."""
+    upright = [
+        len(name.get_text())
+        for panel in figure.axes
+        for name in panel.get_xticklabels()
+        if name.get_rotation()
+    ]
+    more_in = max(upright, default=0) * character_in("xtick.labelsize")
+    figure.set_figheight(figure.get_figheight() + rows * more_in)
+
+
+def _by_method(
+    means: "pd.DataFrame", titles: Mapping[str, str]
+) -> "list[tuple[pd.DataFrame, dict[str, Any]]]":
+    """The means of each method, and of its Genies on cars and on edges, with the look of its
+    line.
+    """
+    alone = means["method"].nunique() == 1
+    return [
+        (of_line, _look(str(method), str(placement), titles, alone))
+        for (method, placement), of_line in means.groupby(["method", "placement"], sort=False)
+        if of_line["value"].notna().any()
+    ]
+
+
 def _draw(
-    panel: Axes, axis: Axis, column: str, *, means: "pd.DataFrame", titles: Mapping[str, str]
+    panel: Axes,
+    axis: Axis,
+    column: str,
+    series: "Sequence[tuple[pd.DataFrame, dict[str, Any]]]",
 ) -> None:
-    levels = list(dict.fromkeys(means[column]))
+    """Means along an axis with their intervals, each series in its look."""
+    levels = list(dict.fromkeys(level for means, _ in series for level in means[column]))
     numbers = [level for level in levels if isinstance(level, float)]
     numeric = len(numbers) == len(levels)
-    lines = means.groupby(["method", "placement"], sort=False)
-    for number, ((method, placement), line_means) in enumerate(lines):
+    for number, (means, look) in enumerate(series):
         if numeric:
-            line_means = line_means.sort_values(column)
-        if line_means["value"].notna().sum() == 0:
-            continue
+            means = means.sort_values(column)
         x = (
-            line_means[column].to_numpy(float)
+            means[column].to_numpy(float)
             if numeric
             else [
-                levels.index(level) + BESIDE * (number - (lines.ngroups - 1) / 2) / lines.ngroups
-                for level in line_means[column]
+                levels.index(level) + BESIDE * (number - (len(series) - 1) / 2) / len(series)
+                for level in means[column]
             ]
         )
-        ends = [line_means["value"] - line_means["low"], line_means["high"] - line_means["value"]]
-        line = _look(str(method), str(placement), titles, alone=means["method"].nunique() == 1)
-        if not numeric or axis.sampled:
-            line["linestyle"] = "none"
-        panel.errorbar(x, line_means["value"], yerr=ends, markersize=3.5, capsize=2, **line)
+        ends = [means["value"] - means["low"], means["high"] - means["value"]]
+        line = {"linestyle": "none"} if not numeric or axis.sampled else {}
+        panel.errorbar(x, means["value"], yerr=ends, markersize=3.5, capsize=2, **(look | line))
     if not numeric:
         names = [_shortened(level) for level in levels]
-        panel.set_xticks(range(len(names)), names)
-        if sum(map(len, names)) >= 24:
-            for name in panel.get_xticklabels():
-                name.set(rotation=30, horizontalalignment="right", rotation_mode="anchor")
+        _name_ticks(panel, names)
         panel.set_xlim(-0.5, len(levels) - 0.5)
     elif _logarithmic(axis, numbers):
         panel.set_xscale("log")

@@ -12,6 +12,7 @@ from genie_sim.scenario.yaml_input import dump
 from genie_sim.study import figures
 from genie_sim.study.design import Design, load_design
 from tests import outline
+from tests.drawn_text import faults
 
 TITLES = {"remote": "remote (R)", "genie": "Genie (DG)"}
 UNITS = {
@@ -48,12 +49,13 @@ def runs(columns: dict[str, list[object]], seeds: int = 3) -> pd.DataFrame:
                     placements = ("car", "edge") if metric == "image_reuse" else ("all",)
                     for placement in placements:
                         size = (1 + point + place) * (20 if unit == "ms" else 0.04)
+                        value = size * (1 + 0.1 * number) + 0.01 * size * rng.random()
                         row = {
                             "method": method,
                             "metric": metric,
                             "placement": placement,
                             "component": "",
-                            "value": size * (1 + 0.1 * number) + 0.01 * size * rng.random(),
+                            "value": value if unit == "ms" else min(value, 0.97),
                             "unit": unit,
                         }
                         rows.append({"point": point, "seed": seed, **levels, **row})
@@ -111,3 +113,50 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
     assert {*drawn} == {"rule", "view"}
     assert "averaged over" in str(drawn["rule"].get_suptitle())
     outline.check("sweep with samples", drawn)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width_in", [7.16, 3.5, 3.33])
+@pytest.mark.parametrize("many", [False, True], ids=["few values", "many values"])
+def test_nothing_is_clipped_or_overlaps_at_any_width(width_in: float, many: bool):
+    rates = [0.1, 0.15, 0.2, 0.35, 0.5] if many else [0.1, 0.2, 0.5]
+    names = ["noisy_or", "exponential", "a very long name of a value", "max"][: 4 if many else 2]
+    crossed = design({"rate": RATE | {"list": rates}, "rule": RULE})
+    table = runs({"rate": list(rates), "rule": list(names)})
+    drawn = dict(figures.of_sweep(crossed, table, TITLES, "made up", width_in))
+    drawn["one"] = figures.of_metric(
+        "streaming_f1", crossed, table, titles=TITLES, footer="made up", width_in=width_in
+    )
+    for name, figure in drawn.items():
+        assert faults(figure) == [], name
+        assert figure.get_figwidth() == width_in
+
+
+def test_in_a_column_each_value_of_the_second_axis_is_a_line():
+    crossed = design({"rate": RATE, "rule": RULE})
+    table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
+    figure = figures.of_metric(
+        "image_reuse", crossed, table, titles=TITLES, footer="made up", width_in=3.5
+    )
+    assert [panel.get_title().partition(") ")[2] for panel in figure.axes] == [
+        f"{title}, {where}" for title in TITLES.values() for where in ("on cars", "on edges")
+    ]
+    cars = table.query("metric == 'image_reuse' and placement == 'car' and method == 'remote'")
+    for line, rule in zip(figure.axes[0].containers, ("ema", "noisy_or"), strict=True):
+        assert line.get_label() == f"rule = {rule}"
+        expected = cars[cars["rule"] == rule].groupby("rate")["value"].mean()
+        assert line[0].get_ydata() == pytest.approx(expected.tolist())
+
+
+def test_a_heat_map_leaves_out_methods_on_which_the_axes_have_no_effect():
+    crossed = design({"rate": RATE, "rule": RULE})
+    table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
+    table.loc[table["method"] == "remote", "value"] = 0.5
+    figure = figures.of_metric("streaming_f1", crossed, table, titles=TITLES, footer="made up")
+    panels = [panel for panel in figure.axes if panel.images]
+    assert len(panels) == 1 and "Genie" in panels[0].get_title()
+    assert "remote (R)" in str(figure.get_suptitle())
+    ((lightest, *_), *_), darkest = panels[0].images[0].get_array(), panels[0].images[0]
+    values = np.asarray(darkest.get_array(), float)
+    shades = figures.HEAT_COLOURS(darkest.norm(values)).mean(axis=-1)
+    assert (np.argsort(values, axis=None) == np.argsort(-shades, axis=None)).all(), lightest
