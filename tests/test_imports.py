@@ -46,8 +46,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "api": (*_READ, *_RESULTS, "runs", "study", "paper"),
     "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
     "__main__": ("cli",),
+    "extend": ("core", "sim", "methods", "data", "record", "analysis"),
 }
-IN_THE_ROOT = {"__init__", "__main__", "api", "version"}
+IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}

@@ -21,7 +21,6 @@ from typing import Any
 from unittest import mock
 
 import numpy as np
-import yaml
 
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.trace import TraceFrame, read_trace
@@ -275,7 +274,7 @@ def profile_of(parts: Parts) -> dict[str, Any]:
 def simulate(parts: Parts, sleeps: Sequence[int], folder: Path) -> Drive:
     """The same drive, the same class, simulated."""
     path = folder / "this_machine.yaml"
-    path.write_text(yaml.safe_dump(profile_of(parts)))
+    path.write_text(json.dumps(profile_of(parts)))
     prepared = prepare(scenario_on(path))
     overhead_ns = parts.detector_overhead_ns
     known = KnownTimes([sleep + overhead_ns for sleep in sleeps])
