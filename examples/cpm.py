@@ -17,25 +17,34 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-from genie_sim.analysis.metric import HIGHER, Metric, share
-from genie_sim.base.settings import Bounds
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.messages import (
+from genie_sim.extend import (
+    COAST_NS,
+    HIGHER,
+    LOCAL,
+    NS_PER_MS,
+    NS_PER_S,
+    PERSON,
+    Bounds,
     CameraPose,
     Detection,
     Detections,
     Effect,
     Header,
+    HostConfig,
+    HostContext,
     Image,
+    Interceptor,
     Look,
+    MeasuredExistence,
     Message,
+    Method,
+    Metric,
+    ObjectMapRules,
     Publish,
+    TrackMap,
+    kind_of,
+    share,
 )
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.tracking import COAST_NS, PERSON, kind_of
-from genie_sim.sim.method import LOCAL, HostConfig, HostContext, Interceptor, Method
 
 TOPIC = "/cpm"
 # Thandavarayan et al., Intelligent Vehicles Symposium 2019: header, management and station

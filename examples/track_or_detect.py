@@ -14,24 +14,30 @@ one is drift-plus-penalty; and their tracker looks at pictures, this one predict
 from collections import deque
 from functools import partial
 
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.maps import Viewer
-from genie_sim.core.messages import (
+from genie_sim.extend import (
+    NS_PER_MS,
+    NS_PER_S,
+    REMOTE,
+    REMOTE_UPLINK,
     Detections,
     Effect,
     Expired,
+    HostConfig,
+    HostContext,
     Image,
+    LocalAndRemote,
     Look,
+    MeasuredExistence,
     Message,
+    Method,
+    ObjectMapRules,
     Observation,
     Publish,
+    RoundTrip,
+    TrackMap,
+    Viewer,
+    at_least,
 )
-from genie_sim.core.recommended.pacing import RoundTrip
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
-from genie_sim.methods.similarity import LocalAndRemote, at_least
-from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
 
 VIEW_M = 50.0  # how far a tracked object is served, as by the recommended Genie
 LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``core.tracking.COAST_NS``)

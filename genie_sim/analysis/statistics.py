@@ -102,7 +102,7 @@ def of_difference(one: Error, other: Error) -> Error:
     variance = one.value**2 + other.value**2
     if not variance:
         return Error(0.0, one.freedom + other.freedom)
-    parts = sum(side.value**4 / side.freedom for side in (one, other))
+    parts = math.fsum(side.value**4 / side.freedom for side in (one, other))
     return Error(math.sqrt(variance), variance**2 / parts)
 
 
@@ -176,7 +176,7 @@ def t_quantile(freedom: int) -> float:
         (3 * x**7 + 19 * x**5 + 17 * x**3 - 15 * x) / 384,
         (79 * x**9 + 776 * x**7 + 1482 * x**5 - 1920 * x**3 - 945 * x) / 92160,
     )
-    t: float = x + sum(part / freedom ** (place + 1) for place, part in enumerate(series))
+    t: float = x + math.fsum(part / freedom ** (place + 1) for place, part in enumerate(series))
     if freedom >= 300:
         return t
     peak = math.exp(math.lgamma((freedom + 1) / 2) - math.lgamma(freedom / 2)) / math.sqrt(

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from genie_sim.data.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
+OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
+OF_DRIVE = (
+    *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
+    *("min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
+)
 
 
 @click.command()
@@ -79,11 +84,14 @@ def perceive(
     if (drive is None) == (check is None):
         raise UserError("perceive: give either --drive or --check")
     if check is not None:
-        if out is not None or evaluate:
-            raise UserError("perceive: --check writes and judges nothing: no --out, no --evaluate")
+        arguments.only("with --check", *OF_NETWORK, "check")
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
+    if evaluate:
+        arguments.only("with --drive", *OF_DRIVE, "labels")
+    else:
+        arguments.only("with --drive, but without --evaluate", *OF_DRIVE)
     if out is None and not evaluate:
         raise UserError("perceive: say what you want: --out or --evaluate")
     world = arguments.geodetic("--origin", origin)

@@ -108,7 +108,7 @@ def run(
     for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     with (
-        ProgressBar("s" if several is None else "runs") as progress,
+        ProgressBar("s of all methods" if several is None else "runs") as progress,
         nullcontext() if several is None else terminal.resumable(out),
     ):
         result = api.run(

@@ -112,7 +112,7 @@ def test_labels_are_those_of_the_drive_itself(asked):
         ([], "give either --drive or --check"),
         (["--drive", "a"], "say what you want: --out or --evaluate"),
         (["--check", "a", "--drive", "b"], "give either --drive or --check"),
-        (["--check", "a", "--out", "b"], "--check writes and judges nothing"),
+        (["--check", "a", "--out", "b"], "--out: has no effect with --check"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):

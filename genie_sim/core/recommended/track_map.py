@@ -174,7 +174,7 @@ class TrackMap(Map):
             requests=len(tracks),
             hits=sum(confidence >= self._threshold for confidence in before.values()),
             updates=len(before),
-            boost_sum=sum(boosts),
+            boost_sum=math.fsum(boosts),
             changes=tuple(map(as_change, remaining)) if names_changes else (),
             forgotten=tuple(map(as_change, forgotten)) if names_changes else (),
         )
