@@ -20,7 +20,6 @@ from typing import Annotated
 from genie_sim.analysis.metric import HIGHER, Metric, share
 from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.messages import (
     CameraPose,
     Detection,
@@ -32,10 +31,10 @@ from genie_sim.core.messages import (
     Message,
     Publish,
 )
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.tracking import COAST_NS, PERSON, kind_of
 from genie_sim.sim.method import LOCAL, HostConfig, HostContext, Interceptor, Method
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
+from genie_sim.tracks.track_map import TrackMap
 
 TOPIC = "/cpm"
 # Thandavarayan et al., Intelligent Vehicles Symposium 2019: header, management and station
@@ -142,9 +141,7 @@ class Listening(Interceptor):
         self.name, self._car = f"{host.name}{topic}", host.name
         self._topic, self._every_ns = topic, every_ns
         (self._images,), (self._objects,) = topics
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        self._tracks = TrackMap(ObjectMapRules(), policy)
+        self._tracks = TrackMap(Existence(laws=host.laws))
         self._heard = HeardObjects()
         self._frames: dict[Header, Image] = {}  # that the detector has
         self._told_ns: int | None = None  # the stamp of the frame with which it told last
@@ -180,7 +177,7 @@ class Listening(Interceptor):
         return {
             (self._car, track.number): track.as_detection(track.seen_ns, existence, existence)
             for track, existence in existences.items()
-            if existence >= self._tracks.threshold
+            if existence >= self._tracks.p_min
         }
 
     def _broadcast(self, frame: Image, now_ns: int) -> list[Effect]:

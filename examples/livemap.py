@@ -21,7 +21,6 @@ from functools import partial
 
 from genie_sim.base.errors import unknown
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.messages import (
     Detection,
     Detections,
@@ -33,11 +32,9 @@ from genie_sim.core.messages import (
     Message,
     Publish,
 )
-from genie_sim.core.recommended.pacing import Pacer
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
 from genie_sim.core.view import ViewSector
 from genie_sim.methods.similarity import LocalAndRemote, at_least
+from genie_sim.recommended.pacing import Pacer
 from genie_sim.sim.method import (
     LOCAL,
     REMOTE,
@@ -47,6 +44,8 @@ from genie_sim.sim.method import (
     Interceptor,
     Method,
 )
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track_map import TrackMap
 
 REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``ToldRules``
 VIEW_M = 50.0  # how far a car looks for what others see
@@ -101,9 +100,7 @@ class LiveMap(Method):
     def _server(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "MapServer":
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        tracks = TrackMap(ObjectMapRules(), policy)
+        tracks = TrackMap(Existence(laws=host.laws))
         return MapServer(f"{host.name}/map", tracks, self._every_ns, subscribed, published)
 
 
@@ -283,7 +280,7 @@ class MapServer(Interceptor):
         for track in self._tracks:
             existence = self._tracks.existence(track, now_ns)
             away_m = math.dist(track.place(now_ns), car.pose[:2])
-            if existence < self._tracks.threshold or not SELF_M < away_m <= REACH_M:
+            if existence < self._tracks.p_min or not SELF_M < away_m <= REACH_M:
                 continue
             seen = track.as_detection(now_ns, existence, existence)
             others = tuple(

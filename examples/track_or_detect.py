@@ -15,8 +15,6 @@ from collections import deque
 from functools import partial
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.maps import Viewer
 from genie_sim.core.messages import (
     Detections,
     Effect,
@@ -27,14 +25,15 @@ from genie_sim.core.messages import (
     Observation,
     Publish,
 )
-from genie_sim.core.recommended.pacing import RoundTrip
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
 from genie_sim.methods.similarity import LocalAndRemote, at_least
+from genie_sim.recommended.pacing import RoundTrip
 from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track_map import TrackMap
+from genie_sim.tracks.view import Viewer
 
 VIEW_M = 50.0  # how far a tracked object is served, as by the recommended Genie
-LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``core.tracking.COAST_NS``)
+LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``tracks.track.COAST_NS``)
 
 
 class DriftPlusPenalty:
@@ -109,9 +108,7 @@ class TrackOrDetect(Method):
     def _handler(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "Handler":
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        state = self.choice(), TrackMap(ObjectMapRules(), policy)
+        state = self.choice(), TrackMap(Existence(laws=host.laws), view_range_m=VIEW_M)
         return Handler(f"{host.name}/tracker", state, subscribed, published)
 
 
@@ -206,5 +203,5 @@ class Handler(LocalAndRemote):
         self._choice.handled(now_ns - image.header.stamp_ns)
         self._tracks.forget(now_ns)
         viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
-        objects, valid_ns = self._tracks.visible(viewer, VIEW_M, now_ns)
-        return Publish(self._objects, answer.with_objects(objects).with_look(None, valid_ns))
+        objects = self._tracks.visible(viewer, now_ns)
+        return Publish(self._objects, answer.with_objects(objects).with_look(None, now_ns))
