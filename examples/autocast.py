@@ -21,11 +21,19 @@ from typing import Annotated, Literal, NamedTuple
 
 from cpm import OLD_NS, Listening, Objects, Told, away_m, moved, nearest, seen_since
 
-from genie_sim.base.settings import Bounds
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.messages import CameraPose, Detection, Header, Image
-from genie_sim.sim.method import HostConfig, HostContext, Method
-from genie_sim.tracks.track import kind_of
+from genie_sim.extend import (
+    NS_PER_MS,
+    NS_PER_S,
+    Bounds,
+    CameraPose,
+    Detection,
+    Header,
+    HostConfig,
+    HostContext,
+    Image,
+    Method,
+    kind_of,
+)
 
 TOPIC = "/autocast"
 BEACON_BYTES, SEEN_BYTES = 121, 12  # a car, and each object that it sees. Assumed

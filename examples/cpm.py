@@ -17,24 +17,33 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
-from genie_sim.analysis.metric import HIGHER, Metric, share
-from genie_sim.base.settings import Bounds
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.messages import (
+from genie_sim.extend import (
+    COAST_NS,
+    HIGHER,
+    LOCAL,
+    NS_PER_MS,
+    NS_PER_S,
+    PERSON,
+    Bounds,
     CameraPose,
     Detection,
     Detections,
     Effect,
+    Existence,
     Header,
+    HostConfig,
+    HostContext,
     Image,
+    Interceptor,
     Look,
     Message,
+    Method,
+    Metric,
     Publish,
+    TrackMap,
+    kind_of,
+    share,
 )
-from genie_sim.sim.method import LOCAL, HostConfig, HostContext, Interceptor, Method
-from genie_sim.tracks.existence import Existence
-from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
-from genie_sim.tracks.track_map import TrackMap
 
 TOPIC = "/cpm"
 # Thandavarayan et al., Intelligent Vehicles Symposium 2019: header, management and station

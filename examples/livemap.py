@@ -19,33 +19,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from genie_sim.base.errors import unknown
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.messages import (
+from genie_sim.extend import (
+    LOCAL,
+    NS_PER_MS,
+    NS_PER_S,
+    REMOTE,
+    REMOTE_UPLINK,
     Detection,
     Detections,
     Effect,
+    Existence,
     Expired,
     Header,
-    Image,
-    Look,
-    Message,
-    Publish,
-)
-from genie_sim.core.view import ViewSector
-from genie_sim.methods.similarity import LocalAndRemote, at_least
-from genie_sim.recommended.pacing import Pacer
-from genie_sim.sim.method import (
-    LOCAL,
-    REMOTE,
-    REMOTE_UPLINK,
     HostConfig,
     HostContext,
+    Image,
     Interceptor,
+    LocalAndRemote,
+    Look,
+    Message,
     Method,
+    Pacer,
+    Publish,
+    TrackMap,
+    ViewSector,
+    at_least,
+    unknown,
 )
-from genie_sim.tracks.existence import Existence
-from genie_sim.tracks.track_map import TrackMap
 
 REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``ToldRules``
 VIEW_M = 50.0  # how far a car looks for what others see

@@ -9,10 +9,18 @@ import math
 from dataclasses import dataclass, replace
 from functools import partial
 
-from genie_sim.core.messages import CameraPose, Detection, Image, Message
-from genie_sim.sim.bends import Bend, Objects, bent
-from genie_sim.sim.fault import Fault, Strike
-from genie_sim.sim.network import Network
+from genie_sim.extend import (
+    Bend,
+    CameraPose,
+    Detection,
+    Fault,
+    Image,
+    Message,
+    Network,
+    Objects,
+    Strike,
+    bent,
+)
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,22 @@ scenario's order chooses them, the car's own edge first. Nobody cancels the othe
 
 from functools import partial
 
-from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.metric import LOWER, Metric, share
-from genie_sim.core.messages import Effect, Header, Message, Publish
-from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Interceptor, Method
+from genie_sim.extend import (
+    LOWER,
+    REMOTE,
+    REMOTE_UPLINK,
+    Effect,
+    Header,
+    HostConfig,
+    HostContext,
+    Interceptor,
+    Message,
+    Method,
+    Metric,
+    Publish,
+    response_ms,
+    share,
+)
 
 DEADLINE_MS = 200.0
 REMEMBERED = 100  # answered frames of which later copies are known

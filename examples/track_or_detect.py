@@ -14,23 +14,29 @@ one is drift-plus-penalty; and their tracker looks at pictures, this one predict
 from collections import deque
 from functools import partial
 
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.messages import (
+from genie_sim.extend import (
+    NS_PER_MS,
+    NS_PER_S,
+    REMOTE,
+    REMOTE_UPLINK,
     Detections,
     Effect,
+    Existence,
     Expired,
+    HostConfig,
+    HostContext,
     Image,
+    LocalAndRemote,
     Look,
     Message,
+    Method,
     Observation,
     Publish,
+    RoundTrip,
+    TrackMap,
+    Viewer,
+    at_least,
 )
-from genie_sim.methods.similarity import LocalAndRemote, at_least
-from genie_sim.recommended.pacing import RoundTrip
-from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
-from genie_sim.tracks.existence import Existence
-from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 VIEW_M = 50.0  # how far a tracked object is served, as by the recommended Genie
 LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``tracks.track.COAST_NS``)

@@ -19,19 +19,27 @@ import math
 from collections.abc import Hashable
 from statistics import NormalDist
 
-from genie_sim.analysis.correctness import HITS, is_wrong
-from genie_sim.analysis.metric import LOWER, Metric, Sample
-from genie_sim.analysis.metric import share as of_all
-from genie_sim.base.seeds import Draws
-from genie_sim.core.caches.cache import Replay, SimilarityCache, same
-from genie_sim.core.caches.nearest import FeatureKey
-from genie_sim.core.eviction import LRU
-from genie_sim.core.messages import Answer
-from genie_sim.core.rules import Capacity
-from genie_sim.methods.similarity import SimilarityCaching, share
-from genie_sim.record.columns import Columns
-from genie_sim.sim.draw_keys import frame_key
-from genie_sim.sim.method import HostContext
+from genie_sim.extend import (
+    HITS,
+    LOWER,
+    LRU,
+    Answer,
+    Capacity,
+    Columns,
+    Draws,
+    FeatureKey,
+    HostContext,
+    Metric,
+    Replay,
+    Sample,
+    SimilarityCache,
+    SimilarityCaching,
+    as_share,
+    frame_key,
+    is_wrong,
+    same,
+    share,
+)
 
 ENOUGH = 6  # observations from which on a law is fitted
 CONFIDENCES = [1 - (1e-6 + (1 - 2e-6) * step / 49) for step in range(50)]
@@ -202,7 +210,7 @@ class VCache(SimilarityCaching):
         feature: str = "hsv",
         replay: Replay = "camera",
     ) -> None:
-        self.delta = share("delta", delta)
+        self.delta = as_share("delta", delta)
         self.shared, self.feature, self.replay = shared, feature, replay
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
@@ -218,7 +226,7 @@ class VCache(SimilarityCaching):
 def wrong(answers: Columns) -> Sample:
     """Of the results those from a cache that are wrong."""
     results = answers.where(which="result")
-    return of_all(results, is_wrong(results) & results["source"].isin(HITS["all"]))
+    return share(results, is_wrong(results) & results["source"].isin(HITS["all"]))
 
 
 wrong_replays = Metric(

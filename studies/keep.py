@@ -30,6 +30,7 @@ METRICS = {
         "fault_ghosts",
         "fault_recovery",
     ),
+    "two_streets": ("streaming_f1",),
     "shared_uplink": (
         "streaming_f1",
         "object_recall",

@@ -111,6 +111,27 @@ def shared_uplink() -> str:
     return by_metric("shared_uplink", (F1,), WITH_TRACKERS, columns)
 
 
+def two_streets() -> str:
+    """Streaming F1 of each method on each street, with intervals over seeds."""
+    table: Any = points_of("two_streets")
+    table = table[table["metric"] == F1.metric]
+    columns = table[["uplink", "street"]].drop_duplicates().values.tolist()
+    rows = []
+    for method in ("zero_delay", *WITH_TRACKERS[:5], "genie_recommended"):
+        at_once = method == "zero_delay"
+        of_method = table[table["method"] == ("local" if at_once else method)]
+        of_method = of_method[of_method["component"] == ("zero_delay" if at_once else "")]
+        cells = []
+        for uplink, street in columns:
+            (point,) = of_method[
+                (of_method["uplink"] == uplink) & (of_method["street"] == street)
+            ].to_dict("records")
+            numbers = [100 * float(point[name]) for name in ("value", "low", "high")]
+            cells.append("{:.1f} ({:.1f} to {:.1f})".format(*numbers))
+        rows.append([METHODS.get(method, "detector without delay"), *cells])
+    return markdown(["", *(f"{uplink}, {street}" for uplink, street in columns)], rows)
+
+
 def failing_edge() -> str:
     faults = ("crash, cold", "crash, warm", "stall", "five times slower")
     columns = {"before": {"fault": faults[0], "component": "before"}} | {
@@ -252,6 +273,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "sharing": sharing,
     "baselines": baselines,
     "batching": batching,
+    "two_streets": two_streets,
     "shared_uplink": shared_uplink,
     "failing_edge": failing_edge,
 }

@@ -48,8 +48,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "paper": ("scenario", "record", "analysis", "report", "api"),
     "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
     "__main__": ("cli",),
+    "extend": ("core", "tracks", "sim", "methods", "recommended", "data", "record", "analysis"),
 }
-IN_THE_ROOT = {"__init__", "__main__", "api", "version"}
+IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 
 # The evaluation simulates through ``api`` alone. Rooms above ``api`` share the tools for tables,
 # arithmetic and pages, and these two modules for files of settings.

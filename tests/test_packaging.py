@@ -78,10 +78,17 @@ def test_the_wheel_names_both_licences_and_carries_their_texts(wheel: Path):
     metadata = packed.read(folder + "METADATA").decode()
     assert "License-Expression: Apache-2.0 AND CC-BY-NC-SA-3.0\n" in metadata
     named = re.findall("^License-File: (.*)$", metadata, re.MULTILINE)
-    traces = "scenarios/traces/kitti_0005"
+    parts = {
+        "0005": ("", "jpeg80.", "jpeg90.", "png.", "truth."),
+        "0013": ("", "jpeg90.", "truth."),
+    }
     assert named == [
         "LICENSE",
-        *(f"{traces}.{one}LICENSE.md" for one in ("", "jpeg80.", "jpeg90.", "png.", "truth.")),
+        *(
+            f"scenarios/traces/kitti_{drive}.{part}LICENSE.md"
+            for drive, of_drive in parts.items()
+            for part in of_drive
+        ),
     ]
     assert {f"{folder}licenses/{name}" for name in named} <= set(packed.namelist())
 

@@ -18,12 +18,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.paths import usable
 from genie_sim.base.units import MAX_M, MAX_TIME_S
+
+if TYPE_CHECKING:
+    import pandas
 
 MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay finite
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
@@ -299,6 +302,22 @@ class FileTable:
             for cells in zip(*(batch[name] for name in names), strict=True):
                 number += 1
                 yield f"{self.path}: row {number}", list(cells)
+
+
+class DataFrameTable(FileTable):
+    """A pandas DataFrame as a table; ``name`` begins its errors."""
+
+    def __init__(self, frame: "pandas.DataFrame", name: str) -> None:
+        self.path, self.separator = Path(name), ","
+        self.titles = tuple(map(str, frame.columns))
+        self.columns, self._frame = len(self.titles), frame
+
+    def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
+        frame = self._frame.astype(object).where(self._frame.notna(), None)
+        empty = [None] * len(frame)
+        columns = [empty if at is None else frame.iloc[:, at].tolist() for at in indices]
+        for number, cells in enumerate(zip(*columns, strict=True), start=1):
+            yield f"{self.path}: row {number}", list(cells)
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:

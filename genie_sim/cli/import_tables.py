@@ -60,7 +60,7 @@ def import_tables(
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
     sensor = pose_import.Sensor(fov_rad, size_bytes, range_m)
-    recordings = pose_import.import_recordings(
+    recordings = pose_import.recordings(
         poses,
         detections,
         truth,

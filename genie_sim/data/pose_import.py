@@ -13,14 +13,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, Union
 
 import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.paths import sha256_of
-from genie_sim.base.tables import EAST, NORTH, TIME, FileColumn, read_rows
+from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn, FileTable
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.core.geometry import Array, Geodetic
@@ -39,6 +39,10 @@ from genie_sim.data.trace import (
 from genie_sim.data.trace_report import tell_distances
 from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
 
+if TYPE_CHECKING:
+    import pandas
+
+Table: TypeAlias = Union[Path, "pandas.DataFrame"]
 RECORDING = "sensor"  # what the one recording of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
 # Where the plane lies on Earth, if nobody says: some place must be written down, no result depends
@@ -81,6 +85,23 @@ class Sensor:
     fov_rad: float = 2 * math.pi
     size_bytes: int = 960_000
     range_m: float = 40.0
+
+
+class _Table(NamedTuple):
+    """One of the tables: its file, or its name, the digest of its content, and what reads it."""
+
+    path: Path
+    digest: str
+    reader: FileTable
+
+    @classmethod
+    def of(cls, name: str, table: Table) -> "_Table":
+        """A file or a DataFrame; ``name`` is what the latter is called. Raises UserError."""
+        if isinstance(table, Path):
+            reader = FileTable(table)
+            return cls(table, sha256_of(table), reader)
+        content = table.to_csv(index=False).encode()
+        return cls(Path(name), hashlib.sha256(content).hexdigest(), DataFrameTable(table, name))
 
 
 class ImportedCar(NamedTuple):
@@ -147,71 +168,74 @@ class _ObjectRows:
         return is_moving
 
 
-def import_recordings(
-    poses: Path,
-    detections: Path,
-    truth: Path | None = None,
-    *,
+def recordings(
+    poses: Table,
+    detections: Table,
+    truth: Table | None = None,
     sensor: Sensor = Sensor(),
+    *,
     origin: Geodetic = ORIGIN,
+    provenance: Mapping[str, Any] | None = None,
     classes: Mapping[str, str] = {},
     report: ImportReport | None = None,
 ) -> dict[str, ImportedCar]:
-    """The recordings of all cars of the tables, by the cars' names.
+    """The recordings of all cars of three tables, by the cars' names.
 
     Parameters
     ----------
-    poses : a file with the columns ``POSES``; each row is one frame of a car
-    detections : a file with the columns ``DETECTIONS``; each belongs to the frame of its time
-    truth : a file with the columns ``TRUTH``: objects at times; rows without a car count for all
+    poses : a file or a DataFrame with the columns ``POSES``; each row is one frame of a car
+    detections : with the columns ``DETECTIONS``; each belongs to the frame of its time
+    truth : with the columns ``TRUTH``: objects at times; rows without a car count for all
     sensor : of every car
     origin : of the plane: latitude [deg], longitude [deg], altitude [m]
+    provenance : where the tables come from; ``None``: their names and digests
     classes : the classes of labels that have other names; ``NO_CLASS``: such objects are left out
     report : is told what was read
 
-    Raises UserError, naming file, line and column, and for what cannot be.
+    Raises UserError, naming table, row and column, and for what cannot be.
     """
-    report = report or ImportReport(poses)
-    by_car = _read_poses(poses, report)
+    named = {"poses": poses, "detections": detections} | ({} if truth is None else {"truth": truth})
+    tables = [_Table.of(name, table) for name, table in named.items()]
+    report = report or ImportReport(tables[0].path)
+    by_car = _read_poses(tables[0], report)
     detected, outside = _read_detections(
-        detections, by_car, sensor=sensor, classes=classes, report=report
+        tables[1], by_car, sensor=sensor, classes=classes, report=report
     )
-    files = [poses, detections] if truth is None else [poses, detections, truth]
-    digests = {path.name: sha256_of(path) for path in files}
-    if len(digests) < len(files):
-        raise UserError(f"{files[-1]}: has the name of another of the tables; rename it")
+    digests = {table.path.name: table.digest for table in tables}
+    if len(digests) < len(tables):
+        raise UserError(f"{tables[-1].path}: has the name of another of the tables; rename it")
     first_s = min(rows[0].time_s for rows in by_car.values())
-    tracks = {} if truth is None else _read_truth(truth, by_car, classes, report)
-    provenance = {
-        "source": "tables",
+    tracks = {} if truth is None else _read_truth(tables[2], by_car, classes, report)
+    about = {
+        **({"source": "tables"} if provenance is None else provenance),
         "files": digests,
         "parameters": asdict(sensor),
         "import": report.facts(),
     }
     key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
-    sequence = f"{poses.stem}-{key[:12]}" if len(by_car) > 1 else None
+    sequence = f"{tables[0].path.stem}-{key[:12]}" if len(by_car) > 1 else None
     traces = {}
     for car, rows in by_car.items():
         frames = [
             _frame(row, index, found, first_s=first_s, key=f"{key}/{car}/{index}", sensor=sensor)
             for index, (row, found) in enumerate(zip(rows, detected[car], strict=True))
         ]
-        by_camera = checked(poses, frames)
-        traces[car] = Trace(car, origin, by_camera, {**provenance, "car": car}, sequence=sequence)
+        by_camera = checked(tables[0].path, frames)
+        traces[car] = Trace(car, origin, by_camera, {**about, "car": car}, sequence=sequence)
     if truth is None:
         return {car: ImportedCar(trace, None, outside[car]) for car, trace in traces.items()}
-    recordings = {}
+    imported = {}
     for car, trace in traces.items():
         objects = tracks.get(None, tracks.get(car, []))
-        table = _truth_table(truth, trace, by_car[car], objects, sensor=sensor)
-        recordings[car] = ImportedCar(trace, table, outside[car])
-    if not any(recording.truth.rows for recording in recordings.values() if recording.truth):
+        table = _truth_table(tables[2].path, trace, by_car[car], objects, sensor=sensor)
+        imported[car] = ImportedCar(trace, table, outside[car])
+    if not any(recording.truth.rows for recording in imported.values() if recording.truth):
         report.refuse(
             f"no object is ever within {sensor.range_m + BEYOND_M:g} m of a car: are the places on "
             "the plane of the poses?",
-            truth,
+            tables[2].path,
         )
-    return recordings
+    return imported
 
 
 def write_recordings(out: Path, recordings: Mapping[str, ImportedCar]) -> list[str]:
@@ -254,10 +278,10 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
     return car
 
 
-def _read_poses(path: Path, report: ImportReport) -> dict[str, list[_Pose]]:
+def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[_Pose]]:
     """The poses of each car, in order of time."""
     rows_of: dict[str, list[tuple[str, _Pose, tuple[float, float]]]] = {}
-    for where, (name, time_s, east_m, north_m, heading_deg, up_m) in read_rows(path, POSES):
+    for where, (name, time_s, east_m, north_m, heading_deg, up_m) in table.reader.rows(POSES):
         heading_rad = math.remainder(math.radians(heading_deg), math.tau)
         pose = CameraPose(
             round(east_m, POSITION_DECIMALS),
@@ -268,7 +292,7 @@ def _read_poses(path: Path, report: ImportReport) -> dict[str, list[_Pose]]:
         row = (where, _Pose(time_s, pose), (east_m, north_m))
         rows_of.setdefault(_car(where, name), []).append(row)
     if not rows_of:
-        raise UserError(f"{path}: has no poses")
+        raise UserError(f"{table.path}: has no poses")
     by_car = {}
     for car, rows in rows_of.items():
         early = sum(after[1].time_s < before[1].time_s for before, after in pairwise(rows))
@@ -306,7 +330,7 @@ def _tell_way(car: str, rows: Sequence[_Pose], places: Array, report: ImportRepo
 
 
 def _read_detections(
-    path: Path,
+    table: _Table,
     by_car: Mapping[str, Sequence[_Pose]],
     *,
     sensor: Sensor,
@@ -323,7 +347,7 @@ def _read_detections(
     count, unknown_labels = 0, 0
     distances_m: list[float] = []
     times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
-    for where, (name, time_s, label, east_m, north_m, score, up_m) in read_rows(path, DETECTIONS):
+    for where, (name, time_s, label, east_m, north_m, score, up_m) in table.reader.rows(DETECTIONS):
         car = _car(where, name, by_car)
         index = _nearest(times_s[car], time_s)
         nearest_s = times_s[car][index]
@@ -359,14 +383,14 @@ def _read_detections(
         report.refuse(
             f"{unknown_labels:,} of {count:,} detections have labels that are no classes, such as "
             f"{labels}: say --map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}",
-            path,
+            table.path,
         )
     if distances_m and min(distances_m) > sensor.range_m + BEYOND_M:
         report.refuse(
             f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "
             f"cars, beyond --range {sensor.range_m:g} m: are they in the car's frame, not on the "
             "plane of its poses?",
-            path,
+            table.path,
         )
     tell_distances(report, distances_m)
     for frames in detected.values():
@@ -418,7 +442,7 @@ def _frame(
 
 
 def _read_truth(
-    path: Path,
+    table: _Table,
     by_car: Mapping[str, Sequence[_Pose]],
     classes: Mapping[str, str],
     report: ImportReport,
@@ -428,7 +452,9 @@ def _read_truth(
     """
     numbers: dict[str, int] = {}
     tracks: dict[str | None, dict[str, _ObjectRows]] = {}
-    for where, (name, time_s, item, label, *place, moving, visible, up_m) in read_rows(path, TRUTH):
+    for where, (name, time_s, item, label, *place, moving, visible, up_m) in table.reader.rows(
+        TRUTH
+    ):
         label = classes.get(label, label)
         if label == NO_CLASS:
             report.leave_label(label)
@@ -456,7 +482,7 @@ def _read_truth(
         track.moving.append(moving)
         track.visible.append(visible)
     if not tracks:
-        raise UserError(f"{path}: has no objects")
+        raise UserError(f"{table.path}: has no objects")
     report.read("objects of the truth", len(numbers))
     return {car: list(of_car.values()) for car, of_car in tracks.items()}
 

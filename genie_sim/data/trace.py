@@ -5,6 +5,7 @@ one drive with all its cameras, one row per frame, and its provenance in the sch
 ``genie_sim``.
 """
 
+import functools
 import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -78,7 +79,7 @@ class TraceFrame:
     kind: SensorKind = "camera"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Trace(Drive):
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
@@ -94,15 +95,15 @@ class Trace(Drive):
     frames: Mapping[str, tuple[TraceFrame, ...]]
     provenance: Mapping[str, Any]
     sequence: str | None = None
-    digest: str = field(init=False)
 
-    def __post_init__(self) -> None:
+    @functools.cached_property
+    def digest(self) -> str:
+        """The sha256 of what the trace shows, computed when it is asked for."""
         rows = [_row(frame) for camera in sorted(self.frames) for frame in self.frames[camera]]
         content = [[float(x) for x in self.origin], rows]
         if self.sequence is not None:
             content.append([self.sequence])
-        digest = world_table.content_digest(content)
-        object.__setattr__(self, "digest", digest)
+        return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "Trace":
         """The same trace around another geodetic origin; drives with one origin share one world."""

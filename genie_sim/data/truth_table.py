@@ -5,9 +5,10 @@ and object, with the digests of the trace and of the labels in the schema's meta
 themselves are not in it.
 """
 
+import functools
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -53,7 +54,7 @@ class TruthRow(NamedTuple):
         return self.east_m, self.north_m, self.up_m
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
     trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
@@ -68,14 +69,14 @@ class TruthTable:
     provenance: Mapping[str, Any]
     reach_m: float = SAME_M
     range_m: float = RANGE_M
-    digest: str = field(init=False)
 
-    def __post_init__(self) -> None:
+    @functools.cached_property
+    def digest(self) -> str:
+        """The sha256 of what the table says, computed when it is asked for."""
         content = [self.trace, [float(x) for x in self.origin], self.rows]
         if (self.reach_m, self.range_m) != (SAME_M, RANGE_M):
             content.append([self.reach_m, self.range_m])
-        digest = world_table.content_digest(content)
-        object.__setattr__(self, "digest", digest)
+        return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
         """The same around another origin, as ``Trace.rebased``."""

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Effect, Expired, Header, Image, Message, Publish
-from genie_sim.methods.similarity import LocalAndRemote, at_least, share
+from genie_sim.methods.similarity import LocalAndRemote, as_share, at_least
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
 
 GAIN = 1 / 8  # of exponential means, as TCP's of round-trip times (RFC 6298)
@@ -145,7 +145,7 @@ class Deadline(Method):
         if not shares:
             raise ValueError("shares: must not be empty")
         self._deadline_ns = int(at_least("deadline", deadline_ns, 1))
-        self._shares = tuple(share("shares", value) for value in shares)
+        self._shares = tuple(as_share("shares", value) for value in shares)
         self._probe_ns = probe_ns
 
     def on_car(self, host: HostContext) -> HostConfig | None:

@@ -12,7 +12,7 @@ from genie_sim.core.caches.features import DIMENSION, UNIT, Vector
 from genie_sim.core.caches.nearest import FeatureKey, Nearest
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.similarity import SimilarityCaching, at_least, share
+from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
 from genie_sim.sim.method import HostContext
 
 TABLES, HASHES = 4, 8  # assumed
@@ -197,7 +197,7 @@ class FoggyCache(SimilarityCaching):
         replay : {"camera", "world"}
             Where the objects of a replayed answer are (see ``SimilarityCache``).
         """
-        self.theta = share("theta", theta)
+        self.theta = as_share("theta", theta)
         self.neighbours = int(at_least("neighbours", neighbours, 2))
         self.radius = at_least("radius", radius, 0.0)
         self.feature = feature

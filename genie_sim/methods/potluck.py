@@ -11,7 +11,7 @@ from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import TTL
 from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.similarity import SimilarityCaching, at_least, share
+from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 
@@ -135,10 +135,10 @@ class Potluck(SimilarityCaching):
         """
         self.feature = feature
         self.replay = replay
-        self._dropout = share("dropout", dropout)
+        self._dropout = as_share("dropout", dropout)
         self._warm = int(at_least("warm", warm, 1))
         self._tighten = at_least("tighten", tighten, 1.0)
-        self._keep = share("keep", keep)
+        self._keep = as_share("keep", keep)
         self._ttl_ns = int(at_least("ttl", ttl_ns, 1))
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:

@@ -19,7 +19,7 @@ from genie_sim.sim.method import (
 )
 
 
-def share(name: str, value: float) -> float:
+def as_share(name: str, value: float) -> float:
     """``value`` if it is from 0 to 1. Raises ``ValueError``."""
     if not 0 <= value <= 1:
         raise ValueError(f"{name}: must be from 0 to 1, but is {value:g}")

@@ -25,7 +25,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         given.append((files, options))
         return []
 
-    monkeypatch.setattr(pose_import, "import_recordings", recordings)
+    monkeypatch.setattr(pose_import, "recordings", recordings)
     monkeypatch.setattr(pose_import, "write_recordings", lambda out, _: [f"{out}: written"])
     return given
 

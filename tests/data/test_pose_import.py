@@ -4,16 +4,18 @@ is told with file, line and column.
 
 from __future__ import annotations
 
+import io
 import math
 import re
 
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.pose_import import Sensor, import_recordings, write_recordings
+from genie_sim.data.pose_import import Sensor, recordings, write_recordings
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth_table import read_truth_table
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER
@@ -30,7 +32,7 @@ def tables(tmp_path):
             if path is not None:
                 path.write_text(text, encoding="utf-8")
             paths.append(path)
-        return import_recordings(*paths, **settings)
+        return recordings(*paths, **settings)
 
     return write
 
@@ -92,7 +94,7 @@ def test_parquet_tables_give_the_traces_of_csv_tables(tables, tmp_path):
             columns[column] = [float(value) for value in columns[column]]
         paths.append(tmp_path / "parquet" / f"{name}.parquet")
         pq.write_table(pa.table(columns), paths[-1])
-    by_parquet = import_recordings(*paths)
+    by_parquet = recordings(*paths)
     for car, recording in by_csv.items():
         ours, other = recording.trace, by_parquet[car].trace
         for frame, its in zip(ours.frames["sensor"], other.frames["sensor"], strict=True):
@@ -102,6 +104,37 @@ def test_parquet_tables_give_the_traces_of_csv_tables(tables, tmp_path):
                 its.detections,
             )
         assert recording.truth.rows == by_parquet[car].truth.rows
+
+
+def test_data_frames_give_the_traces_of_files(tables):
+    texts = {"poses": POSES, "detections": DETECTIONS, "truth": TRUTH}
+    frames = {name: pd.read_csv(io.StringIO(text)) for name, text in texts.items()}
+    by_file = tables(**texts)
+    by_frame = recordings(*frames.values(), provenance={"data": "mine"})
+    assert by_frame.keys() == by_file.keys()
+    for car, recording in by_frame.items():
+        pairs = zip(*(of[car].trace.frames["sensor"] for of in (by_frame, by_file)), strict=True)
+        for frame, there in pairs:
+            assert (frame.stamp_ns, frame.pose) == (there.stamp_ns, there.pose)
+            assert frame.detections == there.detections
+        assert recording.truth.rows == by_file[car].truth.rows
+        assert recording.trace.provenance["data"] == "mine"
+    assert len({recording.trace.sequence for recording in by_frame.values()}) == 1
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("time_s", 1.7e12, "^poses: row 1: time_s: .* milliseconds since 1970"),
+        ("north_m", math.nan, "^poses: row 1: north_m: is empty"),
+        ("heading_deg", "east", "^poses: row 1: heading_deg: must be a number"),
+    ],
+)
+def test_a_row_of_a_data_frame_is_named_by_its_number(column, value, message):
+    poses = pd.read_csv(io.StringIO(POSES)).astype(object)
+    poses.loc[0, column] = value
+    with pytest.raises(UserError, match=message):
+        recordings(poses, pd.read_csv(io.StringIO(DETECTIONS)))
 
 
 def test_the_truth_is_there_for_every_frame_of_every_car(tables):
@@ -181,7 +214,10 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
         ({"poses": POSES + "edges,1,1,1,0\n"}, "line 7: car: 'edges' must be"),
         ({"poses": POSES[:38]}, "poses.csv: has no poses"),
         ({"poses": ""}, "poses.csv: column 'time_s' is missing; the file has none"),
-        ({"poses": "car,car," + POSES[4:]}, "poses.csv: column 'car' is there 2 times"),
+        (
+            {"poses": "car,car," + POSES[4:]},
+            "poses.csv: column 'car' could be each of 'car', 'car': keep one",
+        ),
         ({"poses": POSES + 'a,"1000.3\n'}, "poses.csv: not a readable CSV file"),
         ({"detections": DETECTIONS + "c,1000,car,1,1,1\n"}, "line 5: car: unknown car 'c'.* a, b"),
         (
@@ -221,9 +257,9 @@ def test_files_that_are_none_are_refused(tmp_path):
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(UserError, match=message):
-            import_recordings(good, tmp_path / name)
+            recordings(good, tmp_path / name)
     with pytest.raises(UserError, match=r"detections\.csv: no such file"):
-        import_recordings(good, tmp_path / "detections.csv")
+        recordings(good, tmp_path / "detections.csv")
 
 
 def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
@@ -268,7 +304,7 @@ def test_a_row_of_a_parquet_table_is_named_by_its_number(tmp_path):
     columns = {"time_s": [1.0, math.nan], "east_m": [0.0, 1.0], "north_m": [0.0, 1.0]}
     pq.write_table(pa.table({"car": ["a", "a"], **columns, "heading_deg": [0.0, 0.0]}), path)
     with pytest.raises(UserError, match=r"poses.parquet: row 2\b"):
-        import_recordings(path, None)
+        recordings(path, path)
 
 
 def drive(speed_mps: float, count: int = 30, heading_deg: float = 0.0, factor: float = 1.0) -> str:
@@ -315,9 +351,9 @@ def test_what_cannot_be_is_refused_unless_accepted(tmp_path, poses, detections, 
     for path, text in zip(files, (poses, detections), strict=True):
         path.write_text(text)
     with pytest.raises(UserError, match=message):
-        import_recordings(*files)
+        recordings(*files)
     report = ImportReport("x", accept=True)
-    import_recordings(*files, report=report)
+    recordings(*files, report=report)
     assert any(re.search(message, line) for line in report.lines())
 
 
@@ -326,7 +362,7 @@ def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):
     files[0].write_text(drive(10))
     files[1].write_text(AHEAD.format(label="vehicle.car", east=20) + "0,cone,1,1,0.5\n")
     report, classes = ImportReport("x"), {"vehicle.car": "car", "cone": "none"}
-    (recording,) = import_recordings(*files, classes=classes, report=report).values()
+    (recording,) = recordings(*files, classes=classes, report=report).values()
     found = [d.label for frame in recording.trace.frames["sensor"] for d in frame.detections]
     assert found == ["car", "car"] and report.unused == {"none": 1}
 

@@ -11,7 +11,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
-from genie_sim.data.sources import Recordings
+from genie_sim.data.sources import Recordings, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth_table import (
     RecordedTruth,
@@ -20,6 +20,7 @@ from genie_sim.data.truth_table import (
     make_truth,
     path_beside,
     read_truth_table,
+    truth_beside,
     write_truth,
 )
 
@@ -127,3 +128,16 @@ def test_an_impossible_ruler_is_refused(trace, tmp_path, changes):
     (name,) = changes
     with pytest.raises(UserError, match=f"metadata: {name} .* is no length up to 1000"):
         read_truth_table(path)
+
+
+def test_the_second_street_is_shipped_whole():
+    """Its truth is of its frames, and its encoded pictures are those of its frames."""
+    path = files.find(files.TRACE, "kitti_0013")
+    trace = read_trace(path)
+    assert trace.provenance["drive"] == "2011_09_26/0013" and len(trace.frames["02"]) == 144
+    table = truth_beside(path, trace)
+    assert table is not None and len({row.object for row in table.rows}) == 9
+    assert len({row.object for row in table.rows if row.moving}) == 3
+    assert encoded_beside(path, trace, "jpeg90").frames["02"][0].digest == (
+        trace.frames["02"][0].digest
+    )

@@ -451,7 +451,7 @@ MISTAKES = [
         TWO_CARS + "perception: {trace: kitti_0006}\n",
         (
             "perception.trace: unknown trace 'kitti_0006' (did you mean 'kitti_0005'?); known:"
-            " kitti_0005"
+            " kitti_0005, kitti_0013"
         ),
     ),
     (

@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.pose_import import import_recordings, write_recordings
+from genie_sim.data.pose_import import recordings, write_recordings
 from genie_sim.worlds.traffic.source import RecordedTraffic
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH
 from tests.worlds.traffic.fcd_files import fcd_text
@@ -66,11 +66,11 @@ def tables(folder: Path) -> Case:
             paths.append(folder / f"{other}.csv")
             paths[-1].write_bytes(content)
         truth = paths[2] if name == "truth" or rng.random() < 0.5 else None
-        recordings = import_recordings(paths[0], paths[1], truth)
+        imported = recordings(paths[0], paths[1], truth)
         out = folder / "traces"
         for path in out.glob("*"):
             path.unlink()
-        write_recordings(out, recordings)
+        write_recordings(out, imported)
 
     return case
 

@@ -4,6 +4,7 @@ the code; the others are made with the site (``tools/reference/site.py``).
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -13,6 +14,7 @@ from unittest import mock
 import click
 from click.testing import CliRunner
 
+from genie_sim import extend
 from genie_sim.analysis import registry
 from genie_sim.base import add_ons, files
 from genie_sim.base.units import duration_text, rate_text
@@ -100,7 +102,7 @@ def site_texts() -> dict[str, str]:
         "devices": _page("Devices", LAWS, devices(profiles)),
         "links": _page("Links", LINK, links()),
         "names": _page("Methods, faults and other names", NAMES, names(KINDS)),
-        "python": _page("Python: all functions and classes", PYTHON, ()),
+        "python": _page("Python: all functions and classes", PYTHON, own_code()),
     }
     return {f"reference/{name}.md": text for name, text in pages.items()}
 
@@ -114,6 +116,20 @@ def _text(lines: Iterable[str]) -> str:
     """Lines as a text that ends with one line break."""
     text = "\n".join(line.rstrip() for part in lines for line in part.split("\n"))
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n") + "\n"
+
+
+def own_code() -> Lines:
+    """The names that code of one's own imports."""
+    yield "## `genie_sim.extend`\n\nFor a class of your own; constants stand first.\n"
+    documented = {}
+    for name in extend.__all__:
+        value = getattr(extend, name)
+        if inspect.isclass(value) or inspect.isfunction(value):
+            documented[name] = value
+        else:
+            yield f"- `{name}`"
+    for name, value in documented.items():
+        yield f"\n::: {value.__module__}.{name}"
 
 
 def commands() -> Lines:

@@ -178,7 +178,7 @@ class OneLine(logging.Formatter):
 
 def _log_to_stderr() -> None:
     """rospy takes the root logger for its own files."""
-    logger, handler = logging.getLogger("genie_sim"), logging.StreamHandler()
+    logger, handler = logging.getLogger(__package__), logging.StreamHandler()
     handler.setFormatter(OneLine())
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

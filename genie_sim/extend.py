@@ -1,0 +1,146 @@
+"""All that code of your own imports: ``from genie_sim.extend import Fault``.
+
+A method, a link, a fault, a process, a metric, a source of frames, a detector, an eviction, a
+similarity: each is a class of yours that a scenario names as ``package.module:Class``, and each has
+a page under *Extend it*. The names below stay where they are while the package changes inside.
+"""
+
+# Times are whole nanoseconds, sizes bytes, places metres; a setting's unit is in its name.
+from genie_sim.analysis.correctness import HITS, is_wrong
+from genie_sim.analysis.frame_metrics import response_ms
+from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, share
+from genie_sim.base.errors import unknown
+from genie_sim.base.seeds import Draws
+from genie_sim.base.settings import Bounds, Share
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.caches.cache import Replay, SimilarityCache, same
+from genie_sim.core.caches.nearest import FeatureKey
+from genie_sim.core.eviction import LRU, Eviction
+from genie_sim.core.messages import (
+    Answer,
+    CameraPose,
+    Detection,
+    Detections,
+    Effect,
+    Expired,
+    Header,
+    Image,
+    ImageLookup,
+    Look,
+    Message,
+    Observation,
+    Publish,
+)
+from genie_sim.core.rules import Capacity
+from genie_sim.core.similarity import KeyIndex, Similarity
+from genie_sim.core.view import ViewSector
+from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
+from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.trace import write_trace
+from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
+from genie_sim.recommended.pacing import Pacer, RoundTrip
+from genie_sim.record.columns import Columns
+from genie_sim.sim.bends import Bend, Objects, bent, shifted
+from genie_sim.sim.draw_keys import frame_key
+from genie_sim.sim.fault import Fault, Strike
+from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Sender
+from genie_sim.sim.method import (
+    LOCAL,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    Interceptor,
+    Method,
+    Uplink,
+)
+from genie_sim.sim.network import Network
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
+from genie_sim.tracks.track_map import TrackMap
+from genie_sim.tracks.view import Viewer
+
+__all__ = [
+    "COAST_NS",
+    "DETECTORS",
+    "HIGHER",
+    "HITS",
+    "LOCAL",
+    "LOWER",
+    "LRU",
+    "NS_PER_MS",
+    "NS_PER_S",
+    "PERSON",
+    "REMOTE",
+    "REMOTE_UPLINK",
+    "Air",
+    "Answer",
+    "Bend",
+    "Bounds",
+    "CameraPose",
+    "Capacity",
+    "Channel",
+    "Columns",
+    "DetectedBox",
+    "Detection",
+    "Detections",
+    "DetectorSettings",
+    "Draws",
+    "Drive",
+    "DriveFrames",
+    "Effect",
+    "Eviction",
+    "Existence",
+    "Expired",
+    "Fault",
+    "FeatureKey",
+    "FrameSource",
+    "Frames",
+    "Header",
+    "HostConfig",
+    "HostContext",
+    "Image",
+    "ImageLookup",
+    "Interceptor",
+    "KeyIndex",
+    "LinkEnds",
+    "LinkModel",
+    "LocalAndRemote",
+    "Look",
+    "Medium",
+    "Message",
+    "Method",
+    "Metric",
+    "Network",
+    "Objects",
+    "Observation",
+    "Pacer",
+    "Publish",
+    "Replay",
+    "RoundTrip",
+    "Sample",
+    "Sender",
+    "Share",
+    "Similarity",
+    "SimilarityCache",
+    "SimilarityCaching",
+    "Strike",
+    "TrackMap",
+    "Uplink",
+    "ViewSector",
+    "Viewer",
+    "as_share",
+    "at_least",
+    "bent",
+    "frame_key",
+    "is_wrong",
+    "kind_of",
+    "perceive",
+    "response_ms",
+    "same",
+    "share",
+    "shifted",
+    "unknown",
+    "write_trace",
+]
