@@ -122,7 +122,7 @@ class TrackMap:
             requests=len(tracks),
             hits=sum(p >= self.p_min for p in before.values()),
             updates=len(before),
-            boost_sum=sum(
+            boost_sum=math.fsum(
                 self.existence(track, now_ns) - before[track.number]
                 for track in remaining
                 if track.number in before
