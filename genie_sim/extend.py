@@ -47,9 +47,11 @@ from genie_sim.data.trace import write_trace
 from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
 from genie_sim.record.columns import Columns
 from genie_sim.sim.bends import Bend, Objects, bent, shifted
+from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.fault import Fault, Strike
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Sender
+from genie_sim.sim.link_models.message_random import MessageRandom
 from genie_sim.sim.method import (
     LOCAL,
     REMOTE,
@@ -61,6 +63,7 @@ from genie_sim.sim.method import (
     Uplink,
 )
 from genie_sim.sim.network import Network
+from genie_sim.sim.ros_graph import Graph, Subscriber
 
 __all__ = [
     "COAST_NS",
@@ -97,6 +100,7 @@ __all__ = [
     "FeatureKey",
     "FrameSource",
     "Frames",
+    "Graph",
     "Header",
     "HostConfig",
     "HostContext",
@@ -111,6 +115,7 @@ __all__ = [
     "MeasuredExistence",
     "Medium",
     "Message",
+    "MessageRandom",
     "Method",
     "Metric",
     "Network",
@@ -118,6 +123,7 @@ __all__ = [
     "ObjectMapRules",
     "Objects",
     "Observation",
+    "Occupancy",
     "Pacer",
     "Publish",
     "Replay",
@@ -128,7 +134,9 @@ __all__ = [
     "Similarity",
     "SimilarityCache",
     "SimilarityCaching",
+    "Steps",
     "Strike",
+    "Subscriber",
     "TrackMap",
     "Uplink",
     "ViewSector",
