@@ -8,6 +8,7 @@ one, an edge until that of all cars; afterwards a run only waits. So energy is l
 and whether one method takes less than another over all their ranges is decided exactly.
 """
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -53,7 +54,7 @@ class Ledger:
         """The energy with all powers at one end of their ranges; ``None`` if any is unknown."""
         if self.unknown:
             return None
-        return sum(amount * self.powers[key][end] for key, amount in self.amounts.items())
+        return math.fsum(amount * self.powers[key][end] for key, amount in self.amounts.items())
 
 
 INSTANTS = ("stamp_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")

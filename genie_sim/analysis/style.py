@@ -49,6 +49,17 @@ RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }
+RUN_FIGURES = (  # of a run or several seeds, by the names of their files
+    "latency_accuracy",
+    "latency_cdf",
+    "latency_cdf_of_answered",
+    "time_parts",
+    "resources",
+    "image_reuse",
+    "object_reuse",
+    "confidence_boost",
+    "differences",
+)
 COLOURS = (
     "#E69F00",
     "#C44E00",
@@ -80,9 +91,7 @@ METHOD_STYLES = {
     "local_tracker": 12,
     "remote_tracker": 13,
     "remote_fours": 13,
-    "genie_former": 14,
     "genie_alone": 14,
-    "genie_tracks": 14,
     "recommended_fours": 15,
     "cachier": 16,
     "deadline": 17,

@@ -2,14 +2,8 @@
 
 from collections.abc import Callable, Iterable
 
-FIGURES = (  # of runs
-    "latency_accuracy",
-    "latency_cdf",
-    "latency_cdf_of_answered",
-    "time_parts",
-    "resources",
-    "differences",
-)
+from genie_sim.analysis.style import RUN_FIGURES
+
 Completion = Callable[[object, object, str], list[str]]  # as click's shell_complete takes it
 
 
@@ -52,7 +46,7 @@ def _metrics() -> Iterable[str]:
 
 
 def _figures() -> Iterable[str]:
-    return (*FIGURES, *_metrics())
+    return (*RUN_FIGURES, *_metrics())
 
 
 def _kinds() -> Iterable[str]:

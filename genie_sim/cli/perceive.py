@@ -16,6 +16,12 @@ if TYPE_CHECKING:
     from genie_sim.data.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
+OF_PAIR = ("root", "data_set", "sequence", "partner", "min_score", "out", "accept")
+OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
+OF_DRIVE = (
+    *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
+    *("min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
+)
 
 
 @click.command()
@@ -90,21 +96,18 @@ def perceive(
     if [drive, data_set, check].count(None) != 2:
         raise UserError("perceive: give either --drive, --format or --check")
     if check is not None:
-        if out is not None or evaluate:
-            raise UserError("perceive: --check writes and judges nothing: no --out, no --evaluate")
+        arguments.only("with --check", *OF_NETWORK, "check")
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
     if data_set is not None:
-        if evaluate or encoding != "raw" or origin is not None:
-            raise UserError(
-                "perceive: --format goes with ROOT, --sequence, --partner, --min-score and --out"
-            )
+        arguments.only("with --format", *OF_PAIR)
         _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
         return
-    for name, value in (("ROOT", root), ("--sequence", sequence), ("--partner", partner)):
-        if value is not None:
-            raise UserError(f"perceive: {name} {value} goes with --format v2v4real only")
+    if evaluate:
+        arguments.only("with --drive", *OF_DRIVE, "labels")
+    else:
+        arguments.only("with --drive, but without --evaluate", *OF_DRIVE)
     min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
     if out is None and not evaluate:
         raise UserError("perceive: say what you want: --out or --evaluate")

@@ -14,12 +14,14 @@ from genie_sim.cli.terminal import ProgressBar
 @changed_option
 @own_code_option
 def rerun(folder: Path, allow_changed: bool) -> None:
-    """Run a result folder again and compare it byte for byte."""
+    """Run a result folder again and compare the contents."""
     from genie_sim.runs import folder as run_folder
 
     with ProgressBar() as progress:
         compared = run_folder.rerun(folder, progress, allow_changed=allow_changed)
-    for name, same in compared.items():
-        click.echo(f"{name}: {'identical' if same else 'DIFFERENT'}")
-    if not all(compared.values()):
+    for name, how in compared.files.items():
+        click.echo(f"{name}: {how}")
+    if not compared.reproduces:
         raise UserError(f"{folder}: the run does not reproduce its own result")
+    is_identical = set(compared.files.values()) == {"identical"}
+    click.echo(f"{folder}: reproduced{', byte for byte' if is_identical else ', by contents'}")

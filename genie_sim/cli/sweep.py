@@ -21,7 +21,6 @@ from genie_sim.cli.run import print_results
 from genie_sim.cli.terminal import ProgressBar
 
 WRITTEN = "design.yaml"  # beside the results: the sweep that the command line described
-MAX_NAME = 80  # characters of a sweep's folder, before the digest
 
 
 @click.command()
@@ -70,6 +69,9 @@ def sweep(
     genie-sim sweep where_it_pays
     genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
     """
+    if scheduler is not None:
+        of_all = ("what", "axes", "set_", "methods", "seeds", "out", "scheduler", "shard", "label")
+        arguments.only("with --scheduler", *of_all)
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     from genie_sim.analysis.seed_runs import load
@@ -120,18 +122,10 @@ def _described(
     seeds: int | list[int] | None,
     methods: Sequence[str],
 ) -> dict[str, Any]:
-    """The sweep that the command line describes, as in a file. Its folder is that of all sweeps
-    that differ in nothing but the values of the axes and the seeds. Raises ``UserError``.
-    """
-    import hashlib
-    import json
-
-    from genie_sim.base import files
+    """The sweep that the command line describes, as in a file. Raises ``UserError``."""
     from genie_sim.scenario.yaml_input import parse
-    from genie_sim.study.design import named_axes
-    from genie_sim.version import VERSION
+    from genie_sim.study.design import sweep_of
 
-    path = files.find(files.SCENARIO, scenario)
     values: dict[str, Any] = {}
     for text in axes:
         setting, equals, listed = (part.strip() for part in text.partition("="))
@@ -142,17 +136,7 @@ def _described(
         if setting in values:
             raise UserError(f"--axis {text}: {setting} is varied already")
         values[setting] = parse(f"[{listed}]", f"--axis {text}")
-    named = named_axes(values)
-    what = [path.read_text(encoding="utf-8"), list(values), settings, list(methods), VERSION]
-    digest = hashlib.sha256(json.dumps(what, default=str).encode()).hexdigest()[:8]
-    described: dict[str, Any] = {
-        "name": "-".join((path.stem, *named))[:MAX_NAME] + f"-{digest}",
-        "scenario": scenario,
-        "set": settings,
-        "seeds": seeds,
-        "axes": named,
-    }
-    return {key: value for key, value in described.items() if value}
+    return sweep_of(scenario, values, methods, {"set": settings, "seeds": seeds})
 
 
 def _refuse_scenario(name: str) -> None:

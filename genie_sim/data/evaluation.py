@@ -98,7 +98,7 @@ class Group:
         if not rows:
             return math.nan
         total = sum(count for _, _, count, _, _ in rows)
-        return sum(count * abs(score - right) for _, _, count, score, right in rows) / total
+        return math.fsum(count * abs(score - right) for _, _, count, score, right in rows) / total
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """Cachier: caches on the edges of a cloud, each as large as pays (U. Drolia et al., ICDCS 2017)."""
 
+import math
 from collections.abc import Hashable, Iterable
 from functools import partial
 from itertools import accumulate
@@ -31,7 +32,7 @@ def best_size(counts: Iterable[float], per_entry_ns: float, cloud_ns: float) -> 
     answer arrives.
     """
     ordered = sorted(counts, reverse=True)
-    total = sum(ordered) or 1.0
+    total = math.fsum(ordered) or 1.0
     masses = accumulate(ordered, initial=0.0)
     expected = [k * per_entry_ns + (1 - mass / total) * cloud_ns for k, mass in enumerate(masses)]
     return expected.index(min(expected))

@@ -12,7 +12,7 @@ import secrets
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
@@ -49,7 +49,7 @@ EARLIER = ".earlier"  # the name of a result while another takes its place
 _LEFTOVER = re.compile(
     rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?"
 )
-PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib")
+PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib", "onnxruntime")
 
 
 def run_id(facts: Mapping[str, Any]) -> str:
@@ -117,9 +117,33 @@ def environment() -> dict[str, Any]:
         "genie_sim": VERSION,
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {name: metadata.version(name) for name in PACKAGES},
+        "packages": _packages(),
         "commit": _commit(),
     }
+
+
+def _packages() -> dict[str, str]:
+    """The versions of those that are installed."""
+    versions = {}
+    for name in PACKAGES:
+        with suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    return versions
+
+
+def other_versions(about: Mapping[str, Any]) -> list[str]:
+    """Which versions a result was made with that are others now, a line each: ``pyarrow: 26.0.1
+    when it was made, 15.0.0 now``.
+    """
+    packages = about.get("packages")
+    before = {name: about.get(name) for name in ("genie_sim", "python")}
+    before |= packages if isinstance(packages, Mapping) else {}
+    now = {"genie_sim": VERSION, "python": platform.python_version(), **_packages()}
+    return [
+        one_line(f"{name}: {version or 'unknown'} when it was made, {now.get(name, 'none')} now")
+        for name, version in before.items()
+        if version != now.get(name)
+    ]
 
 
 def check_writable(out: Path) -> None:
@@ -145,12 +169,15 @@ def check_replaceable(final: Path) -> None:
         )
 
 
+Attempt = Callable[[str], AbstractContextManager[None]]
+
+
 class NotDerivedError(UserError):
     """Results are kept, but not all that is made of them could be made."""
 
 
 @contextmanager
-def derived(folder: Path) -> Iterator[Callable[[str], AbstractContextManager[None]]]:
+def derived(folder: Path) -> Iterator[Attempt]:
     """What is made of results that are kept, whatever becomes of it: each thing is made within a
     ``with`` of its own, which says its name.
 
@@ -175,10 +202,15 @@ def derived(folder: Path) -> Iterator[Callable[[str], AbstractContextManager[Non
 
 
 @contextmanager
-def result_folder(final: Path) -> Iterator[Path]:
+def result_folder(
+    final: Path, stale: Callable[[Path, Path], Collection[str]] = lambda *_: ()
+) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete and on the disk, and
     vanishes if that fails. It is complete with a ``NotDerivedError``, too. What killed processes
     have left beside it is cleared away.
+
+    Of an earlier result in that place the files that it had written go, and those whose names are
+    ``stale`` of it and the new one; all others are somebody's and stay.
     """
     check_replaceable(final)
     partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
@@ -196,6 +228,7 @@ def result_folder(final: Path) -> Iterator[Path]:
             except NotDerivedError as error:
                 incomplete = error
             with usable(final):
+                _take_over(final, partial, stale(final, partial))
                 _sync(partial)
                 _take_place(partial, final)
                 sync_folder(final.parent)
@@ -207,6 +240,29 @@ def result_folder(final: Path) -> Iterator[Path]:
         shutil.rmtree(partial, ignore_errors=True)
     if incomplete is not None:
         raise NotDerivedError(str(incomplete).replace(str(partial), str(final)))
+
+
+def _take_over(earlier: Path, folder: Path, stale: Collection[str]) -> None:
+    """Files of an earlier result that are not its own come into the folder, too."""
+    if earlier.is_symlink() or not earlier.is_dir():
+        return
+    with suppress(UserError):
+        stale = {*stale, *read_run_json(earlier).get("digests", ()), "run.json"}
+    for where, folders, files in os.walk(earlier):
+        for path in (Path(where, name) for name in (*folders, *files)):
+            name = path.relative_to(earlier)
+            is_file = path.is_file() and not path.is_symlink()
+            if name.as_posix() in stale or os.path.lexists(folder / name) or PARTIAL in path.name:
+                continue
+            if path.is_symlink():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                (folder / name).symlink_to(path.readlink())
+            elif is_file:
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    os.link(path, folder / name)
+                except OSError:  # a file system without links
+                    shutil.copy2(path, folder / name)
 
 
 def _sync(folder: Path) -> None:
@@ -234,7 +290,10 @@ def _take_place(partial: Path, final: Path) -> None:
         except BaseException:
             earlier.rename(final)
             raise
-        shutil.rmtree(earlier)
+        if earlier.is_symlink():
+            earlier.unlink()
+        else:
+            shutil.rmtree(earlier)
 
 
 def _clear_away(folder: Path) -> None:
@@ -253,9 +312,10 @@ def _clear_away(folder: Path) -> None:
                 shutil.rmtree(leftover)
 
 
-def write_json(path: Path, value: object) -> None:
+def write_json(path: Path, value: object, *, sort_keys: bool = True) -> None:
     """JSON to read by eye and to compare by line. Raises ``UserError``."""
-    write_text(path, json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+    text = json.dumps(value, indent=2, sort_keys=sort_keys, ensure_ascii=False)
+    write_text(path, f"{text}\n")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.base.paths import atomic_write
-from genie_sim.record.provenance import derived
+from genie_sim.record.provenance import Attempt, contained, derived
 from genie_sim.report import comparison, html_page
 
 if TYPE_CHECKING:
@@ -35,20 +36,30 @@ class Output:
         ``NotDerivedError``.
         """
         with derived(folder) as attempt:
-            with attempt("summary.md"), atomic_write(folder / "summary.md") as beside:
-                beside.write_text(summary.markdown(results), encoding="utf-8")
-            if self.figures:
-                from genie_sim.analysis import figures  # imports matplotlib
+            self.make(results, folder, attempt)
 
-                with attempt("figures"):
-                    figures.save_all(figures.of_run(results), folder / "figures", self.figures)
-            if self.page:
-                with attempt(html_page.NAME):
-                    if isinstance(results, SeedRuns):
-                        page = comparison.seeds_page(results)
-                    else:
-                        page = html_page.page(results)
-                    html_page.write_text(folder / html_page.NAME, page)
+    def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
+        """The same, each by an ``attempt`` of ``derived``."""
+        with attempt("summary.md"), atomic_write(folder / "summary.md") as beside:
+            beside.write_text(summary.markdown(results), encoding="utf-8")
+        if self.figures:
+            from genie_sim.analysis import figures  # imports matplotlib
+
+            with attempt("figures"):
+                drawn = figures.of_run(results)
+                figures.save_all(drawn, contained(folder, "figures"), self.figures)
+        if self.page:
+            with attempt(html_page.NAME):
+                if isinstance(results, SeedRuns):
+                    page = comparison.seeds_page(results)
+                else:
+                    page = html_page.page(results)
+                html_page.write_text(folder / html_page.NAME, page)
 
 
 DEFAULT_OUTPUT = Output()
+SHOWN = (  # the names of all that it may write
+    "report.html",
+    "summary.md",
+    *(f"figures/{name}.{format}" for name in RUN_FIGURES for format in ("svg", "png", "pdf")),
+)

@@ -1,17 +1,22 @@
 """Runs a scenario, in memory or into a result folder, and makes a result folder anew."""
 
-import shutil
+import logging
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import read_text, sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import read
 from genie_sim.record import provenance
+from genie_sim.record.columns import Text
 from genie_sim.record.records import SCHEMAS, Tables
 from genie_sim.record.results import (
     FILES,
@@ -21,13 +26,18 @@ from genie_sim.record.results import (
     changed_files,
     checked_label,
 )
+from genie_sim.record.tables import read as read_columns
 from genie_sim.record.tables import write as write_columns
-from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
+from genie_sim.scenario.yaml_input import parse
+
+log = logging.getLogger(__name__)
+DIFFERENT = "DIFFERENT"
 
 
 def run_to_folder(
@@ -49,37 +59,22 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder) as unfinished:
-        run = write(
-            unfinished,
-            prepared,
-            run_id,
-            progress=progress,
-            output=output,
-            label=label,
-            workers=workers,
-        )
-        _keep_shown(folder, unfinished)
+    with provenance.result_folder(folder, stale) as unfinished:
+        run = write(unfinished, prepared, run_id, progress=progress, label=label, workers=workers)
+        output.write(run, unfinished)
     return replace(run, folder=folder)
 
 
-def _keep_shown(earlier: Path, unfinished: Path) -> None:
-    """Takes over the page and the figures of an earlier result that the unfinished one has not,
-    where the label and every byte of the tables are the same.
+def stale(earlier: Path, now: Path) -> Collection[str]:
+    """The names of the page and the figures of an earlier result, unless the label and every byte
+    of the tables are the same.
     """
-    try:
-        before, now = (provenance.read_run_json(folder) for folder in (earlier, unfinished))
-    except UserError:
-        return
-    if any(before.get(key) != now.get(key) for key in ("run_id", "label", "digests")):
-        return
-    figures = earlier / "figures"
-    shown = [] if figures.is_symlink() else figures.glob("*")
-    for path in (earlier / "report.html", *shown):
-        kept = unfinished / path.relative_to(earlier)
-        if path.is_file() and not path.is_symlink() and not kept.exists():
-            kept.parent.mkdir(exist_ok=True)
-            shutil.copyfile(path, kept)
+    keys = ("run_id", "label", "digests")
+    with suppress(UserError):
+        before, after = (provenance.read_run_json(folder) for folder in (earlier, now))
+        if all(before.get(key) == after.get(key) for key in keys):
+            return ()
+    return SHOWN
 
 
 def run_in_memory(
@@ -105,7 +100,6 @@ def write(
     run_id: str,
     *,
     progress: Progress | None = None,
-    output: Output = DEFAULT_OUTPUT,
     label: str = "",
     workers: int = 1,
 ) -> Run:
@@ -121,8 +115,6 @@ def write(
         The run's id.
     progress : callable, optional
         Called with the time now and at the end [s], and what is done.
-    output : Output
-        What is written for people to look at.
     label : str
         What the user calls the run; may be empty.
     workers : int
@@ -138,13 +130,13 @@ def write(
         "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
-    _keep(folder, run, about, output)
+    _keep(folder, run, about)
     return run
 
 
-def _keep(folder: Path, run: Run, more: Mapping[str, Any], output: Output) -> None:
-    """Writes what follows from a run's tables: metrics, the scenario, ``run.json``, with ``more``
-    that is known of the run, and then what people look at.
+def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
+    """Writes what follows from a run's tables: metrics, the scenario, and ``run.json``, with
+    ``more`` that is known of the run.
     """
     from genie_sim.analysis import registry
 
@@ -161,8 +153,8 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any], output: Output) -> No
         **more,
         **provenance.environment(),
     }
-    provenance.write_json(folder / "run.json", about)
-    output.write(run, folder)
+    # own settings keep the order in which they were written
+    provenance.write_json(folder / "run.json", about, sort_keys=False)
 
 
 def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
@@ -171,11 +163,12 @@ def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
     """
     provenance.check_writable(out)
     folder = out / f"{run.name}-{run.run_id}"
-    with provenance.result_folder(folder) as unfinished:
+    with provenance.result_folder(folder, stale) as unfinished:
         for name, schema in SCHEMAS.items():
             write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
         rows = {name: len(run.tables[name]) for name in SCHEMAS}
-        _keep(unfinished, run, {"rows": rows}, output)
+        _keep(unfinished, run, {"rows": rows})
+        output.write(run, unfinished)
     return folder
 
 
@@ -199,18 +192,41 @@ def methods_of(prepared: Prepared) -> list[MethodInfo]:
     return [MethodInfo(**method) for method in prepared.facts["methods"]]
 
 
+class Compared(NamedTuple):
+    """A result that was computed again: ``versions`` that are not those of the first time, a line
+    each, and of each file, by its name, whether its bytes are ``identical``, its contents
+    ``equal``, or whether it is ``DIFFERENT``.
+    """
+
+    versions: Sequence[str]
+    files: Mapping[str, str]
+
+    @property
+    def reproduces(self) -> bool:
+        """Whether all contents are equal. What people look at shows versions, too: it may differ
+        where these do.
+        """
+        return all(
+            how != DIFFERENT or (self.versions and name in SHOWN)
+            for name, how in self.files.items()
+        )
+
+
 def rerun(
     folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
-) -> dict[str, bool]:
-    """Runs a result folder's scenario again, with the device profiles it was made with; tells of
-    each file, by its name, whether the bytes are the same. ``run.json`` holds the wall time and is
-    not compared, nor is any file that no run writes.
+) -> Compared:
+    """Runs a result folder's scenario again, with the device profiles it was made with, and
+    compares each file that a run writes with it. ``run.json`` holds the wall time and is not
+    compared.
 
     Raises ``UserError``, also for files that were changed since, unless they are allowed: then they
     differ.
     """
     made = provenance.read_run_json(folder)
     where = str(folder / "run.json")
+    versions = provenance.other_versions(made)
+    for line in versions:
+        log.warning("%s: %s", folder, line)
     scenario = read_scenario(made["facts"]["scenario"], where=where)
     devices = {
         name: read(DeviceProfile, device, lambda _: where)
@@ -225,22 +241,45 @@ def rerun(
     provenance.refuse_changed(folder, changed_files(folder, made, present), allow_changed)
     with tempfile.TemporaryDirectory() as temporary:
         formats = _formats_in(folder / "figures")
-        write(
-            Path(temporary),
-            prepared,
-            made["run_id"],
-            progress=progress,
-            output=Output((folder / "report.html").is_file(), formats),
-            label=checked_label(made.get("label", ""), f"{where}: label"),
+        label = checked_label(made.get("label", ""), f"{where}: label")
+        run = write(Path(temporary), prepared, made["run_id"], progress=progress, label=label)
+        Output((folder / "report.html").is_file(), formats).write(run, Path(temporary))
+        files = {
+            path.relative_to(temporary).as_posix(): _compared(folder, Path(temporary), path)
+            for path in sorted(Path(temporary).rglob("*"))
+            if path.is_file() and path.name != "run.json"
+        }
+    return Compared(versions, files)
+
+
+def _compared(folder: Path, again: Path, path: Path) -> str:
+    """How the file at ``path`` in the folder ``again`` compares with the one in ``folder``."""
+    name = path.relative_to(again).as_posix()
+    before = provenance.contained(folder, name)
+    if not before.is_file():
+        return DIFFERENT
+    if sha256_of(before) == sha256_of(path):
+        return "identical"
+    if path.suffix == ".parquet":
+        schema = SCHEMAS[path.stem]
+        rows, again_rows = read_columns(before, schema), read_columns(path, schema, trusted=True)
+        is_equal = len(rows) == len(again_rows) and all(
+            _equal(rows[column.name], again_rows[column.name]) for column in schema.columns
         )
-        same = {}
-        for path in Path(temporary).rglob("*"):
-            name = str(path.relative_to(temporary))
-            if path.is_file() and name != "run.json":
-                same[name] = (folder / name).is_file() and (
-                    provenance.contained(folder, name).read_bytes() == path.read_bytes()
-                )
-        return dict(sorted(same.items()))
+        return "equal" if is_equal else DIFFERENT
+    if path.suffix == ".json":
+        return "equal" if provenance.read_json(before) == provenance.read_json(path) else DIFFERENT
+    if path.suffix == ".yaml":
+        first, second = (parse(read_text(file), str(file)) for file in (before, path))
+        return "equal" if first == second else DIFFERENT
+    return DIFFERENT
+
+
+def _equal(first: Any, second: Any) -> bool:
+    """Whether two columns hold the same values, unknown ones in the same rows."""
+    if isinstance(first, Text) or isinstance(second, Text):
+        return bool(first.tolist() == second.tolist())
+    return bool(np.array_equal(first, second, equal_nan=first.dtype.kind == "f"))
 
 
 def _formats_in(folder: Path) -> list[str]:

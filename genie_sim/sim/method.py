@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from genie_sim.base.seeds import Draws
-from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.core.messages import Effect, Message, Observation
 from genie_sim.core.rules import GenieRules
+from genie_sim.tracks.laws import DetectorLaws
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
@@ -118,6 +118,8 @@ class HostContext:
         The edges that this edge is connected to; empty for a car.
     further_edges : tuple of str
         The edges to which the car has further uplinks.
+    is_one_world : bool
+        Whether what one car sees is there for the others: all are in one world at one time.
     """
 
     name: str
@@ -131,6 +133,7 @@ class HostContext:
     edges: tuple[str, ...]
     neighbours: Sequence[str] = ()
     further_edges: tuple[str, ...] = ()
+    is_one_world: bool = True
 
 
 class Uplink(NamedTuple):

@@ -4,6 +4,7 @@ Every combination of the ``grid`` and ``list`` axes is made; each combination is
 joint sample of the ``random`` and ``latin_hypercube`` axes; and each point is run with every seed.
 """
 
+import hashlib
 import itertools
 import json
 import math
@@ -16,10 +17,13 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.paths import read_text
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
 from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.version import VERSION
 
+MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
 # the one path of an axis that is no setting of a scenario but names another one
 SCENARIO = "scenario"
 MAX_RUNS = 1_000_000
@@ -421,6 +425,23 @@ def named_axes(axes: Mapping[str, Any]) -> dict[str, Any]:
         name = last if is_free else "_".join(words[path])
         named[name] = {"set": path, "list": list(axis)}
     return named
+
+
+def sweep_of(
+    scenario: str, axes: Mapping[str, Any], methods: Sequence[str], more: Mapping[str, Any]
+) -> dict[str, Any]:
+    """A sweep of a scenario along axes, as in a file, with ``more`` of its fields. Its name, and so
+    its folder, is that of all sweeps that differ in nothing but the values of the axes, samples and
+    seeds. Raises ``UserError``.
+    """
+    path = files.find(files.SCENARIO, scenario)
+    named = named_axes(axes)
+    paths = [axis.get("set") if isinstance(axis, Mapping) else axis for axis in named.values()]
+    what = [read_text(path), paths, dict(more.get("set", {})), list(methods), VERSION]
+    digest = hashlib.sha256(json.dumps(what, default=str).encode()).hexdigest()[:8]
+    name = "-".join((path.stem, *named))[:MAX_NAME]
+    described = {"name": f"{name}-{digest}", "scenario": scenario, **more, "axes": named}
+    return {key: value for key, value in described.items() if value}
 
 
 def _is_list(axis: object) -> bool:

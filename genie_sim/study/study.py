@@ -2,13 +2,15 @@
 there.
 """
 
-import itertools
+import hashlib
 import json
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from genie_sim.analysis import registry
 from genie_sim.analysis.seed_runs import load
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
@@ -16,7 +18,8 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
-from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.report import html_page
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
@@ -27,12 +30,12 @@ from genie_sim.study.work import Parts, Workers
 if TYPE_CHECKING:
     import pandas as pd
 
+log = logging.getLogger(__name__)
 FORMAT = 2
 ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
-SHOWN = ("figures/*", "report.html")
 
 
 @dataclass(frozen=True)
@@ -98,10 +101,19 @@ class Study:
         reports : bool
             Whether runs whose results are kept have a page.
         """
-        folder = out / design.name
-        check_folder(folder)
+        check_folder(out / design.name)
         planned = plan(design, where, progress, base=base, methods=methods, reports=reports)
-        return cls(design, folder, planned, label)
+        study = cls(design, out / design.name, planned, label)
+        study._find_place()
+        return study
+
+    def _find_place(self) -> None:
+        """Another sweep that is finished keeps its folder: this one goes to one of its own, with
+        the runs that both have. Raises ``UserError``.
+        """
+        earlier, self.folder = self.folder, folder_of(self.folder, self.plan)
+        if self.folder != earlier:
+            self._parts.borrow(Parts(earlier), self.plan.runs)
 
     def run(
         self,
@@ -112,6 +124,7 @@ class Study:
         """Runs what is missing of a shard ``(i, n)``. Raises ``UserError``; where runs failed, when
         all others are done.
         """
+        self._find_place()
         number, shards = shard
         of_shard = set(sorted(self.plan.runs)[number - 1 :: shards])
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
@@ -119,26 +132,37 @@ class Study:
         self._parts.done(self.plan.runs)  # parts that cannot be read are refused before tables go
         with usable(self.folder):
             (self.folder / "parts").mkdir(parents=True, exist_ok=True)
-            is_same = not lost and not self.design.axes and self._is_as_written()
+            is_same = not lost and self._is_as_written()
             self._write_about()
-        self._remove(*RESULTS, *(() if is_same else SHOWN))  # of earlier axes or fewer seeds
+        for name in (*RESULTS, *(() if is_same else SHOWN)):  # of fewer points or seeds
+            provenance.contained(self.folder, name).unlink(missing_ok=True)
         self._parts.run(runs, workers, progress, lost)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
         """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
+        self._find_place()  # another sweep of this name may have ended in the meantime
         kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
         done = len(self._parts.done(kept))
         status = StudyStatus(
             self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done
         )
         if status.complete:
-            with usable(self.folder):
-                runs = self._write()
-                if not self.design.axes:
-                    output.write(load(self.folder), self.folder)
-                elif output.page:
-                    self._draw(runs)
+            runs = self._write()
+            if not self.design.axes:
+                self._show_seeds(output)
+            elif output.page:
+                self._draw(runs)
         return status
+
+    def _show_seeds(self, output: Output) -> None:
+        """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
+        runs = load(self.folder)
+        with provenance.derived(self.folder) as attempt:
+            for run in runs.runs if output.page else ():
+                if run.folder is not None and not (page := run.folder / html_page.NAME).exists():
+                    with attempt(str(page.relative_to(self.folder))):
+                        html_page.write(page, run)
+            output.make(runs, self.folder, attempt)
 
     @property
     def _parts(self) -> Parts:
@@ -148,20 +172,13 @@ class Study:
         """Whether the folder has the tables of these very runs, under this label: then its page and
         its figures show them.
         """
-        import pandas as pd
-
         try:
-            about = provenance.read_json(self.folder / ABOUT)
+            about = read_about(self.folder)
             known = provenance.digests(self.folder, TABLES)
-            runs = pd.read_parquet(self.folder / "runs.parquet", columns=["run_id"])
-        except (UserError, OSError, ValueError):
+        except UserError:
             return False
         told = about.get("digests"), about.get("label", "")
-        return told == (known, self.label) and {*runs["run_id"]} == self.plan.runs.keys()
-
-    def _remove(self, *patterns: str) -> None:
-        for path in itertools.chain.from_iterable(map(self.folder.glob, patterns)):
-            path.unlink(missing_ok=True)
+        return told == (known, self.label) and {*about["run_ids"]} == self.plan.runs.keys()
 
     def _write(self) -> "pd.DataFrame":
         """The tables; returns that of all runs."""
@@ -182,11 +199,12 @@ class Study:
         from genie_sim.analysis import figures as of_runs
         from genie_sim.study import figures, printed
 
-        (self.folder / "figures").mkdir(exist_ok=True)
         titles = printed.unique_titles(self._titles())
         footer = printed.footer_of(self.design, self.label)
-        for name, figure in figures.of_sweep(self.design, runs, titles, footer):
-            of_runs.save(figure, self.folder / "figures", name)
+        with provenance.derived(self.folder) as attempt, attempt("figures"):
+            drawn = dict(figures.of_sweep(self.design, runs, titles, footer))
+            folder = provenance.contained(self.folder, "figures")
+            of_runs.save_all(drawn, folder, ("svg", "png"))
 
     def _settings(self) -> dict[str, object]:
         plain: dict[str, object] = plain_data(self.design)
@@ -205,13 +223,16 @@ class Study:
 
     def _write_about(self) -> None:
         written = [name for name in TABLES if (self.folder / name).is_file()]
+        own = {name: None for run in self.plan.runs.values() for name in run.scenario.metrics}
         about = {
             "format": FORMAT,
             **({"label": self.label} if self.label else {}),
             "sweep": self._settings(),
             "points": self.design.runs // len(self.design.seeds),
             "runs": len(self.plan.runs),
+            "run_ids": sorted(self.plan.runs),
             "titles": self._titles(),
+            "metrics": registry.words(registry.with_formulas(own)),
             "digests": provenance.digests(self.folder, written),
             **provenance.environment(),
         }
@@ -219,22 +240,44 @@ class Study:
             provenance.write_json(beside, about)
 
 
-def check_folder(
-    folder: Path, about_name: str = ABOUT, what: str = "sweep", format: int = FORMAT
-) -> None:
-    """Raises ``UserError`` unless the folder is new, empty or a sweep's (or ``what`` its
-    ``about_name`` tells of), and can be written.
-    """
+def check_folder(folder: Path) -> None:
+    """Raises ``UserError`` unless the folder is new, empty or a sweep's, and can be written."""
     provenance.check_writable(folder)
     problem = ""
     try:
         if folder.is_dir() and any(folder.iterdir()):
-            about = provenance.read_json(folder / about_name)
-            if not isinstance(about, dict) or what not in about:
-                raise ValueError
-            if about.get("format") != format:
-                problem = other_format(folder, about.get("format"), format)
-    except (OSError, ValueError, UserError):
-        problem = f"{folder}: holds something else than a {what}"
+            about = read_about(folder)
+            if about.get("format") != FORMAT:
+                problem = other_format(folder, about.get("format"), FORMAT)
+    except (OSError, UserError):
+        problem = f"{folder}: holds something else than a sweep"
     if problem:
         raise UserError(f"{problem}; choose another --out")
+
+
+def folder_of(folder: Path, planned: Plan) -> Path:
+    """The folder, unless it has tables of a run that is not planned: a sweep goes on there, or
+    grows. Another one has a folder of its own beside it, so that nothing is overwritten. Raises
+    ``UserError``.
+    """
+    if not (folder / ABOUT).exists():
+        return folder
+    about = read_about(folder)
+    if not about.get("digests") or {*about["run_ids"]} <= planned.runs.keys():
+        return folder
+    digest = hashlib.sha256(" ".join(sorted(planned.runs)).encode()).hexdigest()[:8]
+    other = folder.with_name(f"{folder.name}-{digest}")
+    check_folder(other)
+    log.warning("%s: holds another sweep; this one is in %s", folder, other)
+    return other
+
+
+def read_about(folder: Path) -> dict[str, Any]:
+    """What the sweep in a folder says of itself. Raises ``UserError``."""
+    path = provenance.contained(folder, ABOUT)
+    about = provenance.read_json(path)
+    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
+        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+    if not isinstance(about.setdefault("run_ids", []), list):
+        raise UserError(f"{path}: run_ids: not a list")
+    return about

@@ -21,7 +21,8 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, atomic_write, usable
+from genie_sim.base.paths import PARTIAL, atomic_write, read_text, usable
+from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
@@ -64,15 +65,20 @@ class PointRun:
             raise UserError("genie-sim or a file is not the one that was planned with")
         if not self.keep:
             return measured(prepared)
-        with provenance.result_folder(self._results(study)) as partial:
-            run = run_folder.write(partial, prepared, self.run_id, output=self.output)
+        # a page that cannot be made is looked for once more when all runs are there
+        with (
+            contextlib.suppress(provenance.NotDerivedError),
+            provenance.result_folder(self.results(study), run_folder.stale) as partial,
+        ):
+            run = run_folder.write(partial, prepared, self.run_id)
+            self.output.write(run, partial)
         return _metrics_of(prepared, run.tables)
 
     def is_kept(self, study: Path) -> bool:
         """Whether its results are there as they were written, or need not be kept."""
         if not self.keep:
             return True
-        folder = self._results(study)
+        folder = self.results(study)
         try:
             about = provenance.read_run_json(folder)
             changed = changed_files(folder, about)
@@ -82,8 +88,9 @@ class PointRun:
             log.warning("%s: %s: changed since: the run is made again", folder, ", ".join(changed))
         return about["run_id"] == self.run_id and not changed
 
-    def _results(self, study: Path) -> Path:
-        return study / RUNS / folder_name(self.scenario.seed)
+    def results(self, study: Path) -> Path:
+        """Their folder. Raises ``UserError`` where a link leads elsewhere."""
+        return provenance.contained(study, f"{RUNS}/{folder_name(self.scenario.seed)}")
 
 
 def measured(prepared: Prepared) -> Sequence[MetricValue]:
@@ -147,10 +154,12 @@ def _work(run: PointRun, study: Path) -> tuple[str, str]:
     """What a worker does. What a run raises does not keep the others from being done."""
     parts = Parts(study)
     try:
-        parts.write(run.run_id, run.measure(study))
+        with own_faults_told():
+            parts.write(run.run_id, run.measure(study))
     except (Exception, SystemExit) as error:
         parts.write_failure(run, traceback.format_exc())
-        return run.run_id, f"{type(error).__name__}: {error}"
+        what = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
+        return run.run_id, what
     return run.run_id, ""
 
 
@@ -167,10 +176,15 @@ class Parts:
 
     @property
     def parts(self) -> Path:
-        return self.folder / "parts"
+        """Raises ``UserError``, as all that reads and writes here, where a link leads elsewhere."""
+        return provenance.contained(self.folder, "parts")
+
+    @property
+    def failures(self) -> Path:
+        return provenance.contained(self.folder, "failures")
 
     def done(self, run_ids: Collection[str]) -> set[str]:
-        """Those of the runs that are there. Raises ``UserError`` if ``parts`` is a link."""
+        """Those of the runs that are there. Raises ``UserError``."""
         return {run_id for run_id in run_ids if self._rows(run_id) is not None}
 
     def write(self, run_id: str, metrics_of_run: Sequence[MetricValue]) -> None:
@@ -183,6 +197,11 @@ class Parts:
             "digest": _digest(rows),
         }
         _write(self.parts / f"{run_id}.json", json.dumps(part))
+
+    def borrow(self, other: "Parts", run_ids: Collection[str]) -> None:
+        """Takes over the runs of another study. Raises ``UserError``."""
+        for run_id in other.done(run_ids) - self.done(run_ids):
+            _write(self.parts / f"{run_id}.json", read_text(other.parts / f"{run_id}.json"))
 
     def write_failure(self, run: PointRun, traceback_text: str) -> None:
         """Keeps why a run failed. Raises ``UserError``."""
@@ -255,21 +274,17 @@ class Parts:
         for leftover in self.parts.glob(f".*{PARTIAL}"):
             if BESIDE.fullmatch(leftover.name):
                 leftover.unlink(missing_ok=True)
-        failures = self.folder / "failures"
-        for reason in failures.glob("*.txt"):
+        for reason in self.failures.glob("*.txt"):
             if RUN_ID.fullmatch(reason.stem):
                 reason.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # not there, or somebody's file is in it
-            failures.rmdir()
+            self.failures.rmdir()
 
     def _rows(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.
         Raises ``UserError`` for what is no file of this folder.
         """
-        path = self.parts / f"{run_id}.json"
-        for place in (self.parts, path):
-            if place.is_symlink():
-                raise UserError(f"{place}: is a link; links are not followed")
+        path = provenance.contained(self.folder, f"parts/{run_id}.json")
         if not path.exists():
             return None
         try:
@@ -284,7 +299,7 @@ class Parts:
 
     def _failure(self, run_id: str) -> Path:
         """The file that tells why a run failed."""
-        return self.folder / "failures" / f"{run_id}.txt"
+        return self.failures / f"{run_id}.txt"
 
 
 def _digest(rows: Sequence[Sequence[Any]]) -> str:

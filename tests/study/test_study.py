@@ -673,9 +673,12 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monk
     )
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 6, "half of the points were there"
-    assert set(pd.read_csv("results/s/table.csv")["weight"]) == {0.2, 0.5}
-    drawn = {path.stem for path in Path("results/s/figures").iterdir()}
-    assert drawn == {"weight", "gate", "weight-gate"}, "not those of before"
+    assert set(pd.read_csv("results/s/table.csv")["rate"]) == {0.1, 0.5}, "nothing is overwritten"
+    (other,) = Path("results").glob("s-*")
+    assert set(pd.read_csv(other / "table.csv")["weight"]) == {0.2, 0.5}
+    drawn = {path.stem for path in (other / "figures").iterdir()}
+    assert drawn == {"weight", "gate", "weight-gate"}
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0 and len(simulated) == 6, "it goes on there"
 
 
 class Broken(Exact):
@@ -696,7 +699,7 @@ def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, caps
     assert main(["sweep", "s.yaml", "--jobs", jobs]) == 1
     line = capsys.readouterr().err
     first = r"point 0 \(rate = tests.study.test_study:Broken, gate = 1.0\), seed 1"
-    why = "RuntimeError: the lens is dirty"
+    why = r"similarity 'tests.study.test_study:Broken': RuntimeError: 'the lens is dirty' \(.*\)"
     told = re.fullmatch(
         rf"genie-sim: results/s: 6 of 12 runs failed, the others are done; {first}: {why}; see"
         r" (\S+)\n",
@@ -704,7 +707,7 @@ def test_runs_that_fail_are_told_and_the_others_are_done(jobs, monkeypatch, caps
     )
     assert told, line
     text = Path(told[1]).read_text()
-    assert re.match(first, text) and "Traceback" in text and text.endswith(f"{why}\n")
+    assert re.match(first, text) and "Traceback" in text and "the lens is dirty" in text
     assert len(list(Path("results/s/failures").iterdir())) == 6
     assert not Path("results/s/table.csv").exists(), "a table would lack points"
 
@@ -863,7 +866,7 @@ def test_a_link_in_place_of_parts_is_not_followed(what, uninterrupted, tmp_path,
     parts.symlink_to(elsewhere)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
-    one_line(capsys, f"{parts}: is a link")
+    one_line(capsys, "a link out of the result folder, which is not followed")
     assert all(path.read_bytes() == text for path, text in before.items())
 
 

@@ -90,7 +90,7 @@ class Commuting:
             nodes[k] for k in random.permutation(len(nodes))[:count].tolist()
         ]
         weights = [(k + 1) ** -rules.popularity for k in range(count)]
-        self._shares = [share / sum(weights) for share in accumulate(weights)]
+        self._shares = [share / math.fsum(weights) for share in accumulate(weights)]
         self._away = functools.cache(self._seconds_to)
 
     def destination(self, draw: float) -> Node:
@@ -216,7 +216,7 @@ def drive(
         wait_until_s: float | None = 0.0 if other_main else None
         if main and other_main:
             unhindered = _phases(rules, length_m, first=speed, last=through, limit=limit)
-            arrival_s = t_s + sum(seconds for seconds, _, _ in unhindered)
+            arrival_s = t_s + math.fsum(seconds for seconds, _, _ in unhindered)
             green_s = green_at(leg_end, way[0] == 0, arrival_s)
             wait_until_s = green_s if green_s > arrival_s else None
         gone_m, begin = 0.0, place
