@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
-from genie_sim.analysis.registry import checked, definition, shown
+from genie_sim.analysis.registry import checked, definition, learn, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, first_line, unknown
 from genie_sim.record import provenance
@@ -167,4 +167,5 @@ def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]
         ) from None
     except (OSError, ValueError) as error:
         raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
+    learn(about.get("metrics", {}), f"{folder / ABOUT}: metrics")
     return about, found[0], found[1]

@@ -364,7 +364,6 @@ OWN_CLASS = "trap:Nothing"
         {"methods": [{"name": "x", "method": "genie", "genie": {"eviction": OWN_CLASS}}]},
         {"genie": {"eviction": OWN_CLASS}},
         {"genie": {"similarity": OWN_CLASS}},
-        {"genie": {"object_map": {"freshness": OWN_CLASS}}},
         {"genie": {"object_map": {"rule": OWN_CLASS}}},
         {"perception": {"source": OWN_CLASS}},
         {"perception": {"source": "live", "kitti": "kitti", "detector": OWN_CLASS}},
