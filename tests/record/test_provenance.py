@@ -36,6 +36,23 @@ def everything_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
+def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
+    """Also a link, which is not followed; what the result had written itself goes."""
+    final, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
+    (final / "mine").mkdir(parents=True)
+    elsewhere.mkdir()
+    (elsewhere / "precious").write_text("precious")
+    (final / "run.json").write_text("{}")
+    (final / "page.html").write_text("of before")
+    (final / "mine" / "notes.txt").write_text("mine")
+    (final / "link").symlink_to(elsewhere)
+    with result_folder(final, lambda *_: ("page.html",)) as partial:
+        (partial / "run.json").write_text("[]")
+    assert (final / "mine" / "notes.txt").read_text() == "mine"
+    assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"
+    assert (final / "run.json").read_text() == "[]" and not (final / "page.html").exists()
+
+
 def test_a_run_id_does_not_depend_on_the_order_of_settings():
     turned_round = {key: FACTS[key] for key in reversed(FACTS)}
     assert run_id(FACTS) == run_id(turned_round)
@@ -109,10 +126,9 @@ def test_an_interrupted_run_leaves_the_earlier_result_as_it_was(tmp_path):
     assert (final / "frames.parquet").read_text() == "earlier"
 
 
-def test_a_result_of_the_same_run_is_replaced_and_none_of_its_files_stays(tmp_path):
+def test_a_result_of_the_same_run_is_replaced(tmp_path):
     final = tmp_path / "run"
     write_whole_result(final, "earlier")
-    (final / "report.html").write_text("of the earlier result")
     write_whole_result(final, "later")
     files = ["figures", "figures/latency_cdf.svg", "frames.parquet", "run.json"]
     assert everything_in(tmp_path) == ["run", *(f"run/{name}" for name in files)]
