@@ -29,17 +29,16 @@ from genie_sim.extend import (
     Detection,
     Detections,
     Effect,
+    Existence,
     Header,
     HostConfig,
     HostContext,
     Image,
     Interceptor,
     Look,
-    MeasuredExistence,
     Message,
     Method,
     Metric,
-    ObjectMapRules,
     Publish,
     TrackMap,
     kind_of,
@@ -151,9 +150,7 @@ class Listening(Interceptor):
         self.name, self._car = f"{host.name}{topic}", host.name
         self._topic, self._every_ns = topic, every_ns
         (self._images,), (self._objects,) = topics
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        self._tracks = TrackMap(ObjectMapRules(), policy)
+        self._tracks = TrackMap(Existence(laws=host.laws))
         self._heard = HeardObjects()
         self._frames: dict[Header, Image] = {}  # that the detector has
         self._told_ns: int | None = None  # the stamp of the frame with which it told last
@@ -189,7 +186,7 @@ class Listening(Interceptor):
         return {
             (self._car, track.number): track.as_detection(track.seen_ns, existence, existence)
             for track, existence in existences.items()
-            if existence >= self._tracks.threshold
+            if existence >= self._tracks.p_min
         }
 
     def _broadcast(self, frame: Image, now_ns: int) -> list[Effect]:

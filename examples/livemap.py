@@ -28,6 +28,7 @@ from genie_sim.extend import (
     Detection,
     Detections,
     Effect,
+    Existence,
     Expired,
     Header,
     HostConfig,
@@ -36,10 +37,8 @@ from genie_sim.extend import (
     Interceptor,
     LocalAndRemote,
     Look,
-    MeasuredExistence,
     Message,
     Method,
-    ObjectMapRules,
     Pacer,
     Publish,
     TrackMap,
@@ -101,9 +100,7 @@ class LiveMap(Method):
     def _server(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "MapServer":
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        tracks = TrackMap(ObjectMapRules(), policy)
+        tracks = TrackMap(Existence(laws=host.laws))
         return MapServer(f"{host.name}/map", tracks, self._every_ns, subscribed, published)
 
 
@@ -283,7 +280,7 @@ class MapServer(Interceptor):
         for track in self._tracks:
             existence = self._tracks.existence(track, now_ns)
             away_m = math.dist(track.place(now_ns), car.pose[:2])
-            if existence < self._tracks.threshold or not SELF_M < away_m <= REACH_M:
+            if existence < self._tracks.p_min or not SELF_M < away_m <= REACH_M:
                 continue
             seen = track.as_detection(now_ns, existence, existence)
             others = tuple(

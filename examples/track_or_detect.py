@@ -21,16 +21,15 @@ from genie_sim.extend import (
     REMOTE_UPLINK,
     Detections,
     Effect,
+    Existence,
     Expired,
     HostConfig,
     HostContext,
     Image,
     LocalAndRemote,
     Look,
-    MeasuredExistence,
     Message,
     Method,
-    ObjectMapRules,
     Observation,
     Publish,
     RoundTrip,
@@ -40,7 +39,7 @@ from genie_sim.extend import (
 )
 
 VIEW_M = 50.0  # how far a tracked object is served, as by the recommended Genie
-LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``core.tracking.COAST_NS``)
+LOST_AFTER_NS = NS_PER_S  # so long a place is predicted (``tracks.track.COAST_NS``)
 
 
 class DriftPlusPenalty:
@@ -115,9 +114,7 @@ class TrackOrDetect(Method):
     def _handler(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "Handler":
-        policy = MeasuredExistence()
-        policy.laws = host.laws
-        state = self.choice(), TrackMap(ObjectMapRules(), policy)
+        state = self.choice(), TrackMap(Existence(laws=host.laws), view_range_m=VIEW_M)
         return Handler(f"{host.name}/tracker", state, subscribed, published)
 
 
@@ -212,5 +209,5 @@ class Handler(LocalAndRemote):
         self._choice.handled(now_ns - image.header.stamp_ns)
         self._tracks.forget(now_ns)
         viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
-        objects, valid_ns = self._tracks.visible(viewer, VIEW_M, now_ns)
-        return Publish(self._objects, answer.with_objects(objects).with_look(None, valid_ns))
+        objects = self._tracks.visible(viewer, now_ns)
+        return Publish(self._objects, answer.with_objects(objects).with_look(None, now_ns))

@@ -5,6 +5,7 @@ As a library: ``import genie_sim as gs; run = gs.run("3car_hetero")``; see ``gen
 is imported when it is first used.
 """
 
+import difflib
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.version import VERSION
@@ -43,7 +44,9 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        near = difflib.get_close_matches(name, __all__, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}", name=name)
     from genie_sim import api
 
     return getattr(api, name)

@@ -26,10 +26,10 @@ from genie_sim.analysis import compare_tables, registry, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import Suggesting, UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.base.python_values import plain
+from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
 from genie_sim.record import results
 from genie_sim.report import comparison, html_page, notebook
@@ -92,12 +92,14 @@ class Run(results.Run):
         """The figures: ``run.plot.latency_cdf()``."""
         return Plots(self)
 
+    @typed
     def save(self, out: str | Path) -> Path:
         """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
         returns its path. Raises ``UserError``.
         """
         return run_folder.save(self, expanded(out))
 
+    @typed
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the
         run's folder.
@@ -111,7 +113,7 @@ class Run(results.Run):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Runs(SeedRuns):
+class Runs(Suggesting, SeedRuns):
     """Runs with several seeds in hand. ``runs`` are the single ones; metrics, tables and figures
     are means over them, with 95 % intervals.
     """
@@ -145,6 +147,7 @@ class Runs(SeedRuns):
         """The paired differences between the methods, seed by seed."""
         return compare(self, methods=methods)
 
+    @typed
     def save(self, out: str | Path) -> Path:
         """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
         each. Raises ``UserError``.
@@ -153,6 +156,7 @@ class Runs(SeedRuns):
             run.save(out)
         return expanded(out)
 
+    @typed
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
         path = _report_path(self, path)
@@ -222,6 +226,7 @@ def run(
 ) -> Runs: ...
 
 
+@typed
 def run(
     scenario: str | Path | Mapping[str, Any] | Scenario,
     settings: Settings = (),
@@ -270,9 +275,9 @@ def run(
         many runs are done, how many there are, and how many failed.
     """
     names = _names("methods", methods)
-    loaded = load_scenario(scenario, settings, seed=plain(seed, "seed"), methods=names)
+    loaded = load_scenario(scenario, settings, seed=seed, methods=names)
     label = results.checked_label(label)
-    if jobs is not None and (not isinstance(jobs, int) or isinstance(jobs, bool) or jobs < 1):
+    if jobs is not None and jobs < 1:
         raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
     if observer is not None and (jobs not in (None, 1) or seeds is not None or out is not None):
         raise UserError("observer: is for one run in memory, without jobs, seeds and out")
@@ -331,6 +336,7 @@ def _run_seeds(
     return runs
 
 
+@typed
 def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | SweepTable":
     """The run in a result folder, the runs of one with several seeds, or the table of a sweep, as
     ``sweep`` returns it.
@@ -347,6 +353,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | Sw
     return _in_hand(seed_runs.load(folder, allow_changed=allow_changed))
 
 
+@typed
 def compare(
     *results_: results.Run | SeedRuns | str | Path,
     methods: Sequence[str] | str = (),
@@ -362,6 +369,8 @@ def compare(
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
     ``load``. Raises ``UserError`` for what cannot be compared.
     """
+    if not results_:
+        raise UserError("compare: expected at least one run, or its folder")
     runs = [
         result
         if isinstance(result, results.Run | SeedRuns)
@@ -413,6 +422,7 @@ class Comparison:
         """The table as ``markdown``, ``csv`` or ``latex``."""
         return compare_tables.text(self._made, format)
 
+    @typed
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""
         return comparison.write(self._made, expanded(folder))
@@ -421,6 +431,7 @@ class Comparison:
         return notebook.comparison_html(self._made)
 
 
+@typed
 def sweep(
     scenario: str | Path,
     axes: Mapping[str, Any],
@@ -506,10 +517,13 @@ def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
     """
     from genie_sim.study import tables
 
+    if not hasattr(runs, "columns"):
+        raise UserError(f"runs: {short_repr(runs)}: expected the table of a sweep")
     axes = list(runs.columns[len(tables.BEFORE_AXES) : runs.columns.get_loc("metric")])
     return tables.differences(runs, axes, along, to)
 
 
+@typed
 def load_scenario(
     source: str | Path | Mapping[str, Any] | Scenario,
     settings: Settings = (),
@@ -522,7 +536,7 @@ def load_scenario(
 
     Raises ``UserError``.
     """
-    overrides = _overrides(settings)
+    overrides, seed = _overrides(settings), plain(seed, "seed")
     if isinstance(source, Scenario) and not (overrides or seed is not None or methods):
         return source
     try:
@@ -553,6 +567,10 @@ def _overrides(settings: Settings) -> Sequence[str]:
             f"settings: must be a mapping or a list such as ['seed=3'], not the text {settings!r}"
         )
     if not isinstance(settings, Mapping):
+        for place, text in enumerate(settings):
+            if not isinstance(text, str):
+                problem = f"{short_repr(text)}: expected a text such as 'seed=3'"
+                raise UserError(f"settings[{place}]: {problem}")
         return settings
     return [f"{path}={json.dumps(plain(value, path))}" for path, value in settings.items()]
 

@@ -16,9 +16,6 @@ from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU, Eviction
-from genie_sim.core.freshness.existence import MeasuredExistence
-from genie_sim.core.freshness.never import Never
-from genie_sim.core.maps import Viewer
 from genie_sim.core.messages import (
     Answer,
     CameraPose,
@@ -34,17 +31,15 @@ from genie_sim.core.messages import (
     Observation,
     Publish,
 )
-from genie_sim.core.recommended.pacing import Pacer, RoundTrip
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import Capacity, ObjectMapRules
+from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex, Similarity
-from genie_sim.core.tracking import COAST_NS, PERSON, kind_of
 from genie_sim.core.view import ViewSector
 from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
 from genie_sim.data.perceive import DriveFrames, perceive
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
+from genie_sim.recommended.pacing import Pacer, RoundTrip
 from genie_sim.record.columns import Columns
 from genie_sim.sim.bends import Bend, Objects, bent, shifted
 from genie_sim.sim.draw_keys import frame_key
@@ -61,6 +56,10 @@ from genie_sim.sim.method import (
     Uplink,
 )
 from genie_sim.sim.network import Network
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
+from genie_sim.tracks.track_map import TrackMap
+from genie_sim.tracks.view import Viewer
 
 __all__ = [
     "COAST_NS",
@@ -92,6 +91,7 @@ __all__ = [
     "DriveFrames",
     "Effect",
     "Eviction",
+    "Existence",
     "Expired",
     "Fault",
     "FeatureKey",
@@ -108,14 +108,11 @@ __all__ = [
     "LinkModel",
     "LocalAndRemote",
     "Look",
-    "MeasuredExistence",
     "Medium",
     "Message",
     "Method",
     "Metric",
     "Network",
-    "Never",
-    "ObjectMapRules",
     "Objects",
     "Observation",
     "Pacer",

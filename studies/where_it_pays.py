@@ -116,10 +116,7 @@ def tuned(name: str, p_min: float, tau_ms: int, called: str) -> dict[str, Any]:
     settings = {"p_min": p_min, "tau": f"{tau_ms} ms"}
     entry = METHODS[name] | {"name": called}
     if name == GENIE:
-        freshness = {"name": "recommended", **settings}
-        return entry | {
-            "genie": {"algorithm": "recommended", "object_map": {"freshness": freshness}}
-        }
+        return entry | settings
     return entry | {"consumer": {"name": "tracker", **settings}}
 
 

@@ -74,7 +74,7 @@ def scenario(name: str) -> Scenario:
         crash = {"fault": f"{OWN}:Crash", "target": "edge1", "begin": "800 ms", "end": "1.2 s"}
         return small.scenario(faults=[outage, crash])
     parts = {"similarity": f"{OWN}:OwnSimilarity", "eviction": f"{OWN}:OwnEviction"}
-    map_rules = {"freshness": f"{OWN}:OwnPolicy", "threshold": {"percentile": 40}}
+    map_rules = {"threshold": {"percentile": 40}}
     own_genie = {**parts, "capacity": "20 entries", "object_map": map_rules}
     return small.scenario([f"{OWN}:Again", "genie"], genie=own_genie)
 

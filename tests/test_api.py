@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
@@ -258,7 +259,7 @@ def test_progress_is_told_in_simulated_seconds():
         (lambda: gs.run("street_1car_homo", {"genie.eviction": "lruu"}), "unknown eviction 'lruu'"),
         (
             lambda: gs.run("street_1car_homo", "genie.eviction=lru"),
-            "settings: must be a mapping or a list",
+            "settings: 'genie.eviction=lru' of type str: expected a mapping or a list",
         ),
         (lambda: gs.run({"edges": []}), "scenario: cars: missing"),
         (lambda: gs.load("nowhere"), "nowhere: not a result folder"),
@@ -319,7 +320,50 @@ def test_the_next_entry_of_a_list_can_be_set():
 def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
     monkeypatch.setitem(sys.modules, "__main__", ModuleType("__main__"))
     given = {"set": {"cars[0].link": {"model": "__main__:Link"}}}
-    assert api._workers(None, given).workers == api._workers(1, given).workers == 1
+    assert api._workers(None, given).jobs == api._workers(1, given).jobs == 1
     with pytest.raises(gs.UserError, match="jobs: 2 processes do not know a class"):
         api._workers(2, given)
-    assert api._workers(2, {"set": {}}).workers == 2
+    assert api._workers(2, {"set": {}}).jobs == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "argument"),
+    [
+        (lambda: gs.run(5), "scenario"),
+        (lambda: gs.run("3car_hetero", 5), "settings"),
+        (lambda: gs.run("3car_hetero", [1]), "settings[0]"),
+        (lambda: gs.run("3car_hetero", seed=1.5), "seed"),
+        (lambda: gs.run("3car_hetero", methods=5), "methods"),
+        (lambda: gs.run("3car_hetero", label=5), "label"),
+        (lambda: gs.run("3car_hetero", out=5), "out"),
+        (lambda: gs.run("3car_hetero", report="no"), "report"),
+        (lambda: gs.run("3car_hetero", progress=3), "progress"),
+        (lambda: gs.run("3car_hetero", observer=3), "observer"),
+        (lambda: gs.load(5), "folder"),
+        (lambda: gs.compare(), "compare"),
+        (lambda: gs.compare(5), "results"),
+        (lambda: gs.sweep("3car_hetero", 5), "axes"),
+        (lambda: gs.load_scenario(b"x"), "source"),
+        (lambda: gs.differences(5, "a", 1), "runs"),
+    ],
+)
+def test_a_value_of_a_wrong_type_is_one_line_that_names_the_argument(call, argument):
+    with pytest.raises(gs.UserError) as error:
+        call()
+    assert str(error.value).startswith(f"{argument}: ")
+    (line,) = error.value._render_traceback_()  # what a notebook shows
+    assert line == f"UserError: {error.value}"
+
+
+def test_numbers_of_numpy_are_numbers():
+    assert gs.load_scenario("3car_hetero", seed=np.int64(3)).seed == 3
+
+
+def test_a_misspelt_attribute_is_answered_with_the_nearest():
+    with pytest.raises(AttributeError, match="did you mean 'compare'"):
+        _ = gs.comparee
+    run = gs.run("1car_homo", {"cars[0].route.window": ["0 s", "0.3 s"]}, methods=["local"])
+    with pytest.raises(AttributeError, match="did you mean 'latency_cdf'"):
+        _ = run.plot.latency_cdff
+    with pytest.raises(AttributeError, match="did you mean 'frames'"):
+        _ = run.frame

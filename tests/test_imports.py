@@ -23,21 +23,23 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
 # Each room, and which others it may import besides ``base``; ``version`` is anybody's.
-_SIMULATED = ("core", "sim", "methods", "faults")
+_SIMULATED = ("core", "tracks", "sim", "methods", "recommended", "faults")
 _READ = (*_SIMULATED, "data", "worlds", "scenario")
 _RESULTS = ("record", "judge", "analysis", "report")
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "version": (),
     "base": (),
     "core": (),
-    "sim": ("core",),
+    "tracks": ("core",),
+    "sim": ("core", "tracks"),
     "methods": ("core", "sim"),
+    "recommended": ("core", "tracks", "sim", "methods"),
     "faults": ("core", "sim"),
-    "data": ("core",),
+    "data": ("core", "tracks"),
     "worlds": ("core", "data"),
     "scenario": (*_SIMULATED, "data"),
     "record": ("core",),
-    "judge": ("core", "record"),
+    "judge": ("core", "tracks", "record"),
     "analysis": ("core", "record"),
     "report": ("core", "data", "record", "analysis"),
     "runs": (*_READ, *_RESULTS),
@@ -46,7 +48,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "paper": ("scenario", "record", "analysis", "report", "api"),
     "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
     "__main__": ("cli",),
-    "extend": ("core", "sim", "methods", "data", "record", "analysis"),
+    "extend": ("core", "tracks", "sim", "methods", "recommended", "data", "record", "analysis"),
 }
 IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 

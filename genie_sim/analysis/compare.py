@@ -2,36 +2,29 @@
 
 Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the
 differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
-that says nothing of other seeds or drives. Runs that saw other frames, such as those of other cars,
-have nothing to pair: the interval is Welch's, over seeds or over blocks.
+that says nothing of other seeds or drives. Seeds that not all settings have are left out, so that
+the numbers of a row agree.
 """
 
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.metric import MAIN, Sample, blocks_of, half_of_pair
+from genie_sim.analysis.metric import LOWER, MAIN, Sample, half_of_pair
 from genie_sim.analysis.metrics import of_method, samples
 from genie_sim.analysis.registry import definition, shown, with_formulas
-from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import (
-    around,
-    error_of_mean,
-    of_difference,
-    over_seeds,
-    wilson,
-)
+from genie_sim.analysis.seed_runs import SeedRuns, means_of, seeds_text
+from genie_sim.analysis.statistics import around, interval
+from genie_sim.analysis.tidy import is_negligible
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
 from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
-UNPAIRED = ", unpaired"  # after them
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
 GIVEN = "given"  # the value of a part that is in some settings alone
@@ -53,12 +46,11 @@ class ComparedMethod:
 
 
 class Difference(NamedTuple):
-    """A metric of an arm and, where there is another to compare with, its value minus that one's.
-    ``by`` says what the interval is over, ``n`` over how many.
+    """A metric of an arm and, where there is another to compare with, that one's value, and the
+    difference of both. ``by`` says what the interval is over, ``n`` over how many.
 
-    Of sides that are not paired ``by`` ends with ``UNPAIRED``, and ``n`` is that of the smaller
-    one. ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum
-    of both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
+    ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum of
+    both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
     """
 
     metric: str
@@ -66,6 +58,7 @@ class Difference(NamedTuple):
     value: float | None
     unit: str
     against: str = ""
+    against_value: float | None = None
     difference: float | None = None
     low: float | None = None
     high: float | None = None
@@ -73,13 +66,34 @@ class Difference(NamedTuple):
     n: int = 0
     variance_ratio: float | None = None
 
+    @property
+    def verdict(self) -> str:
+        """``better``, ``worse``, ``different`` where neither is, ``negligible`` below 1 % of the
+        value, ``equal``, ``unclear`` where the interval holds zero and more than that, or empty
+        without an interval.
+        """
+        if self.difference == 0 and self.low == self.high:
+            return "equal"
+        holds_zero = self.low is not None and self.high is not None and self.low <= 0 <= self.high
+        ends = (self.low, self.high) if holds_zero else (self.difference,)
+        if all(is_negligible(end, self.against_value) for end in ends):
+            return "negligible"
+        if self.low is None or self.high is None:
+            return ""
+        if holds_zero:
+            return "unclear"
+        better = definition(self.metric).better
+        if not better:
+            return "different"
+        return "better" if (self.high < 0) == (better == LOWER) else "worse"
+
 
 @dataclass(frozen=True)
 class ComparedRuns:
     """What was compared: ``rows`` metric by metric, and ``settings``: the path of each that
     differs, with its value under every setting, in the order of ``names``.
-    ``warning`` says which files of the runs were changed; empty if none was. ``unpaired``: which
-    arms are not paired with what they are compared with, and why. ``metrics`` are those that were
+    ``warning`` says which files of the runs were changed; empty if none was. ``left_out`` says
+    which seeds are compared, where not all settings have the same. ``metrics`` are those that were
     asked for, none for the usual ones.
     """
 
@@ -88,7 +102,7 @@ class ComparedRuns:
     names: Sequence[str]
     settings: Mapping[str, Sequence[str]]
     warning: str = ""
-    unpaired: Mapping[str, str] = field(default_factory=dict)
+    left_out: str = ""
     metrics: Sequence[str] = ()
 
     @property
@@ -97,16 +111,7 @@ class ComparedRuns:
         units = sorted({row.by for row in self.rows if row.by})
         if not units:
             return "nothing to compare with"
-        paired = "" if self.unpaired else "paired "
-        return f"95 % intervals of {paired}differences, by {' and '.join(units)}"
-
-    @property
-    def why_unpaired(self) -> str:
-        """A sentence that says what is not paired, and why; empty if all is."""
-        if not self.unpaired:
-            return ""
-        reasons = "; ".join(dict.fromkeys(self.unpaired.values()))
-        return f"Not paired, with Welch's interval, since both sides saw other frames: {reasons}."
+        return f"95 % intervals of paired differences, by {' and '.join(units)}"
 
 
 def compare(
@@ -115,8 +120,7 @@ def compare(
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
 ) -> ComparedRuns:
-    """Compares runs, paired where they saw the same frames. Runs that differ in nothing but the
-    seed are one setting.
+    """Compares runs, seed by seed. Runs that differ in nothing but the seed are one setting.
 
     ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
     the order in which they come. ``metrics``: which, by default those of tables. The first setting
@@ -167,9 +171,9 @@ def _compared(
 ) -> ComparedRuns:
     settings = settings_of(runs)
     names = names_of(settings, labels)
+    settings, left_out = _of_common_seeds(settings, names)
     arms: list[ComparedMethod] = []
     references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
-    unpaired: dict[str, str] = {}
     for place, (name, by_seed) in enumerate(zip(names, settings, strict=True)):
         for method in _chosen(_any(by_seed), methods):
             label, title = method.name, method.title
@@ -178,20 +182,37 @@ def _compared(
             arm = ComparedMethod(label, title, method, by_seed)
             reference = _reference(arm, arms, place, len(settings))
             if reference is not None:
-                why = _unpaired(reference, arm)
-                if why:
-                    unpaired[label] = f"{names[0]} and {name}: {why}"
                 references[label] = reference
             arms.append(arm)
+    of_rows = {arm.label: _samples(arm) for arm in arms}
     rows = []
     for metric in metrics or _shown(arms):
         for arm in arms:
-            row = _difference(metric, arm, references.get(arm.label), arm.label not in unpaired)
+            reference = references.get(arm.label)
+            row = _difference(metric, arm, reference)
+            if row is not None and reference is not None and len(settings[0]) == 1:
+                row = _over_blocks(row, of_rows[arm.label], of_rows[reference.label])
             if row is not None:
                 rows.append(row)
     warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
     differing = _settings([_any(by_seed) for by_seed in settings])
-    return ComparedRuns(arms, rows, names, differing, warning, unpaired, metrics)
+    return ComparedRuns(arms, rows, names, differing, warning, left_out, metrics)
+
+
+def _of_common_seeds(
+    settings: Sequence[Mapping[int, Run]], names: Sequence[str]
+) -> tuple[list[dict[int, Run]], str]:
+    """The runs of those seeds that all settings have, and a sentence that says so where others are
+    left out. Raises ``UserError`` where they have none in common.
+    """
+    common = [seed for seed in settings[0] if all(seed in by_seed for by_seed in settings)]
+    of_each = [f"{name} has {seeds_text([*by])}" for name, by in zip(names, settings, strict=True)]
+    if not common:
+        raise UserError(f"compare: no seed in common: {'; '.join(of_each)}")
+    chosen = [{seed: by_seed[seed] for seed in common} for by_seed in settings]
+    if all(len(by_seed) == len(common) for by_seed in settings):
+        return chosen, ""
+    return chosen, f"Only the common {seeds_text(common)}: {'; '.join(of_each)}."
 
 
 def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
@@ -276,91 +297,62 @@ def _names_by_content(settings: Sequence[Mapping[int, Run]]) -> list[str]:
     return [f"{run.name}-{run.run_id[:6]}" for run in runs]
 
 
-def _common_seeds(arm: ComparedMethod, other: ComparedMethod) -> list[int]:
-    return [seed for seed in arm.runs if seed in other.runs]
-
-
-def _unpaired(reference: ComparedMethod, arm: ComparedMethod) -> str:
-    """Why the frames of the two cannot be paired; empty where both saw the same. Raises UserError
-    for arms without a seed in common.
-    """
-    seeds = _common_seeds(arm, reference)
-    if not seeds:
-        of_each = [", ".join(map(str, sorted(side.runs))) for side in (reference, arm)]
-        raise UserError(
-            f"compare: {reference.label} and {arm.label} have no seed in common: "
-            f"{' and '.join(of_each)}"
-        )
-    for seed in seeds:
-        run, other = arm.runs[seed], reference.runs[seed]
-        drives, others = run.facts["traces"], other.facts["traces"]
-        if drives != others:
-            cars = sorted({*drives, *others})
-            differing = [car for car in cars if drives.get(car) != others.get(car)]
-            return f"other drives ({', '.join(differing[:3])})"
-        frames, others = _frames(run, arm.method), _frames(other, reference.method)
-        if frames != others:
-            return (
-                f"other frames ({len(others):,} and {len(frames):,}): other cars, cameras or times"
-            )
-    return ""
-
-
-def _frames(run: Run, method: MethodInfo) -> set[tuple[str, str, int]]:
-    """The frames that a method saw: car, stream and stamp of each."""
-    rows = run.tables["frames"].where(method=method.name)
-    columns = (rows[name].tolist() for name in ("car", "stream", "stamp_ns"))
-    return set(zip(*columns, strict=True))
-
-
 def _difference(
-    metric: str, arm: ComparedMethod, reference: ComparedMethod | None, is_paired: bool
+    metric: str, arm: ComparedMethod, reference: ComparedMethod | None
 ) -> Difference | None:
-    """A metric of an arm, with its difference from that of the reference, if there is one; ``None``
-    where the arm has no value.
+    """A metric of an arm, with its difference from that of the reference, if there is one, over the
+    seeds in which both have a value; ``None`` where the arm has none.
     """
     values = _values(arm, metric)
     if not values:
         return None
-    mean = float(np.mean(list(values.values())))
-    alone = Difference(metric, arm.label, mean, definition(metric).unit_in_files)
-    if reference is None:
-        return alone
-    others = _values(reference, metric)
-    pairs = [(values[seed], others[seed]) for seed in values if seed in others]
-    against = alone._replace(against=reference.label)
-    if not is_paired and min(len(values), len(others)) > 1:
-        gap = mean - float(np.mean(list(others.values())))
-        error = of_difference(*(error_of_mean(list(side.values())) for side in (values, others)))
-        low, high = around(gap, error.half)
-        n = min(len(values), len(others))
-        return against._replace(difference=gap, low=low, high=high, by=SEEDS + UNPAIRED, n=n)
-    if is_paired and len(pairs) > 1:
-        gap, half = over_seeds([own - other for own, other in pairs])
-        low, high = around(gap, half)
-        ratio = _variance_ratio(pairs)
-        return against._replace(
-            difference=gap, low=low, high=high, by=SEEDS, n=len(pairs), variance_ratio=ratio
+    unit = definition(metric).unit_in_files
+    others = _values(reference, metric) if reference is not None else {}
+    pairs = [(value, others[seed]) for seed, value in values.items() if seed in others]
+    if reference is None or not pairs:
+        return Difference(
+            metric,
+            arm.label,
+            float(np.mean(list(values.values()))),
+            unit,
+            against="" if reference is None else reference.label,
         )
-    if not pairs:
-        return against
-    gap = pairs[0][0] - pairs[0][1]
-    seed = _common_seeds(arm, reference)[0]
-    sides = [_samples(side.runs[seed], side.method.name) for side in (arm, reference)]
-    samples = [of_side[metric] for of_side in sides if metric in of_side]
-    if len(samples) < len(sides) or any(sample.percent for sample in samples):
-        return against._replace(difference=gap)
-    half_of_blocks, n = (half_of_pair if is_paired else _half_apart)(samples)
-    low, high = around(gap, half_of_blocks)
-    by = BLOCKS if is_paired else BLOCKS + UNPAIRED
-    return against._replace(difference=gap, low=low, high=high, by=by, n=n)
+    value, against_value = (float(np.mean(side)) for side in zip(*pairs, strict=True))
+    row = Difference(
+        metric,
+        arm.label,
+        value,
+        unit,
+        against=reference.label,
+        against_value=against_value,
+        difference=value - against_value,
+    )
+    if len(pairs) == 1:
+        return row
+    low, high = interval([own - other for own, other in pairs])
+    ratio = _variance_ratio(pairs)
+    return row._replace(low=low, high=high, by=SEEDS, n=len(pairs), variance_ratio=ratio)
 
 
-@lru_cache(maxsize=16)
-def _samples(run: Run, method: str) -> dict[str, Sample]:
-    """Of each metric that is made of rows those of one method of a run."""
+def _over_blocks(
+    row: Difference, ours: Mapping[str, Sample], theirs: Mapping[str, Sample]
+) -> Difference:
+    """The row with its interval inside one run, where the metric is a ratio of sums over rows."""
+    samples = [of_side[row.metric] for of_side in (ours, theirs) if row.metric in of_side]
+    if row.difference is None or len(samples) < 2 or any(sample.percent for sample in samples):
+        return row
+    half, n = half_of_pair(samples)
+    low, high = around(row.difference, half)
+    return row._replace(low=low, high=high, by=BLOCKS, n=n)
+
+
+def _samples(arm: ComparedMethod) -> dict[str, Sample]:
+    """Of each metric that is made of rows those of an arm with one run."""
+    if len(arm.runs) > 1:
+        return {}
+    run = _any(arm.runs)
     names = {metric.metric for metric in run.measured}
-    return samples(with_formulas(names), of_method(run.tables, method))
+    return samples(with_formulas(names), of_method(run.tables, arm.method.name))
 
 
 def _values(arm: ComparedMethod, metric: str) -> dict[int, float]:
@@ -379,19 +371,6 @@ def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
     own, other = np.array(pairs).T
     unpaired = float(np.var(own) + np.var(other))
     return float(np.var(own - other)) / unpaired if unpaired else None
-
-
-def _half_apart(samples: Sequence[Sample]) -> tuple[float | None, int]:
-    """``half_of_pair`` of sides that nothing pairs; the number is that of the smaller one."""
-    errors, sizes = [], []
-    for sample in samples:
-        blocks = blocks_of(sample.rows)
-        moves = blocks.influence(*sample.terms)
-        errors.append(blocks.error(moves))
-        sizes.append(len(moves))
-    one, other = errors
-    half = None if one is None or other is None else of_difference(one, other).half
-    return half, min(sizes)
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
@@ -437,32 +416,20 @@ def as_metrics(comparison: ComparedRuns) -> tuple[list[MetricValue], list[Method
     """The arms as if each were a method, for figures: means over seeds, or the run's own numbers
     with intervals.
     """
+    chosen = comparison.metrics or _shown(comparison.arms)
     metrics = []
     for arm in comparison.arms:
-        for name in comparison.metrics or _shown(comparison.arms):
-            of_runs = _metrics_of(arm, name)
-            if len(of_runs) == 1:
-                metrics.append(replace(of_runs[0], method=arm.label))
-            elif of_runs:
-                values = [metric.value for metric in of_runs if metric.value is not None]
-                mean, half = over_seeds(values)
-                low, high = (
-                    wilson(mean, half) if definition(name).unit == "%" else around(mean, half)
-                )
-                metrics.append(
-                    replace(of_runs[0], method=arm.label, value=mean, low=low, high=high)
-                )
+        runs = list(arm.runs.values())
+        measured = runs[0].measured if len(runs) == 1 else means_of(runs)
+        by_name = {
+            metric.metric: metric
+            for metric in measured
+            if (metric.method, metric.placement, metric.component) == (arm.method.name, "all", "")
+        }
+        metrics += [
+            replace(by_name[name], method=arm.label)
+            for name in chosen
+            if name in by_name and by_name[name].value is not None
+        ]
     methods = [MethodInfo(arm.label, arm.title, arm.method.baseline) for arm in comparison.arms]
     return metrics, methods
-
-
-def _metrics_of(arm: ComparedMethod, name: str) -> list[MetricValue]:
-    """One of its metrics in each of an arm's runs, where it is defined."""
-    place = (name, arm.method.name, "all", "")
-    return [
-        metric
-        for run in arm.runs.values()
-        for metric in run.measured
-        if (metric.metric, metric.method, metric.placement, metric.component) == place
-        and metric.value is not None
-    ]

@@ -1,6 +1,6 @@
 """Tables of a comparison."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from genie_sim.analysis import renderers
@@ -14,14 +14,16 @@ from genie_sim.analysis.compare import (
 from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import cell, definition, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.statistics import MIN_SEEDS
 
-COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "pairs")
-OF_FEWER = "of each, at least"  # where not all are pairs
+COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "so", "pairs")
+MANY = 10  # intervals, of which it is told how many miss
 RATIO = "variance ratio"  # the title of a column
 ONE_RUN = (
     "Blocks of one second tell how sure a difference is inside these runs; other seeds and drives "
     "may differ by more."
 )
+ABOUT_NEGLIGIBLE = "Negligible: a difference below 1 % of the value."
 ABOUT_RATIO = (
     "Variance ratio: that of the paired differences over the sum of both variances; 1 if pairing "
     "gains nothing."
@@ -36,19 +38,28 @@ def text(comparison: ComparedRuns, format: str = "markdown") -> str:
             return renderers.exact([*Difference._fields, "changed"], rows)
         return renderers.exact(Difference._fields, comparison.rows)
     if format == "markdown":
-        return renderers.markdown(replace(pairs(comparison), notes=[comparison.warning]))
+        return renderers.markdown(
+            replace(pairs(comparison), notes=[comparison.left_out, comparison.warning])
+        )
     name = " and ".join(comparison.names)
     return f"{renderers.latex(values(comparison), name)}\n{differences_latex(comparison, name)}"
 
 
 def about(comparison: ComparedRuns) -> str:
-    """What the intervals are over."""
-    sentence = comparison.by[0].upper() + comparison.by[1:] + "."
+    """What the intervals are over, what is left out, and how sure all of them together are."""
+    sentences = [f"{comparison.by[0].upper()}{comparison.by[1:]}."]
     if _has_ratios(comparison.rows):
-        sentence += f" {ABOUT_RATIO}"
-    if any(row.by.startswith(BLOCKS) for row in comparison.rows):
-        sentence += f" {ONE_RUN}"
-    return f"{sentence} {comparison.why_unpaired}".rstrip()
+        sentences.append(ABOUT_RATIO)
+    if any(row.by == BLOCKS for row in comparison.rows):
+        sentences.append(ONE_RUN)
+    if any(row.by == SEEDS and row.n < MIN_SEEDS for row in comparison.rows):
+        sentences.append(f"No intervals of fewer than {MIN_SEEDS} seeds.")
+    if any(row.verdict == "negligible" for row in comparison.rows):
+        sentences.append(ABOUT_NEGLIGIBLE)
+    intervals = sum(row.low is not None for row in comparison.rows)
+    if intervals >= MANY:
+        sentences.append(f"Of {intervals} intervals, about one in twenty misses by chance.")
+    return " ".join(filter(None, [*sentences, comparison.left_out]))
 
 
 def pairs(comparison: ComparedRuns) -> ResultTable:
@@ -57,15 +68,13 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
     """
     has_ratios = _has_ratios(comparison.rows)
     titles = {arm.label: arm.title for arm in comparison.arms}
-    by_place = {(row.metric, row.arm): row for row in comparison.rows}
     rows = []
     for row in comparison.rows:
         if row.against:
             metric = definition(row.metric)
-            reference = by_place.get((row.metric, row.against))
             value, its_value = (
-                metric.cell(of.value if of else None)._replace(unit=metric.unit)
-                for of in (row, reference)
+                metric.cell(number)._replace(unit=metric.unit)
+                for number in (row.value, row.against_value)
             )
             points = "percentage points" if metric.unit == "%" else metric.unit
             cells = [
@@ -75,12 +84,13 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
                 its_value,
                 metric.cell(row.difference, sign="+")._replace(unit=points),
                 metric.cell(None, row.low, row.high, sign="+"),
+                Cell(row.verdict or None),
                 Cell(row.n or None),
                 *([_ratio(row)] if has_ratios else []),
             ]
             rows.append(Row(metric.title, cells))
-    columns = (*COLUMNS[:-1], OF_FEWER) if comparison.unpaired else COLUMNS
-    return ResultTable((*columns, RATIO) if has_ratios else columns, rows, corner="metric")
+    columns = (*COLUMNS, RATIO) if has_ratios else COLUMNS
+    return ResultTable(columns, rows, corner="metric")
 
 
 def values(comparison: ComparedRuns) -> ResultTable:
@@ -100,7 +110,7 @@ def values(comparison: ComparedRuns) -> ResultTable:
             for name in dict.fromkeys(metric.metric for metric in metrics)
         ],
         title=f"{' and '.join(comparison.names)}, compared",
-        notes=[about, comparison.warning],
+        notes=[about, comparison.left_out, comparison.warning],
     )
 
 
@@ -125,7 +135,6 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
     arms = list(dict.fromkeys(row.arm for row in rows))
     by = {row.by for row in rows if row.by}
     over = "seeds" if by == {SEEDS} else " and ".join(sorted(by))
-    paired = "" if comparison.unpaired else "paired "
     n = max((row.n for row in rows), default=0)
     parts = [_difference, _ratio] if _has_ratios(rows) else [_difference]
     return ResultTable(
@@ -137,15 +146,26 @@ def differences(comparison: ComparedRuns, name: str) -> ResultTable:
             )
             for metric in dict.fromkeys(row.metric for row in rows)
         ],
-        title=f"{name}: {paired}differences from {against}",
+        title=f"{name}: paired differences from {against}",
         notes=[
-            f"In brackets: 95 % intervals of the {paired}differences, over {n} {over}. Differences"
+            f"In brackets: 95 % intervals of the paired differences, over {n} {over}. Differences"
             " of shares are in percentage points.",
-            comparison.why_unpaired,
+            comparison.left_out,
+            _negligible(rows, titles),
             *([ABOUT_RATIO] if len(parts) > 1 else []),
             comparison.warning,
         ],
     )
+
+
+def _negligible(rows: Sequence[Difference], titles: Mapping[str, str]) -> str:
+    """Which differences are below 1 % of the value; empty if none is."""
+    which = [
+        f"{definition(row.metric).title} of {titles[row.arm]}"
+        for row in rows
+        if row.verdict == "negligible"
+    ]
+    return f"Negligible, below 1 % of the value: {', '.join(which)}." if which else ""
 
 
 def _difference(row: Difference | None) -> Cell:

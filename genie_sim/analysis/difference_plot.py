@@ -55,10 +55,8 @@ def differences(
     against = references[0] if len(references) == 1 else "the first setting"
     by = " and ".join(sorted({row.by for row in rows if row.by}))
     by = by.replace(" ", "\u00a0")  # on one line
-    paired = "by" if comparison.unpaired else "paired by"
-    note = f"difference from {against}, 95 % intervals {paired} {by}"
-    title = "Differences with 95 % intervals"
-    finish(figure, title if comparison.unpaired else f"Paired {title.lower()}", footer, note=note)
+    note = f"difference from {against}, 95 % intervals paired by {by}" if by else ""
+    finish(figure, "Paired differences with 95 % intervals", footer, note=note)
     return figure
 
 

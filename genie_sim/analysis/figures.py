@@ -47,7 +47,7 @@ from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import mean_bands, over_seeds, thinned, wilson
+from genie_sim.analysis.statistics import interval, mean_bands, thinned
 from genie_sim.analysis.style import (
     CHARACTER_IN,
     COLUMN_IN,
@@ -449,9 +449,10 @@ def _reuse_bar(
             rotation=turn,
         )
         return
-    mean, half = over_seeds([float(np.mean(of_genies)) for of_genies in ratios])
+    means = [float(np.mean(of_genies)) for of_genies in ratios]
+    mean = float(np.mean(means))
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **drawing)
-    whiskers = np.array(wilson(mean, half))
+    whiskers = np.clip([end for end in interval(means) if end is not None], 0, 1)
     if len(seeds) == 1:
         whiskers = running_reuse(seeds[0])["ratio"]
     if len(whiskers):

@@ -212,6 +212,7 @@ METRICS = {
         meaning="1 - mean first answer of the method / that of the baseline.",
         formula=_improvement,
         rows="pairs",
+        is_signed=True,
     ),
     **{
         name: Metric(

@@ -156,6 +156,10 @@ class Metric:
         Where it is shown: ``HEADLINE`` in sentences, ``SHORT`` on a terminal after a run and in
         figures for papers, ``MAIN`` in tables and comparisons, ``REST`` in ``summary.md`` and
         wherever it is asked for; each also where the later ones are.
+    is_signed : bool
+        Whether it may be below zero although it has a unit.
+    needs : int
+        Over how many rows each run's number must be for an interval over seeds.
     """
 
     title: str
@@ -166,13 +170,28 @@ class Metric:
     formula: Formula = lambda _: None
     rows: str = "frames"
     tier: int = REST
+    is_signed: bool = False
+    needs: int = 0
 
     def of(self, rows: Any, intervals: bool = True) -> Measured | None:
         """Its number of some rows; ``None`` where it has none there."""
         result = self.formula(rows)
-        if isinstance(result, Sample):
-            return result.measured(self.unit == "%", intervals)
-        return result
+        if not isinstance(result, Sample):
+            return result
+        number = result.measured(self.unit == "%", intervals)
+        low, high = self.cut(number.value, number.low, number.high)
+        return number._replace(low=low, high=high)
+
+    def cut(
+        self, value: float | None, low: float | None, high: float | None
+    ) -> tuple[float | None, float | None]:
+        """The ends of an interval, within what is possible: no time, share or count is below zero,
+        no share above 1. What has no unit, or is below zero itself, has no bounds.
+        """
+        if value is None or low is None or high is None or value < 0 or self.is_signed:
+            return low, high
+        low = max(low, 0.0) if self.unit else low
+        return low, min(high, 1.0) if self.unit == "%" else high
 
     @property
     def label(self) -> str:
@@ -228,7 +247,7 @@ def times(
     span: str,
     times_ms: Callable[[Columns], Any],
     tiers: Mapping[str, int],
-    **words: str,
+    **words: Any,
 ) -> Iterator[tuple[str, Metric]]:
     """The statistics of a time of rows, by how their names end; ``tiers`` says which there are, and
     ``span`` from when to when the time is.
@@ -242,5 +261,14 @@ def times(
         title_of_all, meaning = f"{title}, {ending}", f"{begin} {span}"
         yield (
             statistic,
-            Metric(title_of_all, "ms", LOWER, meaning=meaning, formula=formula, tier=tier, **words),
+            Metric(
+                title_of_all,
+                "ms",
+                LOWER,
+                meaning=meaning,
+                formula=formula,
+                tier=tier,
+                needs=100 // (100 - percent) if percent else 0,
+                **words,
+            ),
         )

@@ -4,7 +4,7 @@
 blocks of one second of camera time, each car (for boosts per sighting each Genie) a stratum. It
 covers the variability *inside* this run, with frames of one second correlated as they like; it says
 nothing of other seeds or drives. Of shares it is Wilson's, with as many rows as that variability
-stands for. Over several seeds it is ``statistics.across_seeds``.
+stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import SAME_COLOUR
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import Suggesting, UserError
 from genie_sim.record.results import MethodInfo, Run
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Plots:
+class Plots(Suggesting):
     """Each method gives a matplotlib ``Figure``, which is imported only then; with ``ax`` it draws
     into that panel of yours and gives its figure. Of several seeds, figures show means with 95 %
     intervals. Curves and points of several runs in one panel are named by their runs' labels.

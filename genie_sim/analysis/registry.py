@@ -36,6 +36,7 @@ WORDS = {
     "section": str,
     "meaning": str,
     "tier": int,
+    "is_signed": bool,
 }
 COMPONENT_TITLES = {
     ZERO_DELAY: "zero-delay detector",

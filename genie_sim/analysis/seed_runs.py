@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.analysis.registry import learn
-from genie_sim.analysis.statistics import across_seeds
+from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.record import provenance, results
@@ -39,29 +39,10 @@ class SeedRuns:
 
     @cached_property
     def measured(self) -> list[MetricValue]:
-        """Each metric's mean over the seeds, the ends of its 95 % t interval, of a share Wilson's,
-        and in ``n`` the number of runs that define it.
+        """Each metric's mean over the seeds, the ends of its 95 % t interval, the mean of its
+        ranges, and in ``n`` the number of runs that define it.
         """
-        import pandas as pd
-
-        rows = [
-            {**asdict(metric), "seed": run.seed} for run in self.runs for metric in run.measured
-        ]
-        means = across_seeds(pd.DataFrame(rows).astype({"value": float}), [])
-        return [
-            MetricValue(
-                metric=row["metric"],
-                method=row["method"],
-                placement=row["placement"],
-                component=row["component"],
-                value=_defined(row["value"]),
-                unit=row["unit"],
-                low=_defined(row["low"]),
-                high=_defined(row["high"]),
-                n=int(row["runs"]),
-            )
-            for row in means.to_dict("records")
-        ]
+        return means_of(self.runs)
 
     @property
     def name(self) -> str:
@@ -98,6 +79,31 @@ class SeedRuns:
         """Which runs they are, below a figure."""
         which = f"{self.name}, {seeds_text(self.seeds)}"
         return ", ".join(filter(None, [self.label, which, self.warning]))
+
+
+def means_of(runs: Sequence[Run]) -> list[MetricValue]:
+    """The numbers of runs that differ in nothing but the seed as one run's."""
+    import pandas as pd
+
+    rows = [{**asdict(metric), "seed": run.seed} for run in runs for metric in run.measured]
+    numbers = ("value", "range_low", "range_high")
+    means = across_seeds(pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [])
+    return [
+        MetricValue(
+            metric=row["metric"],
+            method=row["method"],
+            placement=row["placement"],
+            component=row["component"],
+            unit=row["unit"],
+            value=_defined(row["value"]),
+            low=_defined(row["low"]),
+            high=_defined(row["high"]),
+            n=int(row["runs"]),
+            range_low=_defined(row["range_low"]),
+            range_high=_defined(row["range_high"]),
+        )
+        for row in means.to_dict("records")
+    ]
 
 
 def with_methods(run: Run | SeedRuns, names: Sequence[str]) -> Run | SeedRuns:

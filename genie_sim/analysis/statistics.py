@@ -3,60 +3,18 @@
 import functools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.text import significant
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Floats, Text
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BLOCK_NS = NS_PER_S
 CONFIDENCE = 0.95
 NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 
-NO_SHARES = ("confidence_boost", "improvement")  # metrics of unit 1 that may be below 0
-_METRIC = ["metric", "method", "placement", "component", "unit"]  # the columns that tell which
-
-
-def across_seeds(
-    runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
-) -> "pd.DataFrame":
-    """Mean, 95 % t interval and count of each metric within the groups ``by``: columns value, low,
-    high, runs.
-
-    The unit of replication is the seed: with several runs of a group under one seed, their mean
-    counts once. One seed gives no interval. That of a share (not of ``differences``) is Wilson's,
-    so it stays within 0 and 1.
-    """
-    per_seed = runs.groupby([*by, *_METRIC, "seed"], sort=False, dropna=False)["value"].mean()
-    grouped = per_seed.groupby([*by, *_METRIC], sort=False, dropna=False)
-    spread = grouped.std().to_numpy()
-    rows = grouped.agg(value="mean", runs="count").reset_index()
-    n = rows["runs"].to_numpy()
-    half = np.full(len(n), np.nan)
-    several = n > 1
-    half[several] = [
-        half_of_mean(*sample) for sample in zip(spread[several], n[several], strict=True)
-    ]
-    rows = rows.assign(low=rows["value"] - half, high=rows["value"] + half)
-    shares = (
-        (rows["unit"] == "1")
-        & ~rows["metric"].str.startswith(NO_SHARES)
-        & ~np.isnan(half)
-        & (not differences)
-    )
-    ends = [
-        wilson(value, reach)
-        for value, reach in zip(rows["value"][shares], half[shares], strict=True)
-    ]
-    rows.loc[shares, ["low", "high"]] = np.reshape(ends, (-1, 2))
-    for name in ("value", "low", "high"):  # ten digits: processors add up in different orders
-        rows[name] = [significant(number, digits=10) for number in rows[name]]
-    return rows[[*by, *_METRIC, "value", "low", "high", "runs"]]
+MIN_SEEDS = 3  # of an interval
 
 
 def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
@@ -76,43 +34,21 @@ def half_of_mean(spread: float, n: int) -> float:
     return float(t_quantile(int(n) - 1) * spread / math.sqrt(n))
 
 
-class Error(NamedTuple):
-    """A standard error and its degrees of freedom."""
-
-    value: float
-    freedom: float
-
-    @property
-    def half(self) -> float:
-        """Half of the 95 % t interval."""
-        return t_quantile(max(int(self.freedom), 1)) * self.value
-
-
-def error_of_mean(values: Sequence[float]) -> Error:
-    """That of the mean of two values or more."""
-    return Error(float(np.std(values, ddof=1)) / math.sqrt(len(values)), len(values) - 1.0)
-
-
-def of_difference(one: Error, other: Error) -> Error:
-    """That of a difference of two sides that nothing pairs.
-
-    Source: B. L. Welch, "The generalization of Student's problem when several different population
-    variances are involved", 1947.
+def interval(values: Sequence[float] | Floats) -> tuple[float | None, float | None]:
+    """The 95 % t interval of the mean over seeds; none of fewer than ``MIN_SEEDS``, or where all
+    are equal: both tell little of other seeds.
     """
-    variance = one.value**2 + other.value**2
-    if not variance:
-        return Error(0.0, one.freedom + other.freedom)
-    parts = math.fsum(side.value**4 / side.freedom for side in (one, other))
-    return Error(math.sqrt(variance), variance**2 / parts)
+    mean, half = over_seeds(values)
+    return around(mean, half if len(values) >= MIN_SEEDS and half else None)
 
 
 def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Floats]:
     """Of curves, a row a seed: at each place their mean and the ends of its 95 % t interval, of
-    ``shares`` Wilson's.
+    ``shares`` Wilson's; no interval of fewer than ``MIN_SEEDS``.
     """
     n = len(seeds)
     mean = seeds.mean(axis=0)
-    if n == 1:
+    if n < MIN_SEEDS:
         return mean, mean, mean
     half = t_quantile(n - 1) * seeds.std(axis=0, ddof=1) / math.sqrt(n)
     if not shares:
@@ -122,14 +58,19 @@ def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Flo
 
 
 class Blocks:
-    """Rows grouped into blocks of one second each, every stratum (car or Genie) by itself."""
+    """Rows grouped into blocks of one second each, every stratum (car or Genie) by itself. A
+    stratum that lasted for one block is collapsed with the next, as in surveys with one unit a
+    stratum: the interval is a little too wide, instead of none.
+
+    Source: W. G. Cochran, "Sampling Techniques", 1977, section 5A.12.
+    """
 
     def __init__(self, strata: Text, instants_ns: np.ndarray[Any, np.dtype[np.int64]]) -> None:
         stratum = np.unique(strata.codes, return_inverse=True)[1]
         seconds = instants_ns // BLOCK_NS
         per_stratum = int(seconds.max()) + 1
         blocks, self._of_row = np.unique(stratum * per_stratum + seconds, return_inverse=True)
-        self._stratum = blocks // per_stratum
+        self._stratum = _collapsed(blocks // per_stratum)
         self._sizes = np.bincount(self._stratum)
 
     def influence(self, above: Floats, below: Floats) -> Floats:
@@ -141,24 +82,34 @@ class Blocks:
         return np.asarray((sums - ratio * counts) / counts.sum())
 
     def half_width(self, influence: Floats) -> float | None:
-        """Half the confidence interval; None if a stratum lasted for one block only."""
-        error = self.error(influence)
-        return None if error is None else error.half
-
-    def error(self, influence: Floats) -> "Error | None":
-        """The standard error; None if a stratum lasted for one block only."""
+        """Half the confidence interval; None if there is one block only."""
         if self._sizes.min() < 2:
             return None
         means = np.bincount(self._stratum, influence) / self._sizes
         squares = np.bincount(self._stratum, (influence - means[self._stratum]) ** 2)
         error = np.sqrt((self._sizes / (self._sizes - 1) * squares).sum())
-        return Error(float(error), float((self._sizes - 1).sum()))
+        return t_quantile(int((self._sizes - 1).sum())) * float(error)
 
     def _sum(self, values: Floats) -> Floats:
         sums: Floats = np.bincount(self._of_row, values, minlength=len(self._stratum)).astype(
             np.float64
         )
         return sums
+
+
+def _collapsed(strata: Any) -> Any:
+    """Strata, numbered from 0 in ascending order, without any that has one block; the last one
+    goes with those before it.
+    """
+    sizes = np.bincount(strata)
+    collapsed, size, number = np.empty_like(sizes), 0, 0
+    for stratum, blocks in enumerate(sizes):
+        if size > 1:
+            number, size = number + 1, 0
+        collapsed[stratum], size = number, size + blocks
+    if size == 1 and number:
+        collapsed[-1] -= 1
+    return collapsed[strata]
 
 
 @functools.lru_cache(maxsize=4096)
@@ -274,7 +225,7 @@ def percentile(blocks: Blocks | None, values: Floats, percent: int) -> Measured:
     value = float(np.percentile(values[known], percent))
     below = known & (values <= value)
     half = None
-    if blocks is not None:
+    if blocks is not None and n * (100 - percent) >= 100:  # of p99 a hundred answers
         half = blocks.half_width(blocks.influence(below.astype(float), known.astype(float)))
     if half is None:
         return Measured(value, n=n)

@@ -28,6 +28,7 @@ from genie_sim.analysis.registry import (
 )
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
+from genie_sim.analysis.statistics import MIN_SEEDS
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.text import one_line
 from genie_sim.record.columns import Columns
@@ -35,6 +36,7 @@ from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
 
 MAX_RESOURCES = 12
 MIN_USE = 0.01  # a resource that is used less is idle
+OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (
     TIMES,
@@ -275,7 +277,28 @@ def _latex(run: Run | SeedRuns, table: ResultTable, metrics: Sequence[str]) -> s
 def about_seeds(runs: SeedRuns) -> str:
     """What the numbers of several seeds are."""
     seeds = seeds_text(runs.seeds)
-    return f"{seeds[0].upper()}{seeds[1:]}: means, in brackets their 95 % t intervals over seeds."
+    what = "means, in brackets their 95 % t intervals over seeds"
+    if len(runs.seeds) < MIN_SEEDS:
+        what = f"means; of fewer than {MIN_SEEDS} seeds there is no interval"
+    return f"{seeds[0].upper()}{seeds[1:]}: {what}."
+
+
+def overload(run: Run | SeedRuns) -> str:
+    """Says which resource is overloaded under which method: it works all the time, and frames are
+    dropped; empty if none is.
+    """
+    numbers: dict[tuple[str, str], list[MetricValue]] = {}
+    for metric in run.measured:
+        if metric.metric in ("utilization", "dropped_share") and metric.value is not None:
+            numbers.setdefault((metric.metric, metric.method), []).append(metric)
+    which = []
+    for method in run.methods:
+        busiest = max(numbers.get(("utilization", method.name), ()), key=_use, default=None)
+        dropped = max(map(_use, numbers.get(("dropped_share", method.name), ())), default=0.0)
+        if busiest is not None and _use(busiest) >= OVERLOADED and dropped > MANY_DROPPED:
+            shares = f"busy {100 * _use(busiest):.0f} % of the time, {100 * dropped:.0f} % of the"
+            which.append(f"{busiest.component} under {method.title} ({shares} frames dropped)")
+    return f"Overloaded: {'; '.join(which)}." if which else ""
 
 
 def about_laws(run: Run | SeedRuns) -> str:
@@ -327,7 +350,8 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
     told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
-    notes = list(_main_notes(told, numbers))
+    notes = [] if metrics else list(filter(None, [overload(run)]))
+    notes += _main_notes(told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
         notes.append(about_laws(run))

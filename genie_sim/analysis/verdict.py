@@ -4,8 +4,8 @@ much, and how sure that is.
 
 from collections.abc import Sequence
 
-from genie_sim.analysis.compare import SEEDS, UNPAIRED, ComparedRuns, Difference
-from genie_sim.analysis.metric import HEADLINE, LOWER
+from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
+from genie_sim.analysis.metric import HEADLINE
 from genie_sim.analysis.registry import definition, shown
 from genie_sim.base.text import number_text
 
@@ -23,46 +23,32 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
     return sentences
 
 
-def is_better(row: Difference) -> bool | None:
-    """Whether the arm is better in this metric; ``None`` where the interval of the difference holds
-    zero, or there is none.
-    """
-    if row.low is None or row.high is None or row.low <= 0 <= row.high:
-        return None
-    return (row.high < 0) == (definition(row.metric).better == LOWER)
+KINDS = {  # of a verdict: how a part of the sentence begins, and what stands before the reference
+    "better": ("better", "than"),
+    "worse": ("worse", "than"),
+    "unclear": ("not clearly different", "from"),
+    "": ("different by an amount without an interval", "from"),
+    "negligible": ("negligibly different", "from"),
+    "equal": ("the same", "as"),
+}
 
 
 def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
-    better = [row for row in rows if is_better(row) is True]
-    worse = [row for row in rows if is_better(row) is False]
-    equal = [row for row in rows if row.difference == row.low == row.high == 0]
-    unclear = [row for row in rows if is_better(row) is None and row not in equal]
-    parts = []
-    if better:
-        parts.append(f"better than {reference} in {_listed(better)}")
-    if worse:
-        than = "" if better else f" than {reference}"
-        parts.append(f"worse{than} in {_listed(worse)}")
-    if unclear:
-        than = "" if parts else f" from {reference}"
-        parts.append(f"not clearly different{than} in {_listed(unclear)}")
-    if equal:
-        than = "" if parts else f" as {reference}"
-        titles = [definition(row.metric).title for row in equal]
-        parts.append(f"the same{than} in {_joined(titles)}")
-    if len(equal) == len(rows):
-        return f"{arm} is {parts[0]}."
-    return f"{arm} is {'; '.join(parts)}; {_sureness(rows[0])}."
+    parts: list[str] = []
+    for verdict, (begin, before) in KINDS.items():
+        of_kind = [row for row in rows if row.verdict == verdict]
+        if of_kind:
+            to = "" if parts else f" {before} {reference}"
+            titles = [definition(row.metric).title for row in of_kind]
+            listed = _joined(titles) if verdict == "equal" else _listed(of_kind)
+            parts.append(f"{begin}{to} in {listed}")
+    sure = next((row for row in rows if row.low is not None and row.verdict != "equal"), None)
+    sureness = f"; {_sureness(sure)}" if sure is not None else ""
+    return f"{arm} is {'; '.join(parts)}{sureness}."
 
 
 def _sureness(row: Difference) -> str:
-    if row.low is None:
-        return "without an interval, for want of data"
-    what = "seeds" if row.by.startswith(SEEDS) else "blocks of 1 s of one seed"
-    if row.by.endswith(UNPAIRED):
-        return (
-            f"95 % intervals of differences that are not paired, over at least {row.n} {what} each"
-        )
+    what = "seeds" if row.by == SEEDS else "blocks of 1 s of one seed"
     return f"95 % intervals of paired differences, over {row.n} {what}"
 
 

@@ -4,6 +4,7 @@ import difflib
 import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from genie_sim.base.text import one_line
 
@@ -13,8 +14,28 @@ LOW_MEMORY_WORDS = ("bad_alloc", "Insufficient memory", "allocate memory")
 
 class UserError(Exception):
     """One clear line naming file, field, value and choices. ``genie-sim`` prints it and exits with
-    status 1.
+    status 1; a notebook shows the line alone.
     """
+
+    def _render_traceback_(self) -> list[str]:
+        """What IPython shows."""
+        return [f"{type(self).__name__}: {one_line(str(self))}"]
+
+
+class Suggesting:
+    """A class whose objects answer a misspelt attribute with the nearest."""
+
+    if not TYPE_CHECKING:  # or every attribute would be known
+
+        def __getattr__(self, name):
+            raise no_attribute(self, name)
+
+
+def no_attribute(owner: object, name: str) -> AttributeError:
+    """That an object has no attribute of this name, and which it has."""
+    names = [known for known in dir(owner) if not known.startswith("_")]
+    text = unknown(f"attribute of {type(owner).__name__}", name, names)
+    return AttributeError(text, name=name, obj=owner)
 
 
 def short_repr(value: object) -> str:
@@ -56,9 +77,7 @@ def tells_of_low_memory(error: BaseException) -> bool:
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
-    """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``. A name
-    that was removed is answered with what to write instead.
-    """
+    """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``."""
     names = [one_line(choice) for choice in sorted(choices)]
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""

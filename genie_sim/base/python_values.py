@@ -1,12 +1,74 @@
 """Values of numpy, pandas, pathlib and classes, in the form that YAML has."""
 
 import datetime
-from collections.abc import Iterable, Mapping
+import functools
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import PurePath
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
 
 from genie_sim.base.errors import UserError, short_repr
+
+Parameters = ParamSpec("Parameters")
+Result = TypeVar("Result")
+WORDS = {NoneType: "None", str: "a text", bool: "true or false", int: "a whole number"}
+WORDS |= {Mapping: "a mapping", Collection: "a list"}
+
+
+def typed(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+    """A function that raises ``UserError`` for an argument of another type than its annotation
+    names; what lists and mappings hold, and numbers of numpy, are left to the function itself.
+    """
+    signature = inspect.signature(function)
+
+    @functools.wraps(function)
+    def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+        for name, value in signature.bind(*args, **kwargs).arguments.items():
+            parameter = signature.parameters[name]
+            values = value if parameter.kind is parameter.VAR_POSITIONAL else [value]
+            kinds = _kinds(parameter.annotation)
+            for item in values if kinds else ():
+                if not _is_any_of(item, kinds):
+                    words = " or ".join(WORDS.get(kind, f"a {kind.__name__}") for kind in kinds)
+                    text = f"{name.rstrip('_')}: {short_repr(item)} of type {type(item).__name__}"
+                    raise UserError(f"{text}: expected {words}")
+        return function(*args, **kwargs)
+
+    return checked
+
+
+def _kinds(annotation: Any) -> list[type]:
+    """The types that an annotation names; none where it says nothing that can be checked."""
+    if get_origin(annotation) in (Union, UnionType):
+        kinds = [_kinds(part) for part in get_args(annotation)]
+        return [kind for part in kinds for kind in part] if all(kinds) else []
+    kind = NoneType if annotation is None else get_origin(annotation) or annotation
+    if not isinstance(kind, type) or kind is inspect.Parameter.empty:
+        return []
+    if kind not in (str, Mapping) and issubclass(kind, Collection):
+        kind = Collection  # arrays of numpy and pandas are no sequences
+    return [kind]
+
+
+def _is_any_of(value: object, kinds: list[type]) -> bool:
+    if isinstance(value, str | bytes):
+        return str in kinds and isinstance(value, str)
+    if isinstance(value, bool):
+        return bool in kinds
+    if isinstance(value, Integral) and int in kinds:
+        return True
+    return any(
+        all(hasattr(value, name) for name in _members(kind))
+        if getattr(kind, "_is_protocol", False)
+        else isinstance(value, kind)
+        for kind in kinds
+    )
+
+
+def _members(protocol: type) -> list[str]:
+    return [name for name in vars(protocol) if name == "__call__" or not name.startswith("_")]
 
 
 def plain(value: Any, where: str) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from genie_sim.analysis.style import WIDTHS
 from genie_sim.base import plugins
@@ -193,6 +194,20 @@ changed_option = click.option(  # of every command that reads result folders
     is_flag=True,
     help="Read files that were changed since the results were written; what is made says so.",
 )
+
+
+def only(mode: str, *names: str) -> None:
+    """Raises ``UserError`` for an option of the running command that was given and is none of these
+    parameters: in this ``mode`` it would have no effect.
+    """
+    context = click.get_current_context()
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if given and name not in names:
+            option = parameter.opts[0] if isinstance(parameter, click.Option) else name.upper()
+            text = f"{option}: has no effect {mode}; see {context.command_path} --help"
+            raise UserError(f"{context.info_name}: {text}")
 
 
 def width_height(option: str, text: str | None) -> tuple[int, int] | None:

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import click
 
-from genie_sim.cli.arguments import PATH, accept_option
+from genie_sim.cli.arguments import PATH, accept_option, only
 from genie_sim.cli.terminal import tell
 
+DIRECTED = ("mtu", "irish", "mahimahi")
 FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
 
 
@@ -45,6 +46,8 @@ def import_link(
     from genie_sim.data.link_import import IMPORTERS
     from genie_sim.sim.link_models import recording
 
+    if format not in DIRECTED:
+        only(f"with --format {format}", "file", "format", "out", "source", "licence", "accept")
     report = ImportReport(file, accept)
     usual = "down" if format == "irish" else "up"
     columns = IMPORTERS[format](file, direction or usual, report)  # type: ignore[arg-type]

@@ -13,17 +13,20 @@ from genie_sim.cli import completion, terminal
     "what",
     required=False,
     shell_complete=completion.kinds,
-    help="scenarios, devices, links, ...; without it: all.",
+    help="scenarios, devices, links, ...; without it: the kinds, and how many of each there are.",
 )
 def list_(what: str | None) -> None:
     """Show what can be named in a scenario."""
     from genie_sim.cli import catalogue
 
-    if what is not None and what not in catalogue.KINDS:
+    if what is None:
+        rows = [
+            (kind, f"{sum(1 for _ in names())}: genie-sim list {kind}")
+            for kind, names in catalogue.KINDS.items()
+        ]
+    elif what in catalogue.KINDS:
+        rows = list(catalogue.KINDS[what]())
+    else:
         raise UserError(unknown("kind of thing to list", what, catalogue.KINDS))
-    for kind in [what] if what is not None else catalogue.KINDS:
-        if what is None:
-            click.echo(f"{kind}:")
-        columns = terminal.width() if sys.stdout.isatty() else None
-        for line in terminal.listing(catalogue.KINDS[kind](), "" if what else "  ", columns):
-            click.echo(line)
+    for line in terminal.listing(rows, terminal.width() if sys.stdout.isatty() else None):
+        click.echo(line)

@@ -10,6 +10,8 @@ from genie_sim.cli import arguments, terminal
 from genie_sim.cli.arguments import COUNT, PATH
 from genie_sim.cli.terminal import ProgressBar
 
+OF_ALL = ("out", "cores", "model")
+
 
 @click.command()
 @click.option(
@@ -74,10 +76,12 @@ def profile(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "
             "elsewhere, or --mean"
         )
-    if mean is None and sd is not None:
-        raise UserError("profile: --sd goes with --mean")
-    if csv is None and (column, unit) != (None, None):
-        raise UserError("profile: --column and --unit go with --csv")
+    if detector is not None:
+        arguments.only("with --detector", *OF_ALL, "detector", "weights", "runs")
+    elif csv is not None:
+        arguments.only("with --csv", *OF_ALL, "csv", "column", "unit")
+    else:
+        arguments.only("with --mean", *OF_ALL, "mean", "sd")
     report = ImportReport(csv or "profile")
     given = None
     if mean is not None:

@@ -108,7 +108,7 @@ def run(
     for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
     with (
-        ProgressBar("s" if several is None else "runs") as progress,
+        ProgressBar("s of all methods" if several is None else "runs") as progress,
         nullcontext() if several is None else terminal.resumable(out),
     ):
         result = api.run(
@@ -143,13 +143,13 @@ def print_results(
     folder, columns = result.folder, min(terminal.width(), 100)
     assert folder is not None
     click.echo(screen.text(result, columns, rows), nl=False)
-    if len(result.runs) > 1:
+    if len(result.methods) > 1:
         from genie_sim.analysis.compare import compared
         from genie_sim.analysis.verdict import verdicts
 
         for sentence in verdicts(compared([result], metrics=rows or ())):
             click.echo(textwrap.fill(one_line(sentence), columns, subsequent_indent="  "))
-        if len(result.methods) > 2:
+        if len(result.runs) > 1 and len(result.methods) > 2:
             others = ",".join(method.name for method in result.methods[1:])
             click.echo(f"Other pairs: genie-sim compare {folder} --methods {others}")
     click.echo(f"Results: {folder} (all tables, with intervals: summary.md)")

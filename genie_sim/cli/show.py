@@ -7,7 +7,7 @@ import click
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.cli import completion
-from genie_sim.cli.arguments import PATH
+from genie_sim.cli.arguments import PATH, only
 
 
 @click.command()
@@ -37,6 +37,8 @@ def show(name: str, kind: str | None, copy_to: Path | None, schema: bool) -> Non
     genie-sim show 3car_hetero --copy-to mine.yaml
     genie-sim show --schema scenario --copy-to scenario.schema.json
     """
+    if schema:
+        only("with --schema", "name", "schema", "copy_to")
     path = None if schema else _path(name, kind)
     text = _schema(name) if path is None else read_text(path)
     if copy_to is None:

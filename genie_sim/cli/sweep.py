@@ -69,6 +69,9 @@ def sweep(
     genie-sim sweep where_it_pays
     genie-sim sweep fleet_30 --axis fleet.cars=10,20,40 --axis fleet.link=wifi,lte --seeds 3
     """
+    if scheduler is not None:
+        of_all = ("what", "axes", "set_", "methods", "seeds", "out", "scheduler", "shard", "label")
+        arguments.only("with --scheduler", *of_all)
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     from genie_sim.analysis.seed_runs import load

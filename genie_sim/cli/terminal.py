@@ -23,7 +23,6 @@ from genie_sim.base.plugins import own_faults_told
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
-LINE_EVERY_S = 10  # between lines of progress where there is no terminal
 WIDE = 72  # from here on a command and what it does stand side by side
 FIRST_STEPS = (
     ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
@@ -61,22 +60,23 @@ def welcome(columns: int, results: Path = Path("results")) -> str:
     return "\n".join(lines)
 
 
-def listing(rows: Iterable[tuple[str, str]], indent: str, columns: int | None) -> Iterator[str]:
+def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[str]:
     """A line for each name with what it is; wrapped to ``columns``, ``None`` for a line each, for
     other programs.
     """
     for name, about in rows:
-        line = f"{indent}{name:28} {about}".rstrip()
+        line = f"{name:28} {about}".rstrip()
         if columns is None or len(line) <= columns:
             yield line
         elif columns < WIDE:
-            yield f"{indent}{name}"
+            yield name
+            indent = "    "
             yield from textwrap.wrap(
-                about, columns, initial_indent=f"{indent}    ", subsequent_indent=f"{indent}    "
+                about, columns, initial_indent=indent, subsequent_indent=indent
             )
         else:
             yield from textwrap.wrap(
-                line, columns, subsequent_indent=" " * (len(indent) + 29), drop_whitespace=True
+                line, columns, subsequent_indent=" " * 29, drop_whitespace=True
             )
 
 
@@ -176,22 +176,22 @@ def tell(report: ImportReport) -> None:
 
 
 class ProgressBar:
-    """A progress bar on a terminal, and elsewhere a line on stderr every ``LINE_EVERY_S``, unless
-    the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there
-    is, and what is going on.
+    """A progress bar on a terminal, and elsewhere a line on stderr with each tenth that is done,
+    unless the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much
+    there is, and what is going on. ``unit`` says of what: of seconds, one digit is told.
     """
 
     def __init__(self, unit: str = "s") -> None:
         self._unit = unit
         self._bar: Any = None
-        self._state, self._what = "preparing", ""
-        self._end = threading.Event()
+        self._tenths = 0
+        self._prints_lines = False
 
     def __enter__(self) -> "ProgressBar":
         if os.environ.get(PROGRESS_VARIABLE) == "off":
             return self
-        if not sys.stderr.isatty():
-            threading.Thread(target=self._print_lines, daemon=True).start()
+        self._prints_lines = not sys.stderr.isatty()
+        if self._prints_lines:
             return self
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -208,23 +208,18 @@ class ProgressBar:
         return self
 
     def __call__(self, done: float, total: float, what: str = "") -> None:
-        number = ",.1f" if self._unit == "s" else ","
-        self._state, self._what = f"{done:{number}} of {total:{number}} {self._unit}", what
+        number = ",.1f" if self._unit.startswith("s") else ","
+        state = f"{done:{number}} of {total:{number}} {self._unit}"
         if self._bar is not None:
-            self._bar.update(
-                self._task, completed=done, total=total, description=what, state=self._state
-            )
+            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
+        tenths = int(10 * done / total) if total else 0
+        if self._prints_lines and self._tenths < tenths < 10:
+            self._tenths = tenths
+            try:
+                click.echo(f"genie-sim: {', '.join(filter(None, (state, what)))}", err=True)
+            except (OSError, ValueError):  # nobody reads them any more
+                self._prints_lines = False
 
     def __exit__(self, *_: object) -> None:
-        self._end.set()
         if self._bar is not None:
             self._bar.stop()
-
-    def _print_lines(self) -> None:
-        """Until the end; where nobody reads them any more, no longer."""
-        while not self._end.wait(LINE_EVERY_S):
-            words = filter(None, (self._state, self._what))
-            try:
-                click.echo(f"genie-sim: {', '.join(words)}", err=True)
-            except (OSError, ValueError):
-                return

@@ -5,9 +5,9 @@ theirs.
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
+from typing import Literal
 
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.maps import Viewer
 from genie_sim.core.messages import Answer, Header
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex
@@ -109,7 +109,7 @@ class Requester:
 @dataclass(slots=True)
 class PendingRequest:
     """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works
-    on it. ``viewer`` is from where it was made, ``None`` where that is unknown.
+    on it.
     """
 
     topic: str
@@ -118,7 +118,6 @@ class PendingRequest:
     forwarded: bool
     requesters: list[Requester]
     answered: set[str]  # the topics on which an answer came
-    viewer: Viewer | None
 
     def serves(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""
@@ -131,10 +130,12 @@ class PendingIndex:
     """
 
     def __init__(
-        self, identity: Callable[[Header], Hashable] | None, new_keys: Callable[[], KeyIndex]
+        self,
+        identity: Literal["stamp_frame_origin", "stamp"],
+        new_keys: Callable[[], KeyIndex],
     ) -> None:
-        """``identity``: what of a header counts, ``None`` for all of it."""
-        self._identity = identity
+        """``identity``: what of a header counts."""
+        self._by_stamp = identity == "stamp"
         self._new_keys = new_keys
         self._by_header: dict[Hashable, PendingRequest] = {}
         self._waiting: deque[tuple[Hashable, PendingRequest]] = deque()  # the same by deadline
@@ -150,7 +151,7 @@ class PendingIndex:
 
     def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
-        return self._by_header.get(header if self._identity is None else self._identity(header))
+        return self._by_header.get(header.stamp_ns if self._by_stamp else header)
 
     def by_key(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request that our node already works on for an equal message."""
@@ -169,7 +170,7 @@ class PendingIndex:
         """
         if not self._waiting:
             self.next_deadline_ns = pending.deadline_ns
-        identity = header if self._identity is None else self._identity(header)
+        identity = header.stamp_ns if self._by_stamp else header
         self._by_header[identity] = pending
         self._waiting.append((identity, pending))
         if pending.forwarded:

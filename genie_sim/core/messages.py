@@ -390,6 +390,19 @@ class ImageLookup:
     entries: int
 
 
+class MapObject(Protocol):
+    """An object of a map. ``number`` is its own: the map gives each one once."""
+
+    number: int
+    label: str
+
+    @property
+    def confidence(self) -> float: ...
+
+    @property
+    def location(self) -> Location: ...
+
+
 class MapChange(NamedTuple):
     """An object of a map that is new, was seen again or is forgotten, as it is then.
 
@@ -400,6 +413,11 @@ class MapChange(NamedTuple):
     label: str
     location: Location
     confidence: float
+
+    @classmethod
+    def of(cls, stored: MapObject) -> "MapChange":
+        """An object of a map as it is now."""
+        return cls(stored.number, stored.label, stored.location, stored.confidence)
 
 
 @dataclass(slots=True)

@@ -17,15 +17,13 @@ topic         what arrives                     what leaves
 ============  ===============================  ====================
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
-
-What is here is what a Genie does by default. Other readings of the paper stand in ``readings``.
+What the paper leaves open is decided where it matters, by the settings of ``GenieRules``.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
 
-from genie_sim.core.maps import EnhancedAnswer, LookupCounts, Map, Viewer, as_change, object_lookups
 from genie_sim.core.message_cache import (
     Answers,
     MessageCache,
@@ -42,13 +40,14 @@ from genie_sim.core.messages import (
     Forgotten,
     Header,
     ImageLookup,
+    MapChange,
     Message,
-    ObjectLookups,
     Observation,
     Publish,
 )
-from genie_sim.core.readings import DEFAULT_READINGS, Readings
+from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules
+from genie_sim.core.similarity import KeyIndex
 
 
 class Request(Message, Protocol):
@@ -63,15 +62,12 @@ class Request(Message, Protocol):
     def horizontal_fov_rad(self) -> float: ...
 
 
-@dataclass(slots=True)
-class Arrival:
-    """What arrives on one of a Genie's topics. Of requests the last two mean nothing."""
+class Arrival(NamedTuple):
+    """What arrives on one of a Genie's topics."""
 
     topic: str  # the encapsulated node's own, without a suffix
     is_request: bool
     is_remote: bool  # from another Genie; else from a client, or from the encapsulated node
-    is_learned: bool  # the map learns from it, and the cache stores it
-    is_broadcast: bool  # it goes to all other Genies
 
 
 class GenieNode:
@@ -87,17 +83,15 @@ class GenieNode:
         The settings, as ``genies.make_genie`` has adapted them to the Genie's role.
     key : callable
         Gives a request its similarity key.
+    new_keys : callable
+        Makes an empty index of keys that says which pending requests are equal.
     new_cache : callable
         Makes the empty message cache of one topic.
-    pending : PendingIndex
-        The requests that wait for answers; none at first.
-    object_map : Map
-        The map of Algorithm 2, empty at first.
+    object_map : ObjectMap or None
+        The map of Algorithm 2, empty at first; ``None``: a message cache alone.
     map_answer : callable, optional
         Makes an answer out of a header and map objects; ``None`` for a node whose answers hold no
         objects.
-    readings : Readings
-        What the paper leaves open and is not decided as by default.
     suffixes : tuple of str
         What is affixed to the topics of the node and of other Genies (Section III-C).
     names_changes : bool
@@ -112,11 +106,10 @@ class GenieNode:
         rules: GenieRules,
         *,
         key: Callable[[Any], Hashable],
+        new_keys: Callable[[], KeyIndex],
         new_cache: Callable[[], MessageCache],
-        pending: PendingIndex,
-        object_map: Map,
+        object_map: ObjectMap | None,
         map_answer: Callable[[Header, tuple[Detection, ...]], Answer] | None = None,
-        readings: Readings = DEFAULT_READINGS,
         suffixes: tuple[str, str] = ("-local", "-remote"),
         names_changes: bool = True,
     ) -> None:
@@ -127,31 +120,24 @@ class GenieNode:
         self._own_origins = (name, name.partition("/")[0])
         self._key = key
         self._new_cache = new_cache
-        self._pending = pending
+        self._pending = PendingIndex(rules.header_identity, new_keys)
         self._map_answer = map_answer if rules.miss_policy == "immediate" else None
-        self._readings = readings
         self._local, self._remote = suffixes
         self._names_changes = names_changes
         self._subscribed, self._published = tuple(subscribed), tuple(published)
         self._caches: dict[str, MessageCache] = {}  # H_DB: a hashmap for each topic of requests
-        self._arrivals: dict[str, Arrival] = {}  # by topic, with its suffix
-        for topics, suffix, is_request in (
-            (self._subscribed, "", True),
-            (self._subscribed, self._remote, True),
-            (self._published, self._local, False),
-            (self._published, self._remote, False),
-        ):
-            for topic in topics:
-                is_remote = suffix == self._remote
-                arrival = Arrival(
-                    topic,
-                    is_request,
-                    is_remote,
-                    is_learned=not is_remote or readings.learns_from_others,
-                    is_broadcast=not is_remote and rules.share_answers == "broadcast",
-                )
-                # of a topic in both lists, what comes with the remote suffix is a request
-                self._arrivals.setdefault(topic + suffix, arrival)
+        requests = {
+            topic + suffix: Arrival(topic, True, suffix == self._remote)
+            for suffix in ("", self._remote)
+            for topic in self._subscribed
+        }
+        answers = {
+            topic + suffix: Arrival(topic, False, suffix == self._remote)
+            for suffix in suffixes
+            for topic in self._published
+        }
+        # by topic, with its suffix; of a topic in both lists, requests win
+        self._arrivals = {**requests, **answers, **requests}
 
     def subscriptions(self) -> tuple[str, ...]:
         """Every topic that this Genie listens to."""
@@ -159,10 +145,14 @@ class GenieNode:
 
     def publications(self) -> tuple[str, ...]:
         """Every topic that this Genie may publish on."""
-        to_node = tuple(topic + self._local for topic in self._subscribed)
-        to_others = tuple(topic + self._remote for topic in self._subscribed)
-        answers_to_others = tuple(topic + self._remote for topic in self._published)
-        return (*to_node, *to_others, *self._published, *answers_to_others)
+        missed = self._subscribed
+        if self.rules.pending_index == "per_topic":  # there answers are taken for requests
+            missed += tuple(topic for topic, of in self._arrivals.items() if not of.is_request)
+        return (
+            *(topic + suffix for topic in missed for suffix in (self._local, self._remote)),
+            *self._published,
+            *(topic + self._remote for topic in self._published),
+        )
 
     def on_message(
         self, topic: str, message: Any, now_ns: int, sender: str | None = None
@@ -182,99 +172,113 @@ class GenieNode:
             goes to all of them.
         """
         effects = self._time_passes(now_ns)
-        arrival = self._arrivals[topic]
-        if not arrival.is_request:
-            return effects + self._on_answer(arrival, message, now_ns)  # lines 7 to 11
-        cache = self._caches.get(arrival.topic)
-        if cache is None:  # no request came on this topic before
-            cache = self._caches[arrival.topic] = self._new_cache()  # lines 5 and 6
+        name, is_request, is_remote = self._arrivals[topic]
+        if not is_request and self.rules.pending_index == "per_topic":
+            return effects + self._on_unrecognised(topic, message)
+        if not is_request:
+            return effects + self._on_answer(name, message, is_remote, now_ns)  # lines 7 to 11
+        cache = self._caches.get(name)
+        if cache is None:
+            cache = self._caches[name] = self._new_cache()  # lines 5 and 6
         key = self._key(message)
-        requester = Requester(message.header, neighbour=arrival.is_remote, name=sender)
+        requester = Requester(message.header, neighbour=is_remote, name=sender)
         answers = cache.get(key, now_ns)
         if answers is None:
-            return effects + self._on_miss(arrival.topic, message, key, requester, now_ns)
+            return effects + self._on_miss(name, message, key, requester, now_ns)
         if len(answers) < len(self._published):  # the node may still answer on other topics
-            pending = self._pending.by_key(arrival.topic, key)
+            pending = self._pending.by_key(name, key)
             if pending is not None:
                 pending.requesters.append(replace(requester, served=frozenset(answers)))
-        return effects + self._on_hit(message, requester, answers, now_ns)
+        return effects + self._on_hit(message, requester, answers)
 
-    def _on_answer(self, arrival: Arrival, message: Answer, now_ns: int) -> list[Effect]:
+    def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
         """Lines 7 to 11: the message is an answer, to a pending request if that is here."""
-        effects: list[Effect] = []
+        rules, effects = self.rules, list[Effect]()
+        is_learned = not is_remote or rules.car_learns == "all"
+        is_broadcast = not is_remote and rules.share_answers == "broadcast"
         pending = self._pending.by_header(message.header)  # line 7
-        enhanced = self._learn(arrival, message, pending, now_ns)  # line 9
-        if enhanced.lookups is not None:
-            effects.append(self._object_lookups(message.header, "sighting", enhanced.lookups))
+        answer = confident = message
+        if is_learned and self.object_map is not None:
+            answer, lookups = self.object_map.enhanced_cache_new_data(  # line 9
+                message, now_ns, self._names_changes
+            )
+            confident = self.object_map.confident(answer)
+            if lookups is not None:
+                effects.append(lookups)
+        for_others = answer if rules.share_filter == "all" else confident
         if pending is not None:  # line 8
-            if arrival.is_learned:
-                self._store(arrival.topic, enhanced.answer, pending, now_ns)  # line 10
-            effects += self._release(arrival, enhanced, pending)
-        if arrival.is_broadcast:
-            to_neighbours = self._readings.part_for_neighbours(enhanced)
-            effects.append(Publish(arrival.topic + self._remote, to_neighbours))
+            if is_learned:
+                self._store(topic, answer, pending, now_ns)  # line 10
+            is_for_all = rules.fresh_objects == "all" and not is_remote
+            effects += self._release(
+                topic,
+                pending,
+                for_clients=confident,
+                for_own_host=answer if is_for_all else confident,
+                for_others=for_others,
+                broadcast=message.header if is_broadcast else None,
+            )
+        if is_broadcast:
+            effects.append(Publish(topic + self._remote, for_others))
         return effects  # line 11
 
     def _on_miss(
         self, topic: str, message: Request, key: Hashable, requester: Requester, now_ns: int
     ) -> list[Effect]:
         """Lines 12 to 15: no stored answer. The node is given the requests of clients, and of equal
-        ones only the first. Neighbours get hits only, unless a reading has theirs run, too. A
-        client gets what the map shows until the answer comes.
+        ones only the first. Neighbours get hits only, unless ``neighbour_miss`` has theirs run,
+        too. A client gets what the map shows until the answer comes.
         """
-        header = message.header
-        if self._pending.by_header(header) is not None:
+        header, rules, pending_requests = message.header, self.rules, self._pending
+        is_run = not requester.neighbour or rules.neighbour_miss == "process"
+        equal = None
+        if is_run and rules.same_key_pending == "coalesce":
+            equal = pending_requests.joinable(topic, key)
+        if pending_requests.by_header(header) is not None or (equal and equal.serves(header)):
             return []  # this very request came before, over another way
-        is_run = not requester.neighbour or self._readings.runs_neighbours_misses
-        equal = self._pending.joinable(topic, key) if is_run else None
-        if equal is not None and equal.serves(header):
-            return []  # likewise, and waits with an equal one
-        effects: list[Effect] = []
-        viewer = _viewer(message)
+        effects = [self._image_lookup(requester, "coalesced" if equal else "miss")]
         if equal is not None:
             equal.requesters.append(requester)
-            effects.append(self._image_lookup(requester, "coalesced"))
         else:
-            effects.append(self._image_lookup(requester, "miss"))
             if is_run:
                 effects.append(Publish(topic + self._local, message))  # line 13
-                if self.rules.share_requests:
+                if rules.share_requests:
                     effects.append(Publish(topic + self._remote, message))  # line 14
             # One that is not run is noted, too: its neighbour's answer is stored under its key.
-            expiry_ns = self.rules.request_expiry_ns
-            pending = PendingRequest(
-                topic,
-                key,
-                deadline_ns=None if expiry_ns is None else now_ns + expiry_ns,
-                forwarded=is_run,
-                requesters=[requester] if is_run else [],
-                answered=set(),
-                viewer=viewer,
-            )
-            self._pending.open(header, pending)  # line 15
-        if viewer is not None and not requester.neighbour:
-            effects += self._map_answers(viewer, now_ns)
+            expiry_ns = rules.request_expiry_ns
+            deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
+            waiting = [requester] if is_run else []
+            pending = PendingRequest(topic, key, deadline_ns, is_run, waiting, answered=set())
+            pending_requests.open(header, pending)  # line 15
+        if not requester.neighbour:
+            effects += self._map_answers(message)
         return effects
 
-    def _on_hit(
-        self, message: Request, requester: Requester, answers: Answers, now_ns: int
-    ) -> list[Effect]:
+    def _on_hit(self, message: Request, requester: Requester, answers: Answers) -> list[Effect]:
         """Lines 16 to 19: the stored answers go to whoever asked."""
-        viewer = _viewer(message)
+        objects, rules = self.object_map, self.rules
         effects: list[Effect] = [self._image_lookup(requester, "hit")]
-        for answer_topic, stored in answers.items():  # line 17
-            boosted = self.object_map.enhanced_cache_boost_data(  # line 18
-                stored, message.header, viewer, now_ns
-            )
-            replay_header = self._readings.replay_header(message.header, stored.header)
-            if boosted.lookups is not None:
-                effects.append(self._object_lookups(replay_header, "boost", boosted.lookups))
-            reply = boosted.to_clients
-            if requester.neighbour:
-                reply = self._readings.part_for_neighbours(boosted)
-            replay = reply.served("cache", self.name, replay_header)
-            effects.append(self._publication(answer_topic, replay, requester))  # line 19
+        for topic, stored in answers.items():  # line 17
+            header = stored.header if rules.replay_stamp == "stored" else message.header
+            reply = stored
+            if objects is not None:
+                reply, lookups = objects.enhanced_cache_boost_data(stored, header)  # line 18
+                if lookups is not None:
+                    effects.append(lookups)
+                if not requester.neighbour or rules.share_filter == "confident":
+                    reply = objects.confident(reply)
+            replay = reply.served("cache", self.name, header)
+            effects.append(self._publication(topic, replay, requester))  # line 19
         return effects
+
+    def _on_unrecognised(self, topic: str, message: Answer) -> list[Effect]:
+        """``pending_index: per_topic``, the letter of line 7: a header is looked up among the
+        requests on the message's own topic. An answer comes on another one, so it is never found,
+        is taken for a request that misses, and is published as one (lines 12 to 14).
+        """
+        confident = message if self.object_map is None else self.object_map.confident(message)
+        for_others = message if self.rules.share_filter == "all" else confident
+        return [Publish(topic + self._local, confident), Publish(topic + self._remote, for_others)]
 
     def next_deadline_ns(self) -> int | None:
         """When ``on_deadline`` wants to be called, if no message comes before."""
@@ -289,8 +293,8 @@ class GenieNode:
         and map objects. It is not called again after that.
         """
         lost: list[Observation] = [*_unanswered(self._pending)]
-        if self._names_changes and len(self.object_map):
-            lost.append(Forgotten(tuple(map(as_change, self.object_map))))
+        if self._names_changes and self.object_map:
+            lost.append(Forgotten(tuple(map(MapChange.of, self.object_map))))
         return lost
 
     def cache_entries(self) -> int:
@@ -303,52 +307,40 @@ class GenieNode:
     def _time_passes(self, now_ns: int) -> list[Effect]:
         """Forgets the objects of the map and the pending requests whose time is over."""
         effects: list[Effect] = []
-        forgotten = self.object_map.forget(now_ns)
+        forgotten = self.object_map.forget(now_ns) if self.object_map is not None else ()
         if forgotten and self._names_changes:
-            effects.append(Forgotten(tuple(map(as_change, forgotten))))
+            effects.append(Forgotten(tuple(map(MapChange.of, forgotten))))
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             effects += self.on_deadline(now_ns)
         return effects
 
-    def _learn(
-        self, arrival: Arrival, answer: Answer, pending: PendingRequest | None, now_ns: int
-    ) -> EnhancedAnswer:
-        """Line 9: the object map learns from the answer."""
-        if not arrival.is_learned:
-            return EnhancedAnswer.of_one(answer)
-        return self.object_map.enhanced_cache_new_data(
-            answer,
-            None if pending is None else pending.viewer,
-            now_ns,
-            own=not arrival.is_remote,
-            names_changes=self._names_changes,
-            leaves=arrival.is_broadcast or pending is not None,
-        )
-
     def _store(self, topic: str, answer: Answer, pending: PendingRequest, now_ns: int) -> None:
         """Line 10: the answer becomes the value of its request's key."""
         cache = self._caches[pending.topic]
-        if answer.look is not None:  # what is answered from a cache is no look
-            answer = answer.with_look(None, None)
-        if topic in pending.answered:
+        stored = None
+        if topic in pending.answered and self.rules.second_answer != "overwrite":
             stored = (cache.peek(pending.key, now_ns) or {}).get(topic)
-            if stored is not None:
-                answer = self._readings.second_answer(stored, answer)
-                if answer is stored:
-                    return
-        cache.put(pending.key, topic, answer, now_ns)
+        if stored is None:
+            cache.put(pending.key, topic, answer, now_ns)
+        elif self.rules.second_answer == "merge":
+            cache.put(pending.key, topic, merged(stored, answer), now_ns)
 
     def _release(
-        self, arrival: Arrival, enhanced: EnhancedAnswer, pending: PendingRequest
-    ) -> list[Publish]:
+        self,
+        topic: str,
+        pending: PendingRequest,
+        *,
+        for_clients: Answer,
+        for_own_host: Answer,
+        for_others: Answer,
+        broadcast: Header | None,
+    ) -> Iterator[Publish]:
         """The first answer to a request goes to everyone who waits for it, under the header of each
-        one's own request.
+        one's own request; not to the neighbour that the ``broadcast`` reaches.
         """
-        topic, header = arrival.topic, enhanced.answer.header
-        released: list[Publish] = []
         if topic in pending.answered:
-            return released
+            return
         pending.answered.add(topic)
         if len(pending.answered) == len(self._published):
             self._pending.close(pending)
@@ -356,30 +348,30 @@ class GenieNode:
             if topic in requester.served:
                 continue
             if requester.neighbour:
-                if arrival.is_broadcast and requester.header == header:
-                    continue  # the broadcast reaches it
-                reply = self._readings.part_for_neighbours(enhanced)
-            elif not self._readings.answers_misses:
+                if requester.header == broadcast:
+                    continue
+                reply = for_others
+            elif self.rules.miss_policy == "hits_only":
                 continue
-            elif not arrival.is_remote and requester.header.origin in self._own_origins:
-                reply = self._readings.part_for_own_host(enhanced)
             else:
-                reply = enhanced.to_clients
-            if requester.header != header:
+                is_own = requester.header.origin in self._own_origins
+                reply = for_own_host if is_own else for_clients
+            if requester.header != reply.header:
                 reply = reply.restamped(requester.header)
-            released.append(self._publication(topic, reply, requester))
-        return released
+            yield self._publication(topic, reply, requester)
 
-    def _map_answers(self, viewer: Viewer, now_ns: int) -> list[Publish]:
+    def _map_answers(self, request: Request) -> list[Publish]:
         """What a client gets at once although its request missed: the map's confident objects in
         view.
         """
-        if self._map_answer is None:
+        if self._map_answer is None or self.object_map is None or request.pose is None:
             return []
-        objects, valid_ns = self.object_map.visible(viewer, self.rules.view_range_m, now_ns)
-        answer = self._map_answer(viewer.header, objects)
-        if valid_ns is not None:
-            answer = answer.with_look(None, valid_ns)
+        in_view = self.object_map.in_view(
+            request.pose, request.horizontal_fov_rad, self.rules.view_range_m
+        )
+        answer = self._map_answer(
+            request.header, tuple(stored.as_detection() for stored in in_view)
+        )
         return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:
@@ -388,12 +380,18 @@ class GenieNode:
             return Publish(topic + self._remote, answer, to=requester.name)
         return Publish(topic, answer)
 
-    def _image_lookup(self, requester: Requester, outcome: str) -> ImageLookup:
+    def _image_lookup(self, requester: Requester, outcome: str) -> Effect:
         role = "neighbour" if requester.neighbour else "client"
         return ImageLookup(requester.header, outcome, role, self.cache_entries())
 
-    def _object_lookups(self, header: Header, kind: str, counts: LookupCounts) -> ObjectLookups:
-        return object_lookups(header, kind, counts, len(self.object_map))
+
+def merged(stored: Answer, later: Answer) -> Answer:
+    """``second_answer: merge``: objects of new classes or places are added to the first answer."""
+    if stored.objects is None or later.objects is None:
+        return later
+    places = {(item.label, item.location) for item in stored.objects}
+    added = [item for item in later.objects if (item.label, item.location) not in places]
+    return stored.with_objects([*stored.objects, *added])
 
 
 def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
@@ -403,10 +401,3 @@ def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
             for requester in pending.requesters:
                 if not requester.neighbour and not requester.served:
                     yield Expired(requester.header)
-
-
-def _viewer(request: Request) -> Viewer | None:
-    """From where a request was made; ``None`` where its pose is unknown."""
-    if request.pose is None:
-        return None
-    return Viewer(request.header, request.pose, request.horizontal_fov_rad)

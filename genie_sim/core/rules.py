@@ -13,7 +13,6 @@ from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
-from genie_sim.core.freshness import FRESHNESS, MUST_HAVE
 from genie_sim.core.similarity import SIMILARITIES
 
 # What Algorithms 1 and 2 say to the letter; single settings may still be given beside ``algorithm:
@@ -34,26 +33,9 @@ LITERAL: dict[str, Any] = {
 SIMILARITY = PlugIn("similarity", SIMILARITIES, ("key", "index"), default="pose_grid")
 EVICTION = PlugIn("eviction", EVICTIONS, ("stored", "used", "removed", "victim", "expires_ns"))
 CONFIDENCE_RULE = PlugIn("confidence rule", CONFIDENCE_RULES)
-FRESHNESS_POLICY = PlugIn("freshness policy", FRESHNESS, MUST_HAVE)
 
 
 MissPolicy = Literal["immediate", "blocking", "hits_only"]
-# The Genie that this project recommends. What edges tell cars is added where all cars share one
-# world. The pass time was measured in real ROS on an x86 processor (reality.md of genie-sim-ros).
-RECOMMENDED: dict[str, Any] = {
-    "share_requests": False,
-    "pass_time": "0.236 ms",
-    "looks": {"told": "auto"},
-    "object_map": {
-        "freshness": {
-            "name": "recommended",
-            "p_min": 0.8,
-            "tau": "100 ms",
-        }
-    },
-}
-PRESETS = {"literal": LITERAL, "recommended": RECOMMENDED}
-NEVER = Choice("never")
 POSE_GRID = Choice("pose_grid", {"cell_m": 1.0, "heading_rad": math.radians(15.0)})
 
 
@@ -101,8 +83,9 @@ class ObjectMapRules:
     """Whether echoes of a car's own detections, in answers of others, count as sightings. With
     `origins` only what a detector found counts, and of each car at most once a second."""
 
-    freshness: Annotated[Choice, FRESHNESS_POLICY] = NEVER
-    """When the map stops believing in an object. The paper's map never forgets."""
+    forget_after_ns: Annotated[int, Bounds(above=0)] | None = None
+    """After this time without a sighting the map forgets an object; `null`: never, as in the
+    paper, whose map only grows."""
 
 
 @dataclass(frozen=True)
@@ -145,75 +128,12 @@ CapacityField = Annotated[Capacity | None, Short(("1000 entries", "10 MB"))]
 
 
 @dataclass(frozen=True)
-class ToldRules:
-    """What edges tell cars of other cars' looks, and what cars believe of it."""
-
-    p_min: Share = 0.5
-    """An edge tells tracks that exist with at least this probability."""
-
-    gate_m: Annotated[float, Bounds(minimum=0)] = 2.0
-    """A told object this near to one of the car's own of its kind is that one. At least twice the
-    error of the cars' positions."""
-
-    reach_m: Annotated[float, Bounds(above=0)] = 60.0
-    """An edge tells a car of what is within this distance."""
-
-    self_m: Annotated[float, Bounds(minimum=0)] = 4.0
-    """What others saw this near to the car is the car itself."""
-
-    fresh_ns: Annotated[int, Bounds(above=0)] = 1_000_000_000
-    """An edge tells tracks that another car has seen within this time."""
-
-
-@dataclass(frozen=True)
-class LookRules:
-    """When detectors look at frames, apart from the answers, which come out of the map at once."""
-
-    every_ns: int = 75_000_000
-    """Mean gap between the frames of a view that go up, or that of its frames where it is longer; a
-    frame goes up that is nearest to when a look falls due. Streams whose headings differ by less
-    than 15 degrees show one view and take turns."""
-
-    in_flight: Count = 4
-    """At most this many frames of a car are on their way to the edge and back."""
-
-    stale_ns: Annotated[int, Bounds(above=0)] = 500_000_000
-    """An answer about an older frame counts as no look. While the round trip is longer than this,
-    only one frame is on its way; with each such answer in a row the gap between looks grows: to
-    this time, then twice as long each time, up to 10 s."""
-
-    own: Literal["all", "free", "rest"] = "all"
-    """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come
-    while it is free, or those that do not go up."""
-
-    view_margin_rad: Annotated[float, Bounds(minimum=0)] = math.radians(10.0)
-    """Answers out of the map look this much wider than the camera, on each side."""
-
-    edge: Literal["beside", "in_front", "none"] = "beside"
-    """Where an edge has a Genie: `beside` its detector, which answers cars directly, if edges tell
-    cars something; `in_front` of it with a message cache, as in the paper, for comparison; or
-    `none`."""
-
-    told: ToldRules | Literal["auto"] | None = None
-    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`:
-    nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
-    nothing."""
-
-    def __post_init__(self) -> None:
-        if self.edge != "beside" and isinstance(self.told, ToldRules):
-            raise ValueError(
-                f"told: needs a Genie beside edges, so 'edge: beside', not {self.edge!r}"
-            )
-
-
-@dataclass(frozen=True)
 class GenieRules:
     """How Algorithm 1 is read."""
 
-    algorithm: Literal["default", "literal", "recommended"] = "default"
+    algorithm: Literal["default", "literal"] = "default"
     """`literal` follows the letter of the paper in every setting below; nothing is ever reused
-    then. `recommended` is the Genie that this project recommends: paced looks, a map that
-    tracks."""
+    then."""
 
     similarity: Annotated[Choice, SIMILARITY] = POSE_GRID
     """When two images are the same. The paper does not say; `pose_grid` is its "arrives at the same
@@ -291,16 +211,6 @@ class GenieRules:
     In both cases an answer of a detector or of another Genie is charged once, when it comes in.
     Other methods with a cache are charged alike. Real ROS ignores this setting."""
 
-    pass_time_ns: Annotated[int, Bounds(above=0)] | None = None
-    """CPU time of a message that a Genie with `looks` only passes on or learns from; an answer of
-    its own making costs the Genie time of the device profile. `null`: every message costs that.
-    """
-
-    looks: LookRules | None = None
-    """Looks as a flow of their own, in the place of a message cache. `null`: misses are looks, as
-    in the paper.
-    """
-
     object_map: ObjectMapRules = ObjectMapRules()
     """How sightings become objects, and objects become confident."""
 
@@ -312,24 +222,6 @@ class GenieRules:
                 f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
             )
 
-        if self.looks is None:
-            if self.pass_time_ns is not None:
-                raise ValueError("pass_time: has no effect without 'looks'")
-            return
-        if self.miss_policy != "immediate":
-            raise ValueError(
-                f"miss_policy: must be 'immediate' with 'looks', which answer at once, not"
-                f" {self.miss_policy!r}"
-            )
-        freshness = self.object_map.freshness.name
-        policy = FRESHNESS.get(freshness)  # a class of the user's own is judged when it is loaded
-        if policy is not None and not policy.tracks:
-            choices = ", ".join(name for name, policy in FRESHNESS.items() if policy.tracks)
-            raise ValueError(
-                f"object_map.freshness: {freshness!r} does not track, which 'looks' need; known:"
-                f" {choices}"
-            )
-
     @classmethod
     def expand(cls, value: object) -> object:
         """What the name of an algorithm stands for, below the settings beside it."""
@@ -337,8 +229,7 @@ class GenieRules:
             value = {"algorithm": value}
         if not isinstance(value, Mapping):
             return value
-        preset = PRESETS.get(str(value.get("algorithm")))
-        return value if preset is None else _below(preset, value)
+        return _below(LITERAL, value) if value.get("algorithm") == "literal" else value
 
 
 def _below(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

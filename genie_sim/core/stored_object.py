@@ -4,53 +4,38 @@ from types import MappingProxyType
 from typing import Any
 
 from genie_sim.core.messages import Detection, Header, Location
-from genie_sim.core.tracking import PARKED_NS
 
-# What an object notes of the cars that saw it where no setting asks for it, as for most objects of
-# a fleet's maps.
-NO_NOTES: Any = MappingProxyType({})
+NO_NOTES: Any = MappingProxyType({})  # where no setting asks for them
 
 
 class StoredObject:
     """An object of the map. The location is that of the first sighting.
 
-    ``number`` counts the objects of this map from 0 and is never given twice. ``origins`` belongs
-    to the freshness policy; ``counted_ns`` has the stamp of the last sighting that counted, by car.
-    ``seen_in`` is the newest frame in which a detector saw it, ``None`` where that is unknown.
+    ``number`` counts the objects of this map from 0. ``counted_ns`` has the stamp of the last
+    sighting that counted, by car. ``seen_in`` is the newest frame in which a detector saw it,
+    ``None`` where that is unknown.
     """
 
     __slots__ = (
         "_detection",
         "confidence",
         "counted_ns",
-        "first_ns",
         "label",
         "location",
         "number",
-        "origins",
         "score",
         "seen_in",
-        "seen_ns",
-        "sightings",
     )
 
-    def __init__(self, number: int, seen: Detection, location: Location, now_ns: int) -> None:
+    def __init__(self, number: int, seen: Detection, location: Location) -> None:
         self.number = number
         self.label = seen.label
         self.score = seen.score
         self.confidence = seen.confidence
         self.location = location
-        self.first_ns = self.seen_ns = now_ns
-        self.sightings = 1
-        self.origins: dict[str, int] = NO_NOTES
         self.counted_ns: dict[str, int] = NO_NOTES
         self.seen_in: Header | None = None
         self._detection: Detection | None = None  # as others get it, once they ask
-
-    @property
-    def parked(self) -> bool:
-        """Whether it has been seen at its place for a second."""
-        return self.seen_ns - self.first_ns >= PARKED_NS
 
     def boost(self, confidence: float) -> None:
         """A sighting changes its confidence."""

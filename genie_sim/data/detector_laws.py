@@ -10,8 +10,8 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
-from genie_sim.core.freshness.measure import LawCounts, shrunk, total
+from genie_sim.tracks.laws import ASSUMED, DetectorLaws
+from genie_sim.tracks.measure import LawCounts, shrunk, total
 
 
 @cache

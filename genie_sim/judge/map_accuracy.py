@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.consumer import Consumer, Newest, Shown
 from genie_sim.core.messages import Detections, Image
 from genie_sim.judge.ages import NOT_YET_NS, FirstSeen, Given
 from genie_sim.judge.gospa import GOSPA_CUT_M, gospa_m
@@ -27,6 +26,7 @@ from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible,
 from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.records import CONSUMER, ZERO_DELAY
 from genie_sim.record.tables import Table
+from genie_sim.tracks.consumer import Consumer, Newest, Shown
 
 WINDOW, WINDOW_OF_CAR = 1024, 8  # scenes that are judged at once: the larger number of both
 

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from genie_sim.core.consumer import Shown
 from genie_sim.core.messages import Frame, Image, Location
 from genie_sim.judge.joins import Array
 from genie_sim.judge.objects import Objects
 from genie_sim.record.columns import Codes
+from genie_sim.tracks.consumer import Shown
 
 BORDER_RAD = 1e-12  # what stands on the border of a picture is in view, however that is rounded
 

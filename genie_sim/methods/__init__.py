@@ -5,8 +5,9 @@
 METHODS: dict[str, str] = {
     "local": "genie_sim.methods.local:Local",
     "remote": "genie_sim.methods.remote:Remote",
-    "paced_remote": "genie_sim.methods.paced_remote:PacedRemote",
+    "paced_remote": "genie_sim.recommended.paced_remote:PacedRemote",
     "genie": "genie_sim.methods.genie:Genie",
+    "recommended": "genie_sim.recommended.method:Recommended",
     "central": "genie_sim.methods.central:Central",
     "sim_lru": "genie_sim.methods.sim_lru:SimLRU",
     "rnd_lru": "genie_sim.methods.sim_lru:RndLRU",

@@ -8,7 +8,6 @@ from functools import partial
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.caches.cache import stores_nothing
 from genie_sim.core.genies import make_genie
-from genie_sim.core.maps import Map
 from genie_sim.core.node import GenieNode
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
@@ -41,11 +40,6 @@ class Central(Method):
         hub = host.edges[0] if self._at is None else self._at
         if hub not in host.edges:
             raise UserError(f"central: at: {unknown('edge', hub, host.edges)}")
-        if host.genie is not None and host.genie.looks is not None:
-            raise UserError(
-                "central: genie.looks: a central cache paces none; leave out 'looks' and "
-                "'algorithm: recommended' of the scenario"
-            )
         if host.name == hub:
             return HostConfig(
                 detector=host.gets_images,
@@ -66,7 +60,7 @@ def _hub(host: HostContext, subscribed: tuple[str, ...], published: tuple[str, .
     assert host.genie is not None
     rules = replace(host.genie, share_requests=False, share_answers="on_request")
     name = f"{host.name}/genie"
-    return make_genie(rules, name, subscribed, published, on_edge=True, laws=host.laws)
+    return make_genie(rules, name, subscribed, published, on_edge=True)
 
 
 def _requester(
@@ -83,5 +77,5 @@ def _requester(
         published,
         on_edge=True,
         new_cache=stores_nothing,
-        object_map=Map(),
+        object_map=None,
     )

@@ -12,11 +12,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from genie_sim.core.genies import make_genie, make_paced_genie, make_sharing_genie
+from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
-from genie_sim.core.recommended.paced_genie import PacedGenie
 from genie_sim.core.rules import MissPolicy
-from genie_sim.core.sharing import SharingGenie
 from genie_sim.sim.method import (
     IMAGES,
     OBJECTS,
@@ -47,13 +45,6 @@ class Genie(Method):
             return HostConfig(interceptor=phantom, uplink=REMOTE_UPLINK)
         if host.genie is None:
             return HostConfig(detector=True)
-        if host.genie.looks is not None:
-            return HostConfig(
-                detector=True,
-                interceptor=partial(_looking_genie, host),
-                uplink=REMOTE_UPLINK if host.has_edge else None,
-                pass_time_ns=host.genie.pass_time_ns,
-            )
         genie = partial(_genie, host, alone=not host.has_edge)
         uplink = REMOTE_UPLINK if host.has_edge else None
         return HostConfig(detector=True, interceptor=genie, uplink=uplink)
@@ -62,23 +53,10 @@ class Genie(Method):
         if not host.gets_images:  # it has no results of its own for its neighbours: it only listens
             phantom = partial(_genie, host, on_edge=True, miss_policy=PHANTOM_ON_EDGE)
             return HostConfig(interceptor=phantom, neighbour_topics=(OBJECTS + REMOTE,))
-        assert host.genie is not None
-        looks = host.genie.looks
-        if looks is not None and looks.told is not None:
-            return HostConfig(
-                detector=True,
-                interceptor=partial(_telling_genie, host),
-                neighbour_topics=(OBJECTS + REMOTE,),
-                pass_time_ns=host.genie.pass_time_ns,
-                is_beside=True,
-            )
-        if looks is not None and looks.edge != "in_front":
-            return HostConfig(detector=True)
         return HostConfig(
             detector=True,
             interceptor=partial(_genie, host, on_edge=True),
             neighbour_topics=(IMAGES + REMOTE, OBJECTS + REMOTE),
-            pass_time_ns=host.genie.pass_time_ns,
         )
 
 
@@ -92,7 +70,7 @@ def _genie(
 ) -> GenieNode:
     """The Genie of a host; ``arguments`` are further arguments of ``make_genie``."""
     assert host.genie is not None
-    rules = replace(host.genie, looks=None, pass_time_ns=None)  # it follows Algorithm 1
+    rules = host.genie
     if not host.gets_images:  # there is no own node to learn from
         rules = replace(rules, car_learns="all")
     return make_genie(
@@ -101,38 +79,6 @@ def _genie(
         subscribed,
         published,
         on_edge=on_edge,
-        laws=host.laws,
         names_changes=host.records_changes,
         **arguments,
-    )
-
-
-def _looking_genie(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
-) -> PacedGenie:
-    """The Genie of a car that looks apart from its answers."""
-    assert host.genie is not None
-    return make_paced_genie(
-        host.genie,
-        f"{host.name}/genie",
-        subscribed,
-        published,
-        has_edge=host.has_edge,
-        laws=host.laws,
-        names_changes=host.records_changes,
-    )
-
-
-def _telling_genie(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
-) -> SharingGenie:
-    """The Genie beside an edge's detector."""
-    assert host.genie is not None
-    return make_sharing_genie(
-        host.genie,
-        f"{host.name}/genie",
-        subscribed,
-        published,
-        laws=host.laws,
-        names_changes=host.records_changes,
     )

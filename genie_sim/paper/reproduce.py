@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim.analysis.registry import METRICS
-from genie_sim.analysis.statistics import NO_SHARES, wilson
+from genie_sim.analysis.statistics import wilson
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.paths import sha256_of
@@ -332,7 +332,11 @@ def _metric(scenario: str, fact: Fact, values: Values) -> dict[str, Any]:
     """
     value, low, high = interval(values)
     known = METRICS.get(fact.metric)
-    if known is not None and known.unit_in_files == "1" and not fact.metric.startswith(NO_SHARES):
+    if (
+        known is not None
+        and known.unit_in_files == "1"
+        and not fact.metric.startswith(("confidence_boost", "improvement"))
+    ):
         low, high = wilson(value, high - value)
     return {
         "scenario": scenario,

@@ -8,7 +8,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import UserError, no_attribute, short_repr
 from genie_sim.base.paths import expanded, read_text
 from genie_sim.base.units import duration_ns, duration_text
 from genie_sim.record import provenance
@@ -102,7 +102,7 @@ class Run:
 
     def __getattr__(self, name: str) -> "pd.DataFrame":
         if name not in SCHEMAS:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            raise no_attribute(self, name)
         frame = self.__dict__[name] = self.tables[name].to_frame()
         return frame
 

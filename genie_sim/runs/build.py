@@ -5,7 +5,6 @@ from itertools import chain
 from typing import Literal
 
 from genie_sim.base.plugins import Choice
-from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.source import Drive
 from genie_sim.runs.prepare import Prepared
@@ -38,7 +37,6 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         name: device(profile, settings.model, settings.spread)
         for name, profile in prepared.devices.items()
     }
-    freshness = settings.genie.object_map.freshness
     # One model for all equal links: a fleet has one, and very many cars.
     links = _links(scenario)
     choices = {repr(choice): choice for choice in links.values()}
@@ -55,11 +53,12 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         links={ends: models[repr(choice)] for ends, choice in links.items()},
         broadcast=None if broadcast is None else BROADCAST.make(broadcast),
         edge_network=link_model(settings.edge_network),
-        laws=ASSUMED if freshness.parameters.get("measured") is False else prepared.laws,
+        laws=prepared.laws,
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
         codec=_codec(prepared, settings.image_encoding),
         interfaces=_interfaces(scenario),
         warm_up_ns=scenario.warm_up_ns,
+        is_one_world=scenario.is_one_world,
         places={car.name: _place(scenario, car, prepared.drives[car.name]) for car in cars},
     )
 

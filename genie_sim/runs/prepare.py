@@ -9,7 +9,6 @@ from genie_sim.base.contracts import BOOLEAN, TEXT, require
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.data import detector_laws
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
@@ -22,6 +21,7 @@ from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.sim.link_models.presets import LINK
 from genie_sim.sim.method import Method
 from genie_sim.sim.topology import ALL_SHARE, NEAREST
+from genie_sim.tracks.laws import DetectorLaws
 from genie_sim.version import VERSION
 
 
@@ -260,10 +260,7 @@ def notes(scenario: Scenario) -> list[str]:
     silent = [
         entry.title or entry.name
         for entry in scenario.methods
-        if (looks := scenario.asked[entry.name].genie.looks) is not None
-        and looks.told == "auto"
-        and looks.edge == "beside"
-        and not scenario.is_one_world
+        if entry.method.parameters.get("told") == "auto" and not scenario.is_one_world
     ]
     said = []
     if silent:

@@ -10,15 +10,12 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.settings import SettingError, join, own_arguments
 from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text, frame_rate_text
 from genie_sim.core.caches.features import feature_of
-from genie_sim.core.rules import GenieRules, LookRules
-from genie_sim.core.without_effect import check_effect
 from genie_sim.data.source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
@@ -60,7 +57,6 @@ def check(scenario: Scenario) -> None:
             text = "must be [latitude, longitude, altitude] in degrees, degrees and metres"
             raise SettingError("origin", text)
     for index, entry in enumerate(scenario.methods):
-        _check_looks(scenario, index, entry)
         _check_serving(scenario, index, entry)
     _check_traces(scenario)
     for profile in scenario.profiles.values():
@@ -193,31 +189,6 @@ def _check_links(scenario: Scenario) -> None:
                 if edge.at_m is None:
                     text = f"missing; link model {link.name!r} needs it"
                     raise SettingError(f"edges[{place}].at", text)
-
-
-def _check_looks(scenario: Scenario, index: int, entry: MethodEntry) -> None:
-    """Edges tell cars of one another only where what one car sees is there for the others, and
-    every setting that is given has an effect.
-    """
-    genie = scenario.method_settings[entry.name].genie
-    looks = genie.looks
-    if looks is None:
-        return
-    where = f"methods[{index}]." if "genie" in entry.settings else ""
-    if all(car.cameras for car in scenario.cars):  # else they decide about those without
-        written: Any = GenieRules.expand(entry.settings["genie"]) if where else None
-        try:
-            check_effect(genie, written)
-        except SettingError as error:
-            raise SettingError(f"{where}genie.{error.field}", error.text) from error
-    if looks.told is not None and scenario.source is not None and not scenario.is_one_world:
-        text = "cars replay recordings at different times, so what one sees is not there for others"
-        hint = "leave it out, or use a town or recordings of one sequence"
-        raise SettingError(f"{where}genie.looks.told", f"{text}; {hint}")
-    for place, car in enumerate(scenario.cars):
-        if not car.cameras and looks.told is None:
-            text = "a car without cameras lives on what edges tell: it needs 'genie.looks.told'"
-            raise SettingError(f"cars[{place}].cameras", text)
 
 
 def _check_serving(scenario: Scenario, index: int, entry: MethodEntry) -> None:
@@ -417,30 +388,6 @@ def check_driven(
                     f"{known}: {entry.name} cannot run on them; 'genie-sim perceive' makes "
                     "features"
                 )
-    _tell_of_pace(scenario, drives)
-
-
-def _tell_of_pace(scenario: Scenario, drives: Mapping[str, Drive]) -> None:
-    """Says where looks were asked for more often than any car has frames."""
-    rates = [
-        sum(
-            camera.rate or recorded_rate(drives[car.name].frames[camera.recording])
-            for camera in scenario.cameras_of(car)
-        )
-        for car in (scenario.cars[:1] if scenario.fleet else scenario.cars)
-    ]
-    shortest_ns = NS_PER_S / max(rates) if max(rates, default=0) else 0
-    asked = [settings.genie.looks for settings in scenario.method_settings.values()]
-    for every_ns in dict.fromkeys(looks.every_ns for looks in asked if looks is not None):
-        if every_ns in (0, LookRules.every_ns) or every_ns >= shortest_ns * (1 - SAME_RATE):
-            continue
-        log.warning(
-            "%s: genie.looks.every: %s is less than %s, the shortest gap between the frames of a "
-            "car: a look falls due at every frame, as with 0 s",
-            scenario.name,
-            duration_text(every_ns),
-            duration_text(round(shortest_ns)),
-        )
 
 
 def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None:

@@ -5,7 +5,7 @@ names carry units (``start_ns``), in YAML values do (``start: 3 s``).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
@@ -28,7 +28,6 @@ from genie_sim.base.settings import (
     names_of,
     plain_data,
 )
-from genie_sim.core.rules import ToldRules
 from genie_sim.data.source import FrameSource
 from genie_sim.data.sources import SOURCES
 from genie_sim.scenario.faults import FaultEntry
@@ -180,9 +179,9 @@ class Scenario(MethodSettings):
         return source
 
     @cached_property
-    def asked(self) -> Mapping[str, MethodSettings]:
-        """Each method's settings as they are written, by the name of its entry: the scenario's with
-        those that the entry has otherwise. What is ``auto`` stays so. Raises ``SettingError``.
+    def method_settings(self) -> Mapping[str, MethodSettings]:
+        """Each method's settings by the name of its entry: the scenario's with those that the entry
+        has otherwise. Raises ``SettingError``.
         """
         usual = MethodSettings(**{name: getattr(self, name) for name in names_of(MethodSettings)})
         settings = {}
@@ -191,20 +190,6 @@ class Scenario(MethodSettings):
                 settings[entry.name] = merged(usual, entry.settings) if entry.settings else usual
             except SettingError as error:
                 raise error.below(index).below("methods") from error
-        return settings
-
-    @cached_property
-    def method_settings(self) -> Mapping[str, MethodSettings]:
-        """Each method's settings by the name of its entry: those that were ``asked``, with what is
-        ``auto`` decided. Raises ``SettingError``.
-        """
-        settings = dict(self.asked)
-        for name, asked in self.asked.items():
-            looks = asked.genie.looks
-            if looks is not None and looks.told == "auto":
-                told = ToldRules() if self.is_one_world and looks.edge == "beside" else None
-                genie = replace(asked.genie, looks=replace(looks, told=told))
-                settings[name] = replace(asked, genie=genie)
         return settings
 
     @property

@@ -11,9 +11,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from genie_sim.base.seeds import Draws
-from genie_sim.core.freshness.laws import DetectorLaws
 from genie_sim.core.messages import Effect, Message, Observation
 from genie_sim.core.rules import GenieRules
+from genie_sim.tracks.laws import DetectorLaws
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"
@@ -117,6 +117,8 @@ class HostContext:
         The edges to which the car has further uplinks.
     can_broadcast : bool
         Whether the scenario has a medium on which hosts hear each other.
+    is_one_world : bool
+        Whether what one car sees is there for the others: all are in one world at one time.
     """
 
     name: str
@@ -131,6 +133,7 @@ class HostContext:
     neighbours: Sequence[str] = ()
     further_edges: tuple[str, ...] = ()
     can_broadcast: bool = False
+    is_one_world: bool = True
 
 
 class Uplink(NamedTuple):

@@ -19,10 +19,10 @@ from genie_sim.base.settings import (
     SettingError,
     Short,
 )
-from genie_sim.core.consumer import ConsumerRules
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim.link_models.presets import BROADCAST, LINK, LINKS, USUAL_LINK
+from genie_sim.tracks.consumer import ConsumerRules
 
 EDGES = "edges"  # the network between edges, in the names of links
 ALL = "*"  # whoever hears a broadcast, in the names of links
@@ -276,7 +276,5 @@ class MethodSettings:
     serving: Serving = Serving()
     """How the detectors of edges serve pictures: one by one, or in batches."""
 
-    genie: Annotated[GenieRules, Short(("recommended", "literal"))] = field(
-        default_factory=GenieRules
-    )
+    genie: Annotated[GenieRules, Short(("literal",))] = field(default_factory=GenieRules)
     """How the paper's algorithms are read."""

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Frame
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
@@ -12,6 +11,7 @@ from genie_sim.sim.link_models import BroadcastMedium, LinkModel, Medium
 from genie_sim.sim.places import Place
 from genie_sim.sim.service import Device
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
+from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +52,8 @@ class Setup:
         The network interface of each car that has one of a known kind.
     warm_up_ns : int
         From when on it counts what hosts, links and queues do.
+    is_one_world : bool
+        Whether all cars are in one world at one time, or replay recordings at different times.
     """
 
     seed: int
@@ -70,6 +72,7 @@ class Setup:
     places: Mapping[str, Place] = field(default_factory=dict)
     interfaces: Mapping[str, Interface] = field(default_factory=dict)
     warm_up_ns: int = 0
+    is_one_world: bool = True
 
     @property
     def blind_edges(self) -> set[str | None]:

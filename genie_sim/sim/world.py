@@ -355,6 +355,7 @@ class HostContexts(NamedTuple):
             records_changes=self.records_changes,
             laws=self.setup.laws,
             edges=self.edges,
+            is_one_world=self.setup.is_one_world,
         )
 
 

@@ -25,8 +25,9 @@ from genie_sim.analysis.registry import (
     shown,
     spans_much,
 )
-from genie_sim.analysis.statistics import across_seeds, thinned
+from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
+from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level

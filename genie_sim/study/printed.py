@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
-from genie_sim.analysis.registry import checked, definition, shown
+from genie_sim.analysis.registry import checked, definition, learn, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, unknown
@@ -164,6 +164,7 @@ def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]
             )
         table, _ = parquet.read(path, "table of a sweep", lambda schema, _: schema.names)
         found.append(table.to_pandas())
+    learn(about.get("metrics", {}), f"{folder / ABOUT}: metrics")
     return about, found[0], found[1]
 
 

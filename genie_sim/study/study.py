@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from genie_sim.analysis import registry
 from genie_sim.analysis.seed_runs import load
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
@@ -222,6 +223,7 @@ class Study:
 
     def _write_about(self) -> None:
         written = [name for name in TABLES if (self.folder / name).is_file()]
+        own = {name: None for run in self.plan.runs.values() for name in run.scenario.metrics}
         about = {
             "format": FORMAT,
             **({"label": self.label} if self.label else {}),
@@ -230,6 +232,7 @@ class Study:
             "runs": len(self.plan.runs),
             "run_ids": sorted(self.plan.runs),
             "titles": self._titles(),
+            "metrics": registry.words(registry.with_formulas(own)),
             "digests": provenance.digests(self.folder, written),
             **provenance.environment(),
         }

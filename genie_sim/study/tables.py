@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis.statistics import across_seeds
+from genie_sim.analysis.tidy import NEGLIGIBLE, across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.base.paths import atomic_write
@@ -51,8 +51,9 @@ def differences(
 
     ``runs`` is ``of_runs`` with the axes in ``columns``; ``along`` is one of them or ``method``.
     Returns the axes, the metric, its mean difference ``value``, the 95 % t interval ``low`` and
-    ``high``, and ``runs``, the pairs that define it. Raises ``UserError`` for a column or a value
-    that is not there.
+    ``high``, ``runs``, the pairs that define it, and whether it is ``negligible``: below 1 % of the
+    value that it is a difference from. Raises ``UserError`` for a column or a value that is not
+    there.
     """
     choices = [*columns, "method"]
     if along not in choices:
@@ -65,9 +66,10 @@ def differences(
     reference = runs[runs[along] == to][[*paired_by, "value"]]
     compared = runs[(runs[along] != to) & runs["metric"].notna()]
     both = compared.merge(reference, on=paired_by, suffixes=("", "_reference"))
-    return across_seeds(
-        both.assign(value=both["value"] - both["value_reference"]), columns, differences=True
-    )
+    gaps = both.assign(value=both["value"] - both["value_reference"])
+    table = across_seeds(gaps, columns, differences=True).drop(columns=["range_low", "range_high"])
+    compared_with = across_seeds(both.assign(value=both["value_reference"]), columns)["value"]
+    return table.assign(negligible=table["value"].abs() < NEGLIGIBLE * compared_with.abs())
 
 
 def all_differences(

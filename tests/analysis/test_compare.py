@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import genie_sim as gs
 from genie_sim.analysis import compare_tables, metrics, renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, Difference, compare
-from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import number_text
 from genie_sim.cli import main as cli
@@ -218,46 +216,43 @@ def two_cars() -> list[Run]:
     ]
 
 
-def test_runs_of_other_cars_are_compared_without_pairs(usual: list[Run], two_cars: list[Run]):
-    """Source: SciPy, ttest_ind(equal_var=False).confidence_interval()."""
+def test_runs_of_other_cars_are_paired_by_seed_and_only_common_seeds_count(
+    usual: list[Run], two_cars: list[Run]
+):
     made = compare([*usual, *two_cars[:2]], ["remote"])
     found = row(list(made.rows), "first_answer_mean", "remote")
     values, others = (
         [measured(run, "first_answer_mean", "remote") for run in runs]
-        for runs in (two_cars[:2], usual)
+        for runs in (two_cars[:2], usual[:2])
     )
-    expected = stats.ttest_ind(values, others, equal_var=False)
-    assert found.difference == pytest.approx(np.mean(values) - np.mean(others))
-    freedom = int(expected.df)  # whole, which is a little wider
-    half = stats.t.ppf(0.975, freedom) * np.hypot(stats.sem(values), stats.sem(others))
-    assert (found.low, found.high) == pytest.approx(
-        (found.difference - half, found.difference + half)
-    )
-    assert (found.by, found.n, found.variance_ratio) == ("seeds, unpaired", 2, None)
+    assert found.value == pytest.approx(np.mean(values)), "of the seeds that both have"
+    assert found.against_value == pytest.approx(np.mean(others))
+    assert found.difference == pytest.approx(found.value - found.against_value)
+    assert (found.by, found.n, found.low) == (SEEDS, 2, None), "two seeds tell little"
     about = compare_tables.about(made)
-    why = "street_1car_hetero and street_2car_hetero: other drives (car2"
-    assert "Not paired, with Welch's interval" in about and why in about and "\n" not in about
-    assert "paired differences" not in compare_tables.text(made, "latex") + about
-    assert "not paired, over at least 2 seeds each" in verdicts(made)[0]
+    assert "Only the common seeds 1, 2: street_1car_hetero has seeds 1 to 3; " in about
+    assert "No intervals of fewer than 3 seeds." in about
+    for format in ("markdown", "latex"):
+        assert "Only the common seeds 1, 2" in compare_tables.text(made, format)
 
 
 def test_one_run_each_of_other_cars_is_compared_by_blocks(usual: list[Run], two_cars: list[Run]):
     made = compare([usual[0], two_cars[0]], ["remote"])
     found = row(list(made.rows), "first_answer_mean", "remote")
     alone = {one.arm: one for one in made.rows if one.metric == "first_answer_mean"}
-    assert found.by == "blocks of 1 s, unpaired" and found.n == 4
+    assert found.by == BLOCKS
     assert found.difference == pytest.approx(alone[found.arm].value - alone[found.against].value)
     assert found.low is not None and found.low < found.difference < found.high
 
 
-def test_runs_of_other_windows_are_not_paired(usual: list[Run]):
-    shorter = ran(window="cars[0].route.window=[2 s, 4 s]")
-    made = compare([usual[0], shorter])
-    assert "other frames (116 and 76): other cars, cameras or times" in made.why_unpaired
+def test_many_intervals_come_with_how_many_miss(usual: list[Run]):
+    made = compare(usual[:1])
+    count = sum(one.low is not None for one in made.rows)
+    assert f"Of {count} intervals, about one in twenty misses" in compare_tables.about(made)
 
 
 def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
-    with pytest.raises(UserError, match="no seed in common: 1 and 2"):
+    with pytest.raises(UserError, match=r"no seed in common: .*seed 1; .*seed 2"):
         compare([usual[0], ran(SLOWER, seed=2)])
     with pytest.raises(UserError, match="nothing to compare"):
         compare(usual[:1], ["genie"])

@@ -11,7 +11,8 @@ import pandas as pd
 import pytest
 
 from genie_sim.analysis import genie_metrics, metrics, resource_metrics
-from genie_sim.analysis.statistics import Blocks, across_seeds, wilson
+from genie_sim.analysis.statistics import Blocks, wilson
+from genie_sim.analysis.tidy import across_seeds
 from genie_sim.core.messages import Header
 from genie_sim.record.columns import Columns
 from genie_sim.record.open_frame import OpenFrame
@@ -226,27 +227,53 @@ def test_the_interval_of_a_share_is_wilson_s(hits, n):
     assert wilson(p, half, n) == pytest.approx((expected.low, expected.high), abs=1e-12)
 
 
-def test_no_interval_of_a_share_leaves_0_to_1_over_seeds_either():
-    shares = pd.DataFrame(
-        {
-            "metric": "answered_share",
-            "method": "genie",
-            "placement": "all",
-            "component": "",
-            "unit": "1",
-            "seed": [1, 2, 3],
-            "value": [0.99, 1.0, 0.9],
-            "point": 0,
-        }
-    )
-    row = across_seeds(shares, ["point"]).iloc[0]
-    assert 0 < row["low"] < row["value"] < row["high"] < 1
-    plain = across_seeds(shares, ["point"], differences=True).iloc[0]
-    assert plain["high"] > 1 and plain["high"] - plain["value"] == pytest.approx(
-        plain["value"] - plain["low"]
-    )
-    boost = across_seeds(shares.assign(metric="confidence_boost"), ["point"]).iloc[0]
-    assert boost["high"] == plain["high"]
+def over_seeds(metric: str, values: list[float], n: int = 1000) -> pd.Series:
+    rows = {
+        "metric": metric,
+        "method": "genie",
+        "placement": "all",
+        "component": "",
+        "unit": "1",
+        "seed": list(range(len(values))),
+        "value": values,
+        "n": n,
+        "point": 0,
+    }
+    return across_seeds(pd.DataFrame(rows), ["point"]).iloc[0]
+
+
+def test_an_interval_over_seeds_is_students_t_within_what_is_possible():
+    from scipy import stats
+
+    values = [0.99, 1.0, 0.9]
+    half = stats.t.ppf(0.975, 2) * stats.sem(values)
+    share = over_seeds("answered_share", values)
+    assert share["low"] == pytest.approx(np.mean(values) - half) and share["high"] == 1.0
+    late = over_seeds("first_answer_mean", [1.0, 9.0, 3.0])
+    assert late["low"] == 0.0 and late["high"] > 13
+    boost = over_seeds("confidence_boost", values)
+    assert boost["high"] == pytest.approx(np.mean(values) + half), "may be above 1"
+    gain = over_seeds("improvement_first_answer", [0.1, 0.2, -0.1])
+    assert gain["low"] < 0
+
+
+def test_what_tells_little_has_no_interval_over_seeds():
+    assert np.isnan(over_seeds("answered_share", [0.25, 0.5])["low"]), "two seeds"
+    assert np.isnan(over_seeds("answered_share", [0.25] * 5)["low"]), "all equal"
+    assert np.isnan(over_seeds("first_answer_p99", [1.0, 2.0, 3.0], n=99)["low"])
+    assert not np.isnan(over_seeds("first_answer_p99", [1.0, 2.0, 3.0], n=100)["low"])
+
+
+def test_a_car_of_one_block_does_not_take_the_interval_away():
+    """Two cars of four seconds and one of a single frame; and a method's interval is its own."""
+    frames = made_up_run.frames(cars=2, seconds=4).to_frame()
+    last = frames[frames["car"] == "car2"].groupby("method", observed=True).head(1)
+    with_third = pd.concat([frames, last.assign(car="car3")], ignore_index=True)
+    result = of_tables(frames=with_third)["answered_share", "local"]
+    assert result.low is not None and result.low < result.value < result.high
+    of_local = with_third[with_third["method"] == "local"].assign(method="local")
+    alone = of_tables(frames=of_local, methods=METHODS[:1])["answered_share", "local"]
+    assert alone == result
 
 
 def test_reuse_is_the_mean_over_the_genies_on_cars_or_edges():

@@ -114,7 +114,7 @@ def test_differences():
     def row(metric: str, arm: str, difference: float, reach: float | None) -> Difference:
         low, high = (None, None) if reach is None else (difference - reach, difference + reach)
         unit = "ms" if metric == "first_answer_mean" else "1"
-        return Difference(metric, arm, 1.0, unit, "a", difference, low, high, by=SEEDS, n=5)
+        return Difference(metric, arm, 1.0, unit, "a", 1.0, difference, low, high, by=SEEDS, n=5)
 
     arms = [
         ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})

@@ -14,7 +14,7 @@ from genie_sim.scenario.reading import load_scenario
 @pytest.fixture(scope="module")
 def run() -> Run:
     window = "cars[0].route={window: [2 s, 4 s], laps: 2}"
-    looks = "methods=[local, remote, genie, {name: looks, method: genie, genie: recommended}]"
+    looks = "methods=[local, remote, genie, {name: looks, method: recommended}]"
     outage = "{fault: outage, target: car1, begin: 3 s, end: 3500 ms}"
     settings = [window, looks, f"faults=[{outage}]"]
     return run_in_memory(load_scenario("street_1car_hetero", settings))

@@ -93,7 +93,7 @@ def test_all_rows_see_every_method_and_the_busiest_device_of_each_kind(found):
         ("fresh result, mean [ms]", "fresh_answer_mean"),
     ):
         assert row(text, label)[-3:] == [f"{known[metric, method]:.3g}" for method in methods]
-    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 34
+    assert text.count("\nbusiest") == 3 and len(text.splitlines()) <= 38
     assert text.index("first answer") < text.index("image reuse on cars") < text.index("busiest")
     assert "Times: from the camera's stamp." in " ".join(text.split())
 
@@ -270,3 +270,21 @@ def test_every_placement_method_and_component_has_its_own_number():
     assert row_of(markdown(run), "object reuse on cars [%]") == ["33"]
     assert row_of(markdown(run), "object reuse on edges [%]") == ["44"]
     assert row_of(markdown(run), "streaming F1 [%]") == ["55", "66", "77"]
+
+
+def test_a_resource_that_is_overloaded_is_named_in_one_line():
+    run = [
+        MetricValue("utilization", "local", "car", "car1.accelerator", 0.99, "1"),
+        MetricValue("utilization", "local", "car", "car1.cpu", 0.5, "1"),
+        MetricValue("dropped_share", "local", "all", "", 0.4, "1"),
+        MetricValue("utilization", "remote", "edge", "edge1.accelerator", 0.99, "1"),
+        MetricValue("dropped_share", "remote", "all", "", 0.05, "1"),
+        MetricValue("utilization", "genie", "edge", "edge1.accelerator", 0.8, "1"),
+        MetricValue("dropped_share", "genie", "all", "", 0.4, "1"),
+    ]
+    assert summary.overload(run_of(run)) == (
+        "Overloaded: car1.accelerator under local (L) (busy 99 % of the time, 40 % of the frames "
+        "dropped)."
+    )
+    assert "Overloaded: car1.accelerator" in screen.text(run_of(run), 200)
+    assert summary.overload(run_of(run[1:])) == ""

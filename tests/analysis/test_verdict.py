@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
+from genie_sim.analysis import compare_tables
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
-from genie_sim.analysis.verdict import is_better, verdicts
+from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.results import MethodInfo
 
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
     unit = "ms" if metric == "first_answer_mean" else "1"
     by = SEEDS if low is not None else ""
-    return Difference(metric, "b", 1.0, unit, "a", difference, low, high, by=by, n=5)
+    return Difference(metric, "b", 1.0, unit, "a", 1.0, difference, low, high, by=by, n=5)
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
@@ -25,33 +26,47 @@ def comparison(*rows: Difference) -> ComparedRuns:
 
 
 @pytest.mark.parametrize(
-    "metric, low, high, better",
+    "metric, low, high, verdict",
     [
-        ("first_answer_mean", -3.0, -1.0, True),
-        ("first_answer_mean", 1.0, 3.0, False),
-        ("first_answer_mean", -1.0, 3.0, None),
-        ("streaming_f1", 0.01, 0.03, True),
-        ("streaming_f1", -0.03, -0.01, False),
-        ("ghost_share", -0.03, -0.01, True),
-        ("streaming_f1", None, None, None),
-        ("streaming_f1", 0.0, 0.02, None),
+        ("first_answer_mean", -3.0, -1.0, "better"),
+        ("first_answer_mean", 1.0, 3.0, "worse"),
+        ("first_answer_mean", -1.0, 3.0, "unclear"),
+        ("streaming_f1", 0.01, 0.03, "better"),
+        ("streaming_f1", -0.03, -0.01, "worse"),
+        ("ghost_share", -0.03, -0.01, "better"),
+        ("streaming_f1", None, None, ""),
+        ("streaming_f1", 0.0, 0.02, "unclear"),
+        ("batch_size", 0.01, 0.03, "different"),
     ],
 )
-def test_better_is_an_interval_on_the_right_side_of_zero(metric, low, high, better):
-    assert is_better(row(metric, 0.02, low, high)) is better
+def test_better_is_an_interval_on_the_right_side_of_zero(metric, low, high, verdict):
+    assert row(metric, 0.02, low, high).verdict == verdict
+
+
+def test_a_difference_below_one_percent_of_the_value_is_negligible():
+    """Source: two methods of which one sends a message more, 110 ns of 9.11 ms."""
+    small = row("first_answer_mean", 0.00011, 4.31e-5, 0.000176)._replace(against_value=9.11)
+    assert small.verdict == "negligible"
+    assert small._replace(against_value=0.0109).verdict == "worse"
+    assert small._replace(low=-1.0, high=1.0).verdict == "unclear", "it may be 1 ms as well"
+    assert small._replace(low=-0.01, high=0.02).verdict == "negligible"
+    assert small._replace(low=None, high=None).verdict == "negligible"
+    (sentence,) = verdicts(comparison(small))
+    assert sentence.startswith("B is negligibly different from A in first answer, mean (+0.00011")
+    assert "below 1 % of the value" in compare_tables.about(comparison(small))
 
 
 def test_a_sentence_says_in_what_by_how_much_and_how_sure():
     rows = [
         row("first_answer_mean", -340.0, -342.0, -338.0),
         row("streaming_f1", -0.02, -0.03, -0.01),
-        row("ghost_share", 0.004, -0.01, 0.018),
+        row("ghost_share", 0.02, -0.01, 0.05),
         row("gospa", 1.0, 0.5, 1.5),
     ]
     assert verdicts(comparison(*rows)) == [
         "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "
         "(-2 percentage points, -3 to -1); not clearly different in false objects "
-        "(+0.4 percentage points, -1 to +1.8); 95 % intervals of paired differences, over 5 seeds."
+        "(+2 percentage points, -1 to +5); 95 % intervals of paired differences, over 5 seeds."
     ]
 
 

@@ -11,6 +11,7 @@ import pytest
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
+from genie_sim.cli.main import main
 
 READ = {
     arguments.width_height: {
@@ -128,3 +129,24 @@ def test_options_of_several_commands():
     assert plugins._own_code_allowed, "it ends with the command"
     with pytest.raises(click.BadParameter):
         given(asked, "--jobs=0")
+
+
+@pytest.mark.parametrize(
+    ("line", "option"),
+    [
+        ("perceive --drive a/b --sequence c --out t.parquet", "--sequence"),
+        ("perceive --drive a/b --labels c --out t.parquet", "--labels"),
+        ("perceive folder --drive a/b --out t.parquet", "ROOT"),
+        ("profile --mean 4ms --model m --column c --out p.yaml", "--column"),
+        ("profile --csv a.csv --runs 30 --out p.yaml", "--runs"),
+        ("profile --detector yolox_nano --unit ms --out p.yaml", "--unit"),
+        ("import link a.csv --direction up --out l.parquet", "--direction"),
+        ("import tables a.csv b.csv --range 10m --out t", "--range"),
+        ("show scenario --schema --kind device", "--kind"),
+        ("sweep where_it_pays --jobs 3 --scheduler tcp://nowhere:1", "--jobs"),
+    ],
+)
+def test_an_option_without_effect_is_refused(line, option, capsys):
+    assert main(line.split()) == 1
+    error = capsys.readouterr().err
+    assert f": {option}: has no effect with" in error and error.count("\n") == 1

@@ -59,7 +59,7 @@ def test_every_option_of_tables_is_heard(asked: list[Any]):
     ],
 )
 def test_what_no_sensor_has_is_one_line(asked: list[Any], capsys, option, value, message):
-    assert main([*TABLES, option, value]) == 1
+    assert main([*TABLES, "--truth", "truth.csv", option, value]) == 1
     line = capsys.readouterr().err
     assert line.startswith(f"genie-sim: {message}") and len(line.splitlines()) == 1 and not asked
 

@@ -1,5 +1,5 @@
-"""What every part of a Genie has to keep: similarity, eviction, confidence rule and freshness
-policy in a whole run. One of your own is tested by
+"""What every part of a Genie has to keep: similarity, eviction and confidence rule in a whole
+run. One of your own is tested by
 
 @pytest.mark.parametrize("genie", [{"eviction": "my_module:MyEviction", "capacity": "5 entries"}])
 class TestMine(GeniePartConformance):

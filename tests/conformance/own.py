@@ -12,7 +12,6 @@ from typing import ClassVar
 import simpy
 
 from genie_sim.core.eviction import LRU
-from genie_sim.core.freshness.never import Never
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
@@ -363,28 +362,12 @@ class LeakyEviction(LRU):
         return 0 if next(self.asked) > 20 else None
 
 
-class LeakyPolicy(Never):
-    """After some objects, no other lasts."""
-
-    objects: ClassVar = itertools.count()
-
-    def expires_ns(self, one):
-        return one.seen_ns + (10**10 if next(self.objects) < 20 else 50_000_000)
-
-
 class OwnSimilarity(PoseGrid):
     """As the package's."""
 
 
 class OwnEviction(LRU):
     """As the package's."""
-
-
-class OwnPolicy(Never):
-    """As the package's, but that it is asked whether an object is served."""
-
-    def serves(self, stored, to, now_ns):
-        return True
 
 
 @dataclass(frozen=True)

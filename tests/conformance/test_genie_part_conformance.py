@@ -8,7 +8,6 @@ import pytest
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
-from genie_sim.core.freshness import FRESHNESS
 from genie_sim.core.similarity import SIMILARITIES
 from tests.conformance.faults import FaultConformance
 from tests.conformance.frame_sources import FrameSourceConformance
@@ -44,19 +43,11 @@ class TestConfidenceRules(GeniePartConformance):
         return {"object_map": {"rule": rule}}
 
 
-@pytest.mark.parametrize("freshness", FRESHNESS)
-class TestFreshnessPolicies(GeniePartConformance):
-    @pytest.fixture
-    def genie(self, freshness: str):
-        return {"object_map": {"freshness": freshness}}
-
-
 @pytest.mark.parametrize(
     "genie",
     [
         {"similarity": f"{OWN}:LeakySimilarity"},
         {"eviction": f"{OWN}:LeakyEviction"},
-        {"object_map": {"freshness": f"{OWN}:LeakyPolicy"}},
     ],
 )
 def test_a_part_of_a_genie_that_keeps_state_between_methods_is_caught(genie):

@@ -36,7 +36,7 @@ def test_what_comes_out_wrong_in_the_middle_of_a_run_names_the_class(
 
 @pytest.mark.parametrize("returned", [None, "x", 7])
 def test_a_node_that_returns_no_effects_says_so(returned: object, monkeypatch: pytest.MonkeyPatch):
-    from genie_sim.methods.paced_remote import PacedSender
+    from genie_sim.recommended.paced_remote import PacedSender
 
     monkeypatch.setattr(PacedSender, "on_message", lambda *_: returned)
     monkeypatch.setattr("genie_sim.runs.simulate.plugin_names", lambda _: ["method 'x:Y'"])

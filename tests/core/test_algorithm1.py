@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 
 from genie_sim.core.eviction import LRU
-from genie_sim.core.freshness.ttl import Ttl
 from genie_sim.core.messages import (
     Detections,
     Expired,
@@ -88,7 +87,7 @@ def test_another_spot_another_camera_and_another_heading_are_misses():
 
 @pytest.mark.parametrize("tells", [True, False])
 def test_a_genie_tells_what_its_map_forgets_before_anything_else(tells):
-    asked = genie(object_map(freshness=Ttl(S)), names_changes=tells)
+    asked = genie(object_map(forget_after_ns=S), names_changes=tells)
     asked.on_message(IMAGES, frame(0), 0)
     asked.on_message(FROM_NODE, answer(frame(0), CAR, FAINT_BUS), 1)
     forgotten = Forgotten(changes_of(CAR, FAINT_BUS))

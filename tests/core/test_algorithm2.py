@@ -14,8 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
-from genie_sim.core.freshness.ttl import Ttl
-from genie_sim.core.maps import Viewer
 from genie_sim.core.messages import CameraPose, Header
 from genie_sim.core.rules import Percentile
 from genie_sim.core.view import ViewSector
@@ -71,7 +69,7 @@ def test_a_second_sighting_changes_the_confidence_and_nothing_else(rule, after):
     objects.sight(seen("car", 0.3, at=(20.0, 0.0)))
     before, stored = objects.sight(seen("car", 0.8, at=(20.4, 0.0)))
     assert (before, stored.confidence) == (0.3, pytest.approx(after))
-    assert (stored.score, stored.location, stored.sightings) == (0.3, (20.0, 0.0, 0.0), 2)
+    assert (stored.score, stored.location) == (0.3, (20.0, 0.0, 0.0))
     assert len(objects) == 1
 
 
@@ -96,8 +94,31 @@ def object_at(objects, label="traffic light", at=(20.0, 0.0)):
 def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sightings, rate):
     objects = told(object_map(rule=rule, rate=rate), *sightings)
     assert all(0.0 <= one.confidence <= 1.0 for one in objects)
-    assert sum(one.sightings for one in objects) == len(sightings)
     assert len(list(objects)) == len(objects)
+
+
+def test_origins_count_no_echo():
+    """The car's own detector, then the edge's about the same picture, then a cache's, then one
+    second later.
+    """
+
+    def confidence(source: str) -> list[float]:
+        objects, found = object_map(confidence_source=source), []
+        for stamp_s, kind in (
+            (0.0, "detector"),
+            (0.0, "detector"),
+            (0.5, "cache"),
+            (1.0, "detector"),
+        ):
+            said = answer(Header(round(stamp_s * S), "02", "car1"), seen("car", 0.5)).served(
+                kind, "x"
+            )
+            objects.enhanced_cache_new_data(said, 0, names_changes=False)
+            found.append(round(next(iter(objects)).confidence, 3))
+        return found
+
+    assert confidence("sightings") == [0.5, 0.525, 0.549, 0.571]
+    assert confidence("origins") == [0.5, 0.5, 0.5, 0.525]
 
 
 # Which stored object a sighting shows
@@ -200,7 +221,7 @@ def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, 
 def test_c_t_may_be_a_percentile_of_all_that_is_stored(percent):
     """Nearest rank: the lowest confidence that at least this share does not exceed."""
     rng = random.Random(5)
-    objects = object_map(threshold=Percentile(percent), freshness=Ttl(4 * S))
+    objects = object_map(threshold=Percentile(percent), forget_after_ns=4 * S)
     assert objects.threshold == 1.0, "nothing is confident before there is anything"
     for second in range(60):
         objects.forget(second * S)
@@ -243,7 +264,7 @@ def test_a_replay_shows_the_nearest_of_several_objects_and_adds_the_others(one_p
         seen("dog", 0.93, at=(22.2, 0.0)),
     )
     stored = answer(Header(S, "02", "car1"), seen("car", 0.4, at=(21.0, 0.0)))
-    boosted = objects.enhanced_cache_boost_data(stored, stored.header, None, S).to_clients
+    boosted = objects.confident(objects.enhanced_cache_boost_data(stored, stored.header)[0])
     assert [one.confidence for one in boosted.objects] == [0.92, 0.91]
     assert boosted.objects[0].location == (21.0, 0.0, 0.0)
 
@@ -253,9 +274,9 @@ def test_a_replay_shows_no_confidence_of_another_class():
     shown = []
     for one_per_location in (False, True):
         objects = told(object_map(one_per_location=one_per_location), seen("dog", 0.9))
-        boosted = objects.enhanced_cache_boost_data(stored, stored.header, None, S)
-        shown.append([(one.label, one.confidence) for one in boosted.answer.objects])
-        assert boosted.lookups.hits == 1
+        boosted, lookups = objects.enhanced_cache_boost_data(stored, stored.header)
+        shown.append([(one.label, one.confidence) for one in boosted.objects])
+        assert lookups.hits == 1
     assert shown == [[("car", 0.4), ("dog", 0.9)], [("car", 0.9)]]
 
 
@@ -337,14 +358,11 @@ def test_the_view_of_a_map_is_that_of_each_of_its_objects(fov_deg):
 
 
 def test_what_is_in_view_is_told_with_the_confidence_that_it_has_by_then():
-    viewer, objects = (
-        Viewer(Header(0, "02", "car1"), CameraPose(0.0, 0.0, 0.0, 0.0), 1.0),
-        object_map(),
-    )
+    objects, pose = object_map(), CameraPose(0.0, 0.0, 0.0, 0.0)
     for confidence in (0.8, 0.8 + 0.1 * 0.8 * (1 - 0.8)):
-        _, stored = objects.sight(seen("car", 0.8))
-        assert stored.confidence == confidence
-        assert [one.confidence for one in objects.visible(viewer, 50.0, 0)[0]] == [confidence]
+        objects.sight(seen("car", 0.8))
+        in_sight = objects.in_view(pose, 1.0, 50.0)
+        assert [stored.as_detection().confidence for stored in in_sight] == [confidence]
 
 
 def test_only_confident_objects_are_in_view():
@@ -393,7 +411,7 @@ def test_a_gate_as_wide_as_the_world_takes_no_longer():
 
 
 def test_an_object_that_nobody_sees_for_long_enough_is_forgotten():
-    objects = object_map(freshness=Ttl(10))
+    objects = object_map(forget_after_ns=10)
     objects.sight(seen("car", 0.9, at=(5.0, 0.0)), 0)
     objects.sight(seen("bus", 0.9, at=(40.0, 1.0)), 3)
     objects.sight(seen("car", 0.9, at=(5.1, 0.0)), 8)
@@ -422,7 +440,7 @@ def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
     """Whatever cells it lies in, an object is there for as long as it was sighted within the time,
     and not longer.
     """
-    objects, now_ns, last_ns = object_map(gate_m=gate_m, freshness=Ttl(20)), 0, {}
+    objects, now_ns, last_ns = object_map(gate_m=gate_m, forget_after_ns=20), 0, {}
     for many, later_ns in rounds:
         now_ns += later_ns
         objects.forget(now_ns)
@@ -438,7 +456,7 @@ def test_a_map_that_forgets_holds_what_was_seen_lately(rounds, gate_m):
 
 
 def test_numbers_of_objects_are_never_reused():
-    objects = object_map(freshness=Ttl(S))
+    objects = object_map(forget_after_ns=S)
     _, car = objects.sight(seen("car", 0.9, at=(0.0, 0.0)))
     objects.sight(seen("car", 0.9, at=(0.2, 0.0)))
     _, person = objects.sight(seen("person", 0.9, at=(0.0, 0.0)))

@@ -175,15 +175,13 @@ def test_an_expired_answer_does_not_hide_a_live_one_a_little_farther_away():
 # Requests that wait
 
 
-def pending_index(identity=lambda header: header):
-    return PendingIndex(identity, Exact().index)
+def pending_index():
+    return PendingIndex("stamp_frame_origin", Exact().index)
 
 
 def pending_request(deadline_ns=None, key="crossing", forwarded=True):
     requesters = [Requester(HEADER, False, None)]
-    return PendingRequest(
-        "/image_raw", key, deadline_ns, forwarded, requesters, answered=set(), viewer=None
-    )
+    return PendingRequest("/image_raw", key, deadline_ns, forwarded, requesters, answered=set())
 
 
 def test_a_request_is_found_by_its_header_and_joined_by_its_key():
@@ -230,7 +228,7 @@ def test_requests_expire_in_the_order_they_came():
 
 
 def test_a_similar_image_joins_a_pending_request_despite_a_closer_answer():
-    index = PendingIndex(lambda header: header, DHash(radius=2).index)
+    index = PendingIndex("stamp_frame_origin", DHash(radius=2).index)
     answered, open_one = pending_request(key=0b0001), pending_request(key=0b0110)
     index.open(frame(0).header, answered)
     index.open(frame(1).header, open_one)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.freshness.never import Never
 from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.messages import (
     CameraPose,
@@ -23,8 +22,6 @@ from genie_sim.core.messages import (
 )
 from genie_sim.core.node import GenieNode
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.per_topic import PerTopicGenie
-from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.rules import Capacity, GenieRules, ObjectMapRules
 from genie_sim.core.similarity import PoseGrid, Similarity
 
@@ -89,11 +86,9 @@ class Lanes:
         )
 
 
-def object_map(
-    view_cell_m: float = 50.0, freshness: Never | None = None, **rules: Any
-) -> ObjectMap:
+def object_map(view_cell_m: float = 50.0, **rules: Any) -> ObjectMap:
     """An empty object map; ``rules`` are those of ``ObjectMapRules``."""
-    return ObjectMap(ObjectMapRules(**rules), view_cell_m, freshness=freshness)
+    return ObjectMap(ObjectMapRules(**rules), view_cell_m)
 
 
 def genie(
@@ -109,18 +104,16 @@ def genie(
     """A Genie before an object detector; ``rules`` are those of ``GenieRules``."""
     chosen = GenieRules(**rules)
     same = similarity if similarity is not None else PoseGrid()
-    node_class = PerTopicGenie if chosen.pending_index == "per_topic" else GenieNode
-    return node_class(
+    return GenieNode(
         name,
         (IMAGES,),
         published,
         chosen,
         key=same.key,
         new_cache=lambda: MessageCache(same.index(), new_eviction(), capacity),
-        pending=pending_index(chosen, same.index),
+        new_keys=same.index,
         object_map=objects if objects is not None else object_map(),
         map_answer=Detections,
-        readings=readings_of(chosen),
         names_changes=names_changes,
     )
 

@@ -13,8 +13,6 @@ from hypothesis import strategies as st
 from genie_sim.analysis import screen, summary
 from genie_sim.analysis.summary import about_laws
 from genie_sim.base import files
-from genie_sim.core.freshness.laws import ASSUMED
-from genie_sim.core.freshness.measure import LawCounts, shrunk, total
 from genie_sim.data.detector_laws import detector_laws, facts
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
@@ -23,6 +21,8 @@ from genie_sim.runs.build import setup
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario
+from genie_sim.tracks.laws import ASSUMED
+from genie_sim.tracks.measure import LawCounts, shrunk, total
 from tools.make import detector_laws as measuring
 
 SHIPPED = json.loads(
@@ -107,19 +107,20 @@ def test_else_they_are_assumed(detectors, drives):
 
 
 def test_maps_and_trackers_use_them_unless_told_to_assume():
-    town = [
-        "perception.duration=1 s",
-        "fleet.cars=2",
-        "methods=[{name: tracker, method: remote, consumer: tracker},"
-        " {name: genie, method: genie, genie: recommended},"
-        " {name: assumed, method: genie,"
-        " genie: {object_map: {freshness: {name: recommended, measured: false}}}}]",
-    ]
+    town = ["perception.duration=1 s", "fleet.cars=2", "methods=[remote]"]
     prepared = prepare(load_scenario("fleet_30", town))
-    laws = [setup(prepared, entry).laws for entry in prepared.scenario.methods]
-    assert laws[0] == laws[1] != ASSUMED
-    assert laws[0] == detector_laws({"town"}, {"town/1"})
-    assert laws[2] is ASSUMED
+    (entry,) = prepared.scenario.methods
+    assert setup(prepared, entry).laws == detector_laws({"town"}, {"town/1"}) != ASSUMED
+    assumed = {"name": "assumed", "method": "recommended", "measured": False}
+    methods = [{"name": "usual", "method": "recommended"}, assumed]
+    run = run_in_memory(
+        load_scenario(
+            "fleet_30",
+            ["perception.duration=2 s", "fleet.cars=3", f"methods={json.dumps(methods)}"],
+        )
+    )
+    served = run.frames.groupby("method", observed=True)["objects_served"].sum()
+    assert served["usual"] != served["assumed"]
 
 
 def test_the_shipped_street_is_judged_with_assumed_laws():

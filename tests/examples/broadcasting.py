@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from typing import Any
 
 from genie_sim.base.seeds import Draws
-from genie_sim.core.freshness.laws import ASSUMED
 from genie_sim.core.messages import (
     CameraPose,
     Detection,
@@ -17,6 +16,7 @@ from genie_sim.core.messages import (
     Publish,
 )
 from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, HostContext, Interceptor
+from genie_sim.tracks.laws import ASSUMED
 
 MS = 1_000_000
 

@@ -7,7 +7,6 @@ from livemap import WAYS, Controller, MapServer, Reporter, Told
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
-from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.messages import (
     CameraPose,
     Detection,
@@ -18,11 +17,11 @@ from genie_sim.core.messages import (
     Look,
     Publish,
 )
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, REMOTE
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
 
 MS = 1_000_000
@@ -125,7 +124,7 @@ def test_what_is_found_on_board_goes_up_as_a_look():
 
 
 def server(every_ms: int = 100, p_min: float = 0.1) -> MapServer:
-    tracks = TrackMap(ObjectMapRules(), MeasuredExistence(p_min))
+    tracks = TrackMap(Existence(p_min))
     return MapServer("edge1/map", tracks, every_ms * MS, (IMAGES,), (OBJECTS,))
 
 

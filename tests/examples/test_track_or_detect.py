@@ -7,7 +7,6 @@ from track_or_detect import DriftPlusPenalty, EveryNth, Handler
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
-from genie_sim.core.freshness.existence import MeasuredExistence
 from genie_sim.core.messages import (
     CameraPose,
     Detection,
@@ -17,11 +16,11 @@ from genie_sim.core.messages import (
     Image,
     Publish,
 )
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
 
 MS = 1_000_000
@@ -78,7 +77,7 @@ def test_a_fixed_interval_counts_frames(every: int, expected: list[bool]):
 
 
 def handler(every: int) -> Handler:
-    tracks = TrackMap(ObjectMapRules(), MeasuredExistence(p_min=0.1))
+    tracks = TrackMap(Existence(p_min=0.1))
     return Handler("car1/tracker", (EveryNth(every), tracks), (IMAGES,), (OBJECTS,))
 
 

@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from genie_sim.core.classes import class_of
-from genie_sim.core.consumer import Consumer, Newest, Shown
 from genie_sim.core.matching import near, pairs
 from genie_sim.core.messages import Detection, Detections, Image, Location
-from genie_sim.core.tracking import COAST_NS, NEAR_M
 from genie_sim.core.view import ViewSector
 from genie_sim.judge.scenes import DriveTruth
 from genie_sim.record.records import HeldObjectRow, HeldRow
 from genie_sim.record.tables import Table
+from genie_sim.tracks.consumer import Consumer, Newest, Shown
+from genie_sim.tracks.track import COAST_NS, NEAR_M
 
 S = 1_000_000_000
 

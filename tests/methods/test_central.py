@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Header
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 from tests.conformance import small
@@ -54,8 +53,3 @@ def test_its_edge_answers_requests_of_other_edges_and_sends_nothing_else():
     assert answers and {to for to, _ in answers} == {"edge2/asker"}
     assert {header for _, header in answers} <= requested
     assert {header.origin for _, header in answers} == {"car2"}
-
-
-def test_it_paces_no_looks_and_says_so():
-    with pytest.raises(UserError, match=r"^central: genie\.looks: a central cache paces none"):
-        small.tables(small.scenario(["central"], genie="recommended"))

@@ -37,13 +37,12 @@ def test_edges_may_exchange_all_objects_while_cars_get_confident_ones():
     )
 
 
-@pytest.mark.parametrize("freshness", ["never", "ttl, ttl: 2 s", "track", "recommended"])
+@pytest.mark.parametrize("forget_after", ["null", "2 s"])
 @pytest.mark.parametrize("method", ["genie", "{method: central, name: genie}"])
-def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, freshness):
-    freshness = f"genie.object_map.freshness={{name: {freshness}}}"
+def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, forget_after):
+    forgets = f"genie.object_map.forget_after={forget_after}"
     usual, own = (
-        facts(freshness, f"genie.car_learns={learns}", methods=(method,))
-        for learns in ("all", "own")
+        facts(forgets, f"genie.car_learns={learns}", methods=(method,)) for learns in ("all", "own")
     )
     key = placed("stored_images", "car")
     # no Genie on cars there

@@ -18,7 +18,7 @@ axes:
 
 DRAWN = """
 scenario: street_1car_homo
-set: {genie.object_map.freshness: {name: ttl}, methods: [genie], "cars[0].route.window": [0 s, 1 s]}
+set: {methods: [genie], "cars[0].route.window": [0 s, 1 s]}
 seeds: 1
 samples: 5
 axes:
@@ -29,7 +29,6 @@ axes:
 TOWN = """
 scenario: fleet_30
 set:
-  genie.object_map.freshness: {name: ttl}
   methods: [genie]
   perception.duration: 1 s
   record: [lookups, held]
@@ -37,7 +36,7 @@ seeds: 1
 samples: 4
 axes:
   size: {set: fleet.cars, list: [2, 3]}
-  forget: {set: genie.object_map.freshness.ttl, random: {from: 100 ms, to: 5000 ms, scale: log}}
+  forget: {set: genie.object_map.forget_after, random: {from: 100 ms, to: 5000 ms, scale: log}}
   mix: {set: fleet.devices, list: [orin_nano, {jetson_tx2: 0.5, orin_nano: 0.5}]}
 """
 

@@ -210,9 +210,7 @@ def test_a_later_stretch_begins_with_the_maps_as_they_were_then(run, monkeypatch
 
 
 def test_what_a_map_forgets_is_gone_from_the_replay():
-    run = short_run(
-        "street_1car_hetero", 1, **{"genie.object_map.freshness": {"name": "ttl", "ttl": "200 ms"}}
-    )
+    run = short_run("street_1car_hetero", 1, **{"genie.object_map.forget_after": "200 ms"})
     shown = embedded(html_page.page(run))["replay"]
     gone = sum(confidences.count(-1) for *_, confidences in of_method(shown, "genie")["objects"])
     assert gone == run.objects["confidence"].isna().sum() > 5

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.cli.main import main
-from genie_sim.runs.method_processes import MethodJob, Reporter, watched
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
@@ -68,22 +66,19 @@ def test_processes_write_the_results_of_one_process():
         assert (one.folder / name).read_bytes() == (two.folder / name).read_bytes(), name
 
 
-def test_progress_is_that_of_all_methods_together(tmp_path):
-    jobs = [MethodJob(number, tmp_path / str(number)) for number in range(3)]
-    for job in jobs:
-        job.folder.mkdir()
-    Reporter(jobs[0])(4.0, 4.0, "local, 9 frames/s")
-    Reporter(jobs[1])(1.0, 4.0, "remote, 8 frames/s")
-    assert json.loads(jobs[1].progress.read_text()) == [1.0, 4.0, "remote, 8 frames/s"]
+def test_progress_is_that_of_all_methods_together(monkeypatch):
+    monkeypatch.setattr(
+        "genie_sim.runs.method_processes.in_processes", lambda run, jobs, _: map(run, jobs)
+    )
     told = []
-    with watched(jobs, lambda *now: told.append(now)):
-        pass
-    assert told == [(5.0, 12.0, "remote, 8 frames/s")]
+    simulate(prepare(read_scenario(EVERY_TABLE)), lambda *now: told.append(now), workers=3)
+    assert [done_s / told[0][0] for done_s, _, _ in told] == pytest.approx([1, 2, 3])
+    assert {of_s / told[0][0] for _, of_s, _ in told} == {3.0}
 
 
 @pytest.mark.parametrize("jobs", [0, -1, 1.5, "two", True])
 def test_jobs_are_a_whole_number_from_one_on(jobs):
-    with pytest.raises(gs.UserError, match=r"^jobs: .*: expected a whole number from 1 on$"):
+    with pytest.raises(gs.UserError, match=r"^jobs: .*: expected a whole number"):
         gs.run("street_1car_homo", jobs=jobs)
 
 

@@ -19,7 +19,7 @@ from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
 WARM_UP_NS = 1_000_000_000
-METHODS = ["remote", "genie", {"name": "paced", "method": "genie", "genie": "recommended"}]
+METHODS = ["remote", "genie", {"name": "paced", "method": "recommended"}]
 SHORT = [f"cars[{car}].route.window=[0 s, 3 s]" for car in range(2)]
 
 

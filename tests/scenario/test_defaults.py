@@ -16,9 +16,7 @@ from genie_sim.analysis.registry import METRICS
 from genie_sim.base.plugins import resolve
 from genie_sim.base.settings import class_schema, keys_of
 from genie_sim.core.eviction import EVICTIONS
-from genie_sim.core.freshness import FRESHNESS
-from genie_sim.core.freshness.laws import ASSUMED
-from genie_sim.core.rules import PRESETS
+from genie_sim.core.rules import LITERAL
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
 from genie_sim.faults import FAULTS
@@ -26,11 +24,11 @@ from genie_sim.methods import METHODS
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS, parts
 from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.presets import LINKS
+from genie_sim.tracks.laws import ASSUMED
 
 REGISTRIES: dict[str, Mapping[str, Any]] = {
     "eviction": EVICTIONS,
     "fault": FAULTS,
-    "freshness": FRESHNESS,
     "link": LINK_MODELS,
     "method": METHODS,
     "similarity": SIMILARITIES,
@@ -54,8 +52,7 @@ def settings(kind: str) -> Iterator[str]:
 def presets() -> Iterator[str]:
     for name, link in LINKS.items():
         yield f"preset link {name}: {link.name} {json.dumps(link.parameters, default=str)}"
-    for name, rules in PRESETS.items():
-        yield f"preset genie {name}: {json.dumps(rules, default=str)}"
+    yield f"preset genie literal: {json.dumps(LITERAL, default=str)}"
 
 
 def known_numbers() -> Iterator[str]:

@@ -9,10 +9,9 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.core.rules import ToldRules
 from genie_sim.data.trace import Trace, TraceFrame, write_trace
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import prepare
+from genie_sim.runs.prepare import notes, prepare
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 
@@ -101,10 +100,11 @@ def test_recordings_of_two_drives_begin_when_their_cars_do(ego: str):
 
 
 def test_edges_tell_cars_of_one_sequence_of_one_another(ego: str, partner: str):
-    together = scenario({"trace": ego}, {"trace": partner}, genie="recommended")
-    alone = scenario({"trace": ego}, {"trace": ego}, genie="recommended")
-    told = [one.method_settings[one.methods[1].name].genie.looks.told for one in (together, alone)]
-    assert told == [ToldRules(), None]
+    def said(*routes: dict[str, str]) -> list[str]:
+        return notes(scenario(*routes, methods=["recommended"]))
+
+    assert said({"trace": ego}, {"trace": partner}) == []
+    assert "edges tell cars nothing" in said({"trace": ego}, {"trace": ego})[0]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,7 @@ def test_with_paced_looks_a_car_without_cameras_lives_on_what_others_saw(ego: st
     together = scenario(
         {"trace": ego},
         {"trace": partner},
-        methods=[{"name": "paced", "method": "genie", "genie": "recommended"}],
+        methods=["recommended"],
         edges=[{"name": name, "device": "rtx_a4500"} for name in ("edge1", "edge2")],
         cars=[
             {"name": "car1", "device": "jetson_tx2", "edge": "edge1", "route": {"trace": ego}},

@@ -12,8 +12,7 @@ from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario, read_scenario
 
 S = 1_000_000_000
-RECOMMENDED = {"algorithm": "recommended"}
-LOOKING = {"name": "looking", "method": "genie", "genie": "recommended"}
+LOOKING = {"name": "looking", "method": "recommended"}
 
 
 def two_cars(link: object = "wifi", laps: int = 1) -> list[dict[str, Any]]:
@@ -88,26 +87,6 @@ def test_what_goes_up_is_answered_or_known_to_be_lost(settings: dict[str, object
     assert (counts["overtaken"] + counts["timed_out"] > 0) == loses, counts
 
 
-def test_only_a_genie_in_front_of_the_edge_looks_frames_up():
-    """Else the detector answers cars directly."""
-    methods = [
-        {"name": edge, "method": "genie", "genie": {**RECOMMENDED, "looks": {"edge": edge}}}
-        for edge in ("beside", "in_front", "none")
-    ]
-    result = run(methods=methods)
-    lookups, looks = (Columns.of(result.tables[name]) for name in ("lookups", "looks"))
-    at_edge = lookups.where(placement="edge", kind="image")
-    asked = {name: len(at_edge.where(method=name)) for name in ("beside", "in_front", "none")}
-    sent = len(looks.where(method="in_front", way="edge", outcome="sent"))
-    assert asked == {"beside": 0, "in_front": sent, "none": 0}
-    trips_ms = {
-        metric.method: metric.value
-        for metric in result.measured
-        if metric.metric == "look_round_trip_mean"
-    }
-    assert trips_ms["in_front"] != trips_ms["beside"] == trips_ms["none"]
-
-
 def test_every_frame_is_answered_at_once_even_while_the_edge_is_away():
     frames = Columns.of(run(faults=[OUTAGE]).tables["frames"])
     first_ms = (frames.floats("first_answer_ns") - frames.floats("received_ns")) / 1e6
@@ -166,8 +145,8 @@ def test_a_standing_car_is_looked_for_only_without_a_cache():
         {metric.method: metric.value for metric in result.measured if metric.metric == name}
         for name in ("streaming_f1", "fresh_answered_share")
     )
-    assert fresh["genie_tracks"] < 0.1 and fresh["genie_recommended"] > 0.9
-    assert f1["genie_tracks"] < 0.2 < f1["remote_tracker"]
+    assert fresh["genie"] < 0.1 and fresh["genie_recommended"] > 0.9
+    assert f1["genie"] < 0.2 < f1["remote_tracker"]
     assert f1["genie_recommended"] > f1["remote_tracker"] - 0.05
 
 
@@ -190,12 +169,8 @@ TOWN = {
         "cell": "150 m",
     },
     "methods": [
-        {"name": "told", "method": "genie", "genie": "recommended"},
-        {
-            "name": "alone",
-            "method": "genie",
-            "genie": {"algorithm": "recommended", "looks": {"told": None}},
-        },
+        {"name": "told", "method": "recommended"},
+        {"name": "alone", "method": "recommended", "told": None},
     ],
 }
 

@@ -22,7 +22,7 @@ def test_a_method_gets_the_settings_of_its_tracks(name: str):
     scenario = load_scenario("street_3car_hetero", {"methods": methods})
     (setting,) = scenario.method_settings.values()
     if name == where_it_pays.GENIE:
-        tracks = setting.genie.object_map.freshness.parameters
+        tracks = scenario.methods[0].method.parameters
         settings = tracks["p_min"], tracks["tau_ns"]
     else:
         settings = setting.consumer.p_min, setting.consumer.tau_ns

@@ -44,7 +44,7 @@ edges: [{name: edge1, device: agx_xavier}]
 cars: [{name: car1, device: jetson_tx2, edge: edge1, link: wifi, route: {window: [0 s, 300 ms]}}]
 methods: [local, {name: tiny, method: genie, genie: {eviction: lru, capacity: 3 entries}}]
 faults: [{fault: outage, target: car1, begin: 100 ms, end: 200 ms}]
-genie: {similarity: {name: pose_grid, cell: 2 m}, object_map: {freshness: {name: ttl, ttl: 1 s}}}
+genie: {similarity: {name: pose_grid, cell: 2 m}, object_map: {forget_after: 1 s}}
 """
 LONG_NS = 10**9  # what is simulated is shorter
 MAX_RUNS = 20  # of a sweep whose points are all checked

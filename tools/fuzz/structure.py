@@ -318,8 +318,8 @@ def result_contents(folder: Path) -> Case:
 QUANTITIES = ("0", "1", "2.5", "30", "0.5", "100", "-1", "1e-9", "1e9", "9" * 30, "nan")
 UNIT_WORDS = ("ns", "ms", "s", "min", "B", "kB", "MB", "Mbit/s", "Gbit/s", "m", "km", "deg", "rad")
 WORDS = (
-    *("exact", "dhash", "pose_grid", "lru", "lfu", "ttl", "unlimited", "default", "recommended"),
-    *("never", "class_ttl", "track", "existence", "corroborate", "all", "own", "confident"),
+    *("exact", "dhash", "pose_grid", "lru", "lfu", "ttl", "unlimited", "default"),
+    *("all", "own", "confident"),
     *("literal", "newest", "tracker", "raw", "jpeg80", "wifi", "ethernet_1g", "car1", "edge1"),
 )
 
@@ -331,12 +331,11 @@ def typed_settings(folder: Path) -> Case:
     base = yaml.safe_load(TINY) | {"name": "tiny"}
     genies: list[Any] = [
         {},
-        "recommended",
-        {"capacity": "3 entries", "similarity": "dhash", "object_map": {"freshness": "track"}},
+        {"capacity": "3 entries", "similarity": "dhash", "object_map": {"forget_after": "1 s"}},
     ]
     trees = []
     for genie in genies:
-        settings = base | {"genie": genie, "methods": ["remote", "genie"]}
+        settings = base | {"genie": genie, "methods": ["remote", "genie", "recommended"]}
         trees.append(json.loads(json.dumps(plain_data(read_scenario(settings)))))
 
     def typed(value: Any, rng: random.Random) -> Any:

@@ -6,18 +6,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from genie_sim.core.freshness.laws import ASSUMED, RANGE_STEP_M, SCORE_STEP
-from genie_sim.core.freshness.measure import SCORES, LawCounts
-from genie_sim.core.freshness.track import Tracks
 from genie_sim.core.messages import Header, Look
-from genie_sim.core.recommended.track_map import TrackMap
-from genie_sim.core.rules import ObjectMapRules
-from genie_sim.core.tracking import VEHICLE
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.laws import ASSUMED, RANGE_STEP_M, SCORE_STEP
+from genie_sim.tracks.measure import SCORES, LawCounts
+from genie_sim.tracks.track import COAST_NS, VEHICLE, Track
+from genie_sim.tracks.track_map import TrackMap
 
 MIN_LOOKS = 4  # at an object after the first, to tell whether it is real
 # share of those looks that found it: what is real has at least, what is not at most
 REAL_SHARE, FALSE_SHARE = 0.5, 0.25
 RANGES = len(ASSUMED.vehicles)
+NEVER_NS = 2**62
 
 
 @dataclass
@@ -35,12 +35,15 @@ class _Record:
         return sum(found for _, found in self.looks) / len(self.looks)
 
 
-class _Census(Tracks):
-    """Never expires a track for what looks miss, and logs every look at it."""
+class _Census(Existence):
+    """Expires no track for what looks miss, and logs every look at it."""
 
     def __init__(self) -> None:
         super().__init__()
         self.records: dict[int, _Record] = {}
+
+    def expires_ns(self, track: Track) -> int:
+        return track.seen_ns + COAST_NS if track.moving else NEVER_NS
 
     def seen(self, track: Any, score: float, header: Header) -> None:
         record = self.records.setdefault(track.number, _Record(track.kind is VEHICLE))
@@ -64,7 +67,7 @@ def counted(recordings: Iterable[Iterable[Look]]) -> LawCounts:
     records: list[_Record] = []
     for looks in recordings:
         census = _Census()
-        tracks = TrackMap(ObjectMapRules(), census)
+        tracks = TrackMap(census)
         for look in looks:
             tracks.count(look, look.header.stamp_ns)
         records += census.records.values()

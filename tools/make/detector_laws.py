@@ -31,7 +31,6 @@ from typing import Any
 
 import pandas as pd
 
-from genie_sim.core.freshness.laws import ASSUMED, DetectorLaws
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.detector_laws import detector_laws
@@ -40,6 +39,7 @@ from genie_sim.runs.folder import finished
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
+from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.version import PACKAGE_FOLDER
 from genie_sim.worlds.town.town import drive_name
 from tools.make.count_looks import counted
@@ -115,7 +115,7 @@ def judged(sequence: str, weight: float | None) -> float:
     laws = ASSUMED if weight is None else detector_laws({"pointrcnn"}, {drive}, weight)
     methods = [
         {"name": "tracker", "method": "remote", "consumer": "tracker"},
-        {"name": "genie", "method": "genie", "genie": "recommended"},
+        {"name": "genie", "method": "recommended"},
     ]
     settings = [
         f"perception.trace={trace(sequence)}",

@@ -22,9 +22,7 @@ GROUPS = {  # a setting belongs to the longest path that it is below
     "Fleet": ("fleet",),
     "Faults": ("faults",),
     "Genie's message cache (Algorithm 1)": ("genie",),
-    "Genie's looks": ("genie.looks", "genie.pass_time"),
     "Genie's object map (Algorithm 2)": ("genie.object_map",),
-    "Freshness of the map": ("genie.object_map.freshness",),
 }
 SEE = {  # where more is written
     "methods": "[Add a method](../extend/method.md)",
@@ -46,12 +44,10 @@ SEE = {  # where more is written
     "fleet": "[Simulate a fleet](../how-to/fleets.md)",
     "faults": "[Add a fault](../extend/fault.md)",
     "genie": "[How the paper is read](../explanation/paper-readings.md)",
-    "genie.looks": "[Paced looks](../explanation/looks.md)",
     "genie.similarity.name": "[Add a similarity](../extend/similarity.md)",
     "genie.eviction": "[Add an eviction policy](../extend/eviction.md)",
     "genie.object_map.rule": "[rules](../explanation/paper-readings.md#how-confidence-grows)",
-    "genie.object_map.freshness": "[Freshness](../explanation/freshness.md)",
-    "genie.object_map.freshness.name": "[Add a freshness policy](../extend/freshness.md)",
+    "genie.object_map.forget_after": "[Freshness](../explanation/freshness.md)",
 }
 UNITS = {  # by the example that the schema gives of a quantity
     "30 ms": "duration",

@@ -8,12 +8,10 @@ from typing import Any, Literal
 
 from genie_sim.core.caches.nearest import NONE, FeatureKey, Nearest
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.maps import Map
 from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache
 from genie_sim.core.messages import Answer, CameraPose, Detection
 from genie_sim.core.node import GenieNode
-from genie_sim.core.readings import pending_index, readings_of
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact, KeyIndex
 
@@ -198,7 +196,6 @@ def cache_node(
         cache_rules,
         key=key,
         new_cache=new_cache,
-        pending=pending_index(cache_rules, pending),
-        object_map=Map(),
-        readings=readings_of(cache_rules),
+        new_keys=pending,
+        object_map=None,
     )

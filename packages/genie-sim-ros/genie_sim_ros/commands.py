@@ -63,7 +63,7 @@ def attach(
     """Put a Genie in front of a running ROS node. It stays until Ctrl-C or 'detach'.
 
     \b
-    genie-sim ros attach /detector --pid 1234 --set genie.algorithm=recommended
+    genie-sim ros attach /detector --pid 1234 --set genie.method=recommended
     """
     from genie_sim.base import units
     from genie_sim.scenario.overrides import apply_overrides

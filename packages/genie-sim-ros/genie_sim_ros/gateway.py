@@ -23,6 +23,7 @@ from collections.abc import Callable, Hashable
 from typing import NamedTuple, Protocol
 
 from genie_sim.core.messages import Effect, Header, Observation, Publish
+from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import GenieRules
 from genie_sim_ros.looks import StampClock
 from genie_sim_ros.message import RosMessage
@@ -45,7 +46,7 @@ class Peer(NamedTuple):
 
 class AnyGenie(Protocol):
     """What decides about messages: ``core.node.GenieNode``, an ``EdgeRelay``, or
-    ``core.recommended.paced_genie.PacedGenie``.
+    ``recommended.paced_genie.PacedGenie``.
     """
 
     name: str
@@ -123,7 +124,7 @@ class Gateway:
         self._by_stamp = rules.header_identity == "stamp"
         self._expiry_ns = rules.request_expiry_ns
         # A Genie that paces its looks compares stamps with the time, and asks a single edge.
-        self._clock = None if rules.looks is None else StampClock()
+        self._clock = None if isinstance(genie, GenieNode) else StampClock()
         # The header that the node sees -> the request's header and its time; the oldest first.
         self._outstanding: OrderedDict[Hashable, tuple[Header, int]] = OrderedDict()
         self._lock = threading.Lock()

@@ -9,12 +9,12 @@ from typing import Any
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.settings import SettingError, from_plain
-from genie_sim.core.freshness import FRESHNESS
-from genie_sim.core.genies import make_genie, make_paced_genie
+from genie_sim.core.genies import make_genie
 from genie_sim.core.messages import Forgotten, Observation
-from genie_sim.core.rules import FRESHNESS_POLICY, GenieRules, LookRules, ToldRules
+from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.core.without_effect import check_effect
+from genie_sim.recommended.method import Recommended
+from genie_sim.recommended.told import ToldRules
 from genie_sim_ros.codec import Codec, WireType
 from genie_sim_ros.gateway import LOCAL, REMOTE, AnyGenie, Gateway, Peer, PeerLinks
 from genie_sim_ros.keys import check_keys
@@ -103,51 +103,50 @@ class AttachPlan:
         return cars | {name: Peer(name, "edge") for name in (*dialled, *self.edges)}
 
 
-def checked_settings(settings: Mapping[str, Any], pose_topic: str | None) -> GenieRules:
-    """The settings of a Genie in real ROS. Raises UserError naming the field."""
+def checked_settings(
+    settings: Mapping[str, Any] | str, pose_topic: str | None
+) -> GenieRules | Recommended:
+    """The settings of a Genie in real ROS: the paper's, or with ``method: recommended`` those of
+    that method. Raises UserError naming the field.
+    """
+    if settings == "recommended":
+        settings = {"method": settings}
+    given = {} if isinstance(settings, str) else dict(settings)
+    method = given.pop("method", "genie")
+    if method not in ("genie", "recommended"):
+        raise UserError(f"genie: method: {unknown('method', method, ('genie', 'recommended'))}")
     try:
-        genie = from_plain(GenieRules, settings)
-        check_effect(genie)
-        if genie.looks is None:
-            genie = from_plain(GenieRules, {**DEFAULTS, **settings})
+        if method == "recommended":
+            return _paced(from_plain(Recommended, given), pose_topic)
+        expanded: Any = GenieRules.expand(settings if isinstance(settings, str) else given)
+        genie = from_plain(GenieRules, {**DEFAULTS, **expanded})
     except SettingError as error:
         raise UserError(str(error.below("genie"))) from error
-    if genie.looks is not None:
-        return _with_looks(genie, genie.looks, pose_topic)
     if genie.similarity.name == "pose_grid" and pose_topic is None:
         raise UserError(
             "genie: similarity: pose_grid needs to know where the camera is: name a pose topic"
         )
-    freshness = genie.object_map.freshness.name
-    if FRESHNESS_POLICY.resolve(freshness).tracks:
-        choices = ", ".join(name for name, policy in FRESHNESS.items() if not policy.tracks)
-        raise UserError(
-            f"genie: object_map.freshness: {freshness!r} tracks, which ROS messages cannot carry; "
-            f"without 'looks' known: {choices}"
-        )
     return genie
 
 
-def _with_looks(genie: GenieRules, looks: LookRules, pose_topic: str | None) -> GenieRules:
+def _paced(settings: Recommended, pose_topic: str | None) -> Recommended:
     """The settings of a Genie that paces its looks. Raises UserError."""
     if pose_topic is None:
-        raise UserError("genie: looks: need to know where the camera is: name a pose topic")
-    if isinstance(looks.told, ToldRules):
-        raise UserError("genie: looks.told: ROS messages cannot carry tracks; write null")
-    if looks.edge == "in_front":
-        raise UserError("genie: looks.edge: ROS messages cannot carry looks; write none")
-    return replace(genie, looks=replace(looks, told=None))
+        raise UserError("genie: recommended: needs to know where the camera is: name a pose topic")
+    if isinstance(settings.told, ToldRules):
+        raise UserError("genie: told: ROS messages cannot carry tracks; write null")
+    return settings
 
 
 def check(plan: AttachPlan) -> None:
     """Raises UserError for what is wrong with a plan, before anything is touched."""
     genie = checked_settings(plan.settings, plan.pose_topic)
-    if genie.looks is not None:
+    if isinstance(genie, Recommended):
         for name, topics in (("inputs", plan.requests), ("answers", plan.answers)):
             if len(topics) != 1:
                 raise UserError(
-                    f"genie: looks: {plan.node} has {len(topics)} {name} ({', '.join(topics)});"
-                    " choose one by --request and --leave"
+                    f"genie: recommended: {plan.node} has {len(topics)} {name}"
+                    f" ({', '.join(topics)}); choose one by --request and --leave"
                 )
     if plan.role not in ROLES:
         raise UserError(unknown("role", plan.role, ROLES))
@@ -215,15 +214,16 @@ def make_gateway(
     """
     settings = checked_settings(plan.settings, plan.pose_topic)
     middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "map_answer": None}
-    if settings.similarity.name == "pose_grid":
-        middleware["key"] = _posed(SIMILARITIES["pose_grid"](**settings.similarity.parameters).key)
+    rules = GenieRules() if isinstance(settings, Recommended) else settings
+    if rules.similarity.name == "pose_grid" and rules is settings:
+        middleware["key"] = _posed(SIMILARITIES["pose_grid"](**rules.similarity.parameters).key)
     if object_codec is not None and plan.pose_topic is not None:
         middleware["map_answer"] = lambda header, objects: RosMessage(
             header, b"", object_codec, objects=tuple(objects), source="map"
         )
     return Gateway(
         _genie_of(plan, settings, middleware),
-        rules=settings,
+        rules=rules,
         role=plan.role,
         requests=plan.requests,
         answers=plan.answers,
@@ -233,22 +233,24 @@ def make_gateway(
     )
 
 
-def _genie_of(plan: AttachPlan, settings: GenieRules, middleware: dict[str, Any]) -> AnyGenie:
+def _genie_of(
+    plan: AttachPlan, settings: GenieRules | Recommended, middleware: dict[str, Any]
+) -> AnyGenie:
     """The Genie of a plan. Raises UserError where its node gives no objects, which looks need."""
-    if settings.looks is not None:
+    if isinstance(settings, Recommended):
         suffixes: tuple[str, str] = middleware["suffixes"]
         if plan.role == "edge":
             return EdgeRelay(plan.name, plan.requests, plan.answers, suffixes=suffixes)
         if middleware["map_answer"] is None:
-            raise UserError(f"genie: looks: {', '.join(plan.answers)} carries no objects")
-        parts = {"suffixes": suffixes, "map_answer": middleware["map_answer"]}
-        return make_paced_genie(
-            settings,
+            raise UserError(f"genie: recommended: {', '.join(plan.answers)} carries no objects")
+        return settings.car_genie(
             plan.name,
             plan.requests,
             plan.answers,
             has_edge=bool(plan.connect),
-            **parts,
+            object_map=settings.new_map(),
+            map_answer=middleware["map_answer"],
+            suffixes=suffixes,
         )
     alone = not plan.connect and plan.role == "car"
     genie = make_genie(

@@ -43,7 +43,7 @@ def plan(name: str, role: str, **settings: object) -> AttachPlan:
         role=role,
         requests=("/image",),
         answers=("/objects",),
-        settings={"algorithm": "recommended", **settings},
+        settings={"method": "recommended", **settings},
         pose_topic="/pose",
         horizontal_fov_rad=1.4,
         connect=("edge1@there:1",) if role == "car" else (),
@@ -202,7 +202,7 @@ def test_an_edge_dies_and_comes_back():
 
 def test_an_outage_is_longer_than_any_backoff():
     """Half a minute. Frames that go nowhere get rarer, but one is tried every 5 s at least."""
-    drive = Drive("edge1", looks={"in_flight": 1})
+    drive = Drive("edge1", in_flight=1)
     drive.at(1010, lambda: drive.up.remove("edge1"))
     drive.at(31_010, lambda: drive.connect("edge1"))
     drive.run(40_000)
@@ -260,27 +260,18 @@ def test_the_clock_of_stamps_is_that_of_the_soonest_frame():
 @pytest.mark.parametrize(
     ("settings", "pose_topic", "message"),
     [
-        ({"algorithm": "recommended"}, None, "genie: looks: need to know where the camera is"),
+        ("recommended", None, "genie: recommended: needs to know where the camera is"),
         (
-            {"algorithm": "recommended", "looks": {"told": {"gate": "2 m"}}},
+            {"method": "recommended", "told": {"gate": "2 m"}},
             "/pose",
-            "genie: looks.told: ROS messages cannot carry tracks; write null",
+            "genie: told: ROS messages cannot carry tracks; write null",
         ),
-        (
-            {"algorithm": "recommended", "looks": {"edge": "in_front"}},
-            "/pose",
-            "genie: looks.edge: ROS messages cannot carry looks; write none",
-        ),
-        (
-            {"algorithm": "recommended", "similarity": "dhash"},
-            "/pose",
-            "genie.similarity: {'name': 'dhash', 'radius': 8} has no effect with looks",
-        ),
-        ({"object_map": {"freshness": "recommended"}}, "/pose", "which ROS messages cannot carry"),
+        ({"method": "recommended", "similarity": "dhash"}, "/pose", "genie.similarity: unknown"),
+        ({"method": "oracle"}, "/pose", "genie: method: unknown method 'oracle'"),
     ],
 )
 def test_what_real_ros_cannot_do_is_refused(
-    settings: dict[str, object], pose_topic: str | None, message: str
+    settings: dict[str, object] | str, pose_topic: str | None, message: str
 ):
     with pytest.raises(UserError, match=message):
         checked_settings(settings, pose_topic)
@@ -291,5 +282,5 @@ def test_looks_need_one_input_and_answers_with_objects():
     with pytest.raises(UserError, match=r"/detector has 2 inputs \(/left, /right\); choose one"):
         check(two)
     quiet = {"publish": lambda *_: None, "observe": lambda *_: None}
-    with pytest.raises(UserError, match="genie: looks: /objects carries no objects"):
+    with pytest.raises(UserError, match="genie: recommended: /objects carries no objects"):
         make_gateway(plan("car1", "car"), **quiet, links=Links(Drive(), "car1"), object_codec=None)

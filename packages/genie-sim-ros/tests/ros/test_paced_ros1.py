@@ -40,7 +40,7 @@ class Cars:
     ) -> None:
         self._keys = keys
         self._paced = {
-            "settings": {"algorithm": "recommended", "looks": looks},
+            "settings": {"method": "recommended", **looks},
             "pose_topic": "/current_pose",
             "horizontal_fov_rad": 1.4,
         }

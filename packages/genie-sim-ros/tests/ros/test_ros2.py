@@ -247,7 +247,7 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
     car, *edges = new_domain("car1", 75), new_domain("edge1", 76), new_domain("edge2", 77)
     addresses = {edge.folder.name: f"127.0.0.1:{free_port()}" for edge in edges}
     paced = {
-        "settings": {"algorithm": "recommended", "looks": {"in_flight": 1, "stale": "3 s"}},
+        "settings": {"method": "recommended", "in_flight": 1, "stale": "3 s"},
         "pose_topic": "/current_pose",
         "horizontal_fov_rad": 1.4,
     }

@@ -1,0 +1,65 @@
+"""Numbers of any runs as one table, a row a number and seed: their means over seeds, and the means
+of differences, with 95 % t intervals. Runs of several seeds, sweeps and comparisons use it.
+"""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from genie_sim.analysis.registry import definition
+from genie_sim.analysis.statistics import MIN_SEEDS, half_of_mean
+from genie_sim.base.text import significant
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+NUMBER = ["metric", "method", "placement", "component", "unit"]  # the columns that tell which
+NEGLIGIBLE = 0.01  # of the value: differences below it are negligible
+
+
+def across_seeds(
+    runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
+) -> "pd.DataFrame":
+    """Mean, 95 % t interval, range and count of each number within the groups ``by``: columns
+    value, low, high, range_low, range_high, runs.
+
+    The unit of replication is the seed: with several runs of a group under one seed, their mean
+    counts once. There is no interval of fewer than ``MIN_SEEDS``, where all are equal, or of a
+    percentile with too few answers. Unless they are of ``differences``, intervals end at zero and
+    shares at 1. A range is the mean of those of the runs.
+    """
+    keys = [*by, *NUMBER]
+    ranges = [name for name in ("range_low", "range_high") if name in runs]
+    columns = {"value": "mean", **dict.fromkeys(ranges, "mean")}
+    if "n" in runs:
+        columns["n"] = "min"
+    per_seed = runs.groupby([*keys, "seed"], sort=False, dropna=False).agg(columns)
+    grouped = per_seed.groupby(keys, sort=False, dropna=False)
+    spread, count = grouped["value"].std().to_numpy(), grouped["value"].count().to_numpy()
+    rows = grouped.mean().reset_index().assign(runs=count)
+    least = grouped["n"].min().to_numpy() if "n" in runs else np.full(len(rows), np.inf)
+    names, means = rows["metric"].tolist(), rows["value"].to_numpy()
+    metrics = {name: definition(name) for name in set(names) if isinstance(name, str)}
+    low, high = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
+    for place in np.flatnonzero((count >= MIN_SEEDS) & (spread > 0)).tolist():
+        metric, value = metrics[names[place]], float(means[place])
+        if least[place] >= metric.needs:
+            half = half_of_mean(spread[place], int(count[place]))
+            ends = value - half, value + half
+            low[place], high[place] = ends if differences else metric.cut(value, *ends)
+    rows = rows.assign(low=low, high=high)
+    for name in ("range_low", "range_high"):
+        if name not in rows or differences:
+            rows[name] = np.nan
+    numbers = ["value", "low", "high", "range_low", "range_high"]
+    for name in numbers:  # ten digits: processors add up in different orders
+        rows[name] = [significant(number, digits=10) for number in rows[name]]
+    return rows[[*keys, *numbers, "runs"]]
+
+
+def is_negligible(difference: float | None, value: float | None) -> bool:
+    """Whether a difference from a value is below 1 % of it."""
+    if difference is None or value is None:
+        return False
+    return abs(difference) < NEGLIGIBLE * abs(value)

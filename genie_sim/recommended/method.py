@@ -1,0 +1,188 @@
+"""The Genie that this project recommends, as a method (docs/explanation/looks.md).
+
+Every frame is answered at once, out of a map of tracks. Looks, the passes of a detector over one
+frame, are a flow of their own: they go up at a pace, none is stored, and what an edge's detector
+answers goes back directly. Where all cars share one world, a Genie beside each edge's detector
+tells them what others saw. Its numbers were chosen on drives that no test uses.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.settings import Bounds, Count, Share
+from genie_sim.core.messages import Detections
+from genie_sim.recommended.paced_genie import PacedGenie
+from genie_sim.recommended.pacing import Pacer
+from genie_sim.recommended.sharing import SharingGenie
+from genie_sim.recommended.told import ToldRules, ToldTracks
+from genie_sim.sim.method import (
+    DIRECT_UPLINK,
+    OBJECTS,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    Method,
+)
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.laws import ASSUMED, DetectorLaws
+from genie_sim.tracks.track_map import TrackMap
+
+
+@dataclass(frozen=True)
+class Recommended(Method):
+    """Cars answer out of a map of tracks, look at a pace, and hear from their edge what others
+    see.
+    """
+
+    title = "recommended Genie"
+
+    every_ns: int = 75_000_000
+    """Mean gap between the frames of a view that go up, or that of its frames where it is longer; a
+    frame goes up that is nearest to when a look falls due. Streams whose headings differ by less
+    than 15 degrees show one view and take turns."""
+
+    in_flight: Count = 4
+    """At most this many frames of a car are on their way to the edge and back."""
+
+    stale_ns: Annotated[int, Bounds(above=0)] = 500_000_000
+    """An answer about an older frame counts as no look. While the round trip is longer than this,
+    only one frame is on its way; with each such answer in a row the gap between looks grows: to
+    this time, then twice as long each time, up to 10 s."""
+
+    own: Literal["all", "free", "rest"] = "all"
+    """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come
+    while it is free, or those that do not go up."""
+
+    view_range_m: Annotated[float, Bounds(above=0)] = 50.0
+    """Answers out of the map look this far."""
+
+    view_margin_rad: Annotated[float, Bounds(minimum=0)] = math.radians(10.0)
+    """Answers out of the map look this much wider than the camera, on each side."""
+
+    p_min: Share = 0.8
+    """The map serves what exists with at least this probability."""
+
+    tau_ns: int = 100_000_000
+    """Looks within this time are no independent evidence; 0 counts every look whole."""
+
+    measured: bool = True
+    """Whether detection probability and score distributions are those that were measured for the
+    detector on other drives, or assumed."""
+
+    told: ToldRules | Literal["auto"] | None = "auto"
+    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`:
+    nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
+    nothing."""
+
+    pass_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
+    """CPU time of a message that a Genie only passes on or learns from; an answer of its own making
+    costs the Genie time of the device profile. Measured in real ROS on an x86 processor
+    (reality.md of genie-sim-ros). `null`: every message costs the Genie time."""
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images and self._told(host) is None:
+            raise UserError(
+                f"recommended: {host.name}: a car without cameras lives on what edges tell: it "
+                "needs 'told'"
+            )
+        if not host.gets_images:
+            return HostConfig(uplink=DIRECT_UPLINK)
+        if host.genie is None:
+            return HostConfig(detector=True)
+        return HostConfig(
+            detector=True,
+            interceptor=partial(self._on_car, host),
+            uplink=REMOTE_UPLINK if host.has_edge else None,
+            pass_time_ns=self.pass_time_ns,
+        )
+
+    def on_edge(self, host: HostContext) -> HostConfig:
+        if self._told(host) is None:
+            return HostConfig(detector=host.gets_images)
+        return HostConfig(
+            detector=host.gets_images,
+            interceptor=partial(self._on_edge, host),
+            neighbour_topics=(OBJECTS + REMOTE,),
+            pass_time_ns=self.pass_time_ns,
+            is_beside=host.gets_images,
+        )
+
+    def _on_car(
+        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+    ) -> PacedGenie:
+        return self.car_genie(
+            f"{host.name}/genie",
+            subscribed,
+            published,
+            has_edge=host.has_edge,
+            object_map=self._new_map(host),
+            told=self._told(host),
+            names_changes=host.records_changes,
+        )
+
+    def car_genie(
+        self,
+        name: str,
+        subscribed: Sequence[str],
+        published: Sequence[str],
+        *,
+        has_edge: bool,
+        object_map: TrackMap,
+        told: ToldRules | None = None,
+        **middleware: Any,
+    ) -> PacedGenie:
+        """The Genie of a car; ``middleware`` are further arguments of ``PacedGenie``."""
+        pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
+        return PacedGenie(
+            name,
+            subscribed,
+            published,
+            pacer=pacer if has_edge else None,
+            own=self.own,
+            object_map=object_map,
+            told=None if told is None else ToldTracks(told, object_map.contradicts),
+            **({"map_answer": Detections} | middleware),
+        )
+
+    def _on_edge(
+        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+    ) -> SharingGenie:
+        told = self._told(host)
+        assert told is not None
+        return SharingGenie(
+            f"{host.name}/genie",
+            subscribed,
+            published,
+            object_map=self._new_map(host),
+            told=told,
+            make_answer=Detections,
+            answers_frames=not host.gets_images,
+            names_changes=host.records_changes,
+        )
+
+    def _new_map(self, host: HostContext) -> TrackMap:
+        return self.new_map(host.laws if self.measured else ASSUMED)
+
+    def new_map(self, laws: DetectorLaws = ASSUMED) -> TrackMap:
+        """An empty map of tracks."""
+        return TrackMap(
+            Existence(self.p_min, self.tau_ns, laws),
+            view_range_m=self.view_range_m,
+            view_margin_rad=self.view_margin_rad,
+        )
+
+    def _told(self, host: HostContext) -> ToldRules | None:
+        """What edges tell. Raises ``UserError`` where what one car sees is not there for others."""
+        if self.told == "auto":
+            return ToldRules() if host.is_one_world else None
+        if self.told is not None and not host.is_one_world:
+            raise UserError(
+                "recommended: told: cars replay recordings at different times, so what one sees is "
+                "not there for others; leave it out, or use a town or recordings of one sequence"
+            )
+        return self.told

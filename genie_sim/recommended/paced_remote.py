@@ -1,0 +1,69 @@
+"""Paced remote execution: the edge's detector answers as many frames as the way up carries.
+
+Remote execution with the pacing of the recommended Genie, and without its map: a frame goes up if
+the way is free, else nobody looks at it. It needs a consumer that predicts between answers.
+"""
+
+from functools import partial
+
+from genie_sim.base.units import NS_PER_MS
+from genie_sim.core.messages import Effect, Expired, Image, Message, Publish
+from genie_sim.methods.remote import Remote
+from genie_sim.methods.similarity import LocalAndRemote, at_least
+from genie_sim.recommended.pacing import Pacer
+from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext
+
+
+class PacedRemote(Remote):
+    """Each car's frames go to its edge's detector while few enough are on their way."""
+
+    title = "paced remote"
+
+    def __init__(
+        self, every_ns: int = 0, in_flight: int = 1, stale_ns: int = 500 * NS_PER_MS
+    ) -> None:
+        """``every``, ``in_flight`` and ``stale``: as those of ``recommended``."""
+        self._every_ns = int(at_least("every", every_ns, 0))
+        self._in_flight = int(at_least("in_flight", in_flight, 1))
+        self._stale_ns = int(at_least("stale", stale_ns, 1))
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
+            return None
+        if not host.has_edge:
+            return HostConfig()
+        return HostConfig(
+            interceptor=partial(self._sender, host), uplink=REMOTE_UPLINK, costs_nothing=True
+        )
+
+    def _sender(
+        self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+    ) -> "PacedSender":
+        pacer = Pacer(every_ns=self._every_ns, in_flight=self._in_flight, stale_ns=self._stale_ns)
+        return PacedSender(f"{host.name}/sender", pacer, subscribed, published)
+
+
+class PacedSender(LocalAndRemote):
+    """Sends a frame up if its pacer lets it, and passes the answers on."""
+
+    def on_message(
+        self, topic: str, message: Message, now_ns: int, sender: str | None = None
+    ) -> list[Effect]:
+        pacer: Pacer = self._state
+        expired: list[Effect] = [Expired(loss.header) for loss in pacer.expire(now_ns)]
+        if topic != self._images:
+            arrival = pacer.answered(message.header, now_ns)
+            expired += [Expired(loss.header) for loss in arrival.lost]
+            return [*expired, Publish(self._objects, message)]
+        assert isinstance(message, Image)
+        if not pacer.sends(message.header, message.pose.heading_rad, now_ns):
+            return [*expired, Expired(message.header)]
+        return [*expired, Publish(self._images + REMOTE, message)]
+
+    def next_deadline_ns(self) -> int | None:
+        pacer: Pacer = self._state
+        return pacer.next_deadline_ns()
+
+    def on_deadline(self, now_ns: int) -> list[Effect]:
+        pacer: Pacer = self._state
+        return [Expired(loss.header) for loss in pacer.expire(now_ns)]

@@ -1,0 +1,417 @@
+"""The object map of the policies that track: looks go in, each once, and tracks come out where they
+are predicted.
+"""
+
+import heapq
+import itertools
+import math
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from genie_sim.base.grid import Area, Grid, area_around, widened
+from genie_sim.core.messages import Detection, Header, Look, MapChange, ObjectLookups
+from genie_sim.core.view import ViewSector
+from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track import NEAR_M, Track, kind_of, sigma_of
+from genie_sim.tracks.view import FARTHEST_M, View, Viewer
+
+SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
+# A track stays in the cell where it was last updated; this far it may have moved since.
+SLOW_DRIFT_M, FAST_DRIFT_M = 0.5, 34.0
+COUNTED_NS = 10_000_000_000  # how long a look is remembered, lest it be counted again
+MAX_GATE_M = 5.0  # no kind's gate is wider
+
+
+class TrackInPlace(NamedTuple):
+    """A track, and where it is at some time."""
+
+    east_m: float
+    north_m: float
+    track: Track
+
+
+class Pair(NamedTuple):
+    """A track and a detection that may show it; the nearest pair sorts first."""
+
+    distance_m: float
+    number: int  # of the track
+    detection: int  # its index in the look
+    track: Track
+
+
+class CountedLook(NamedTuple):
+    """What a look did: the tracks that it shows, how likely those existed before it that were
+    there, by number, and the tracks that the map forgot.
+    """
+
+    shown: Sequence[Track]
+    before: Mapping[int, float]
+    forgotten: Sequence[Track]
+
+
+class TrackMap:
+    """A map of tracks: looks go in, each once, and objects come out where they are predicted. The
+    tracks stand in two grids, one of those that hardly move.
+
+    Parameters
+    ----------
+    existence : Existence
+        How likely a track still exists, and when it is forgotten.
+    view_range_m : float
+        How far answers out of the map look [m].
+    view_margin_rad : float
+        By how much they look wider than the camera, on each side [rad].
+    """
+
+    def __init__(
+        self,
+        existence: Existence,
+        *,
+        view_range_m: float = 50.0,
+        view_margin_rad: float = 0.0,
+    ) -> None:
+        self._existence = existence
+        self._view_range_m = view_range_m
+        self._view_margin_rad = view_margin_rad
+        self._slow: Grid[Track] = Grid(SLOW_CELL_M)
+        self._fast: Grid[Track] = Grid(FAST_CELL_M)
+        self._count = 0  # of the tracks in both
+        self._numbers = itertools.count()  # of tracks
+        # a heap: when the track's time may be over, and a tie-breaker
+        self._to_forget: list[tuple[int, int, Track]] = []
+        self._ties = itertools.count()
+        self._counted: OrderedDict[Header, None] = OrderedDict()  # looks
+        self._latest: dict[tuple[str, str], tuple[int, View]] = {}  # the newest look of each camera
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[Track]:
+        return itertools.chain(self._slow, self._fast)
+
+    @property
+    def p_min(self) -> float:
+        """Lowest probability of existence at which an object is served."""
+        return self._existence.p_min
+
+    def forget(self, now_ns: int) -> list[Track]:
+        """Removes and returns the tracks whose time is over [ns]."""
+        forgotten = []
+        waiting = self._to_forget
+        while waiting and waiting[0][0] <= now_ns:
+            due_ns, _, track = heapq.heappop(waiting)
+            if track.cell is None or track.due_ns != due_ns:
+                continue  # gone, or noted for another time
+            track.due_ns = None
+            expires_ns = self._existence.expires_ns(track)
+            if expires_ns <= now_ns:
+                self._take_out(track, was_moving=track.moving)
+                forgotten.append(track)
+            else:
+                self._plan(track)
+        return forgotten
+
+    def learn(self, look: Look, now_ns: int, names_changes: bool) -> ObjectLookups:
+        """Counts a look; what it did, for the log."""
+        tracks, before, forgotten = self.count(look, now_ns)
+        remaining = [track for track in tracks if track.cell is not None]
+        return ObjectLookups(
+            look.header,
+            "sighting",
+            requests=len(tracks),
+            hits=sum(p >= self.p_min for p in before.values()),
+            updates=len(before),
+            boost_sum=math.fsum(
+                self.existence(track, now_ns) - before[track.number]
+                for track in remaining
+                if track.number in before
+            ),
+            objects=len(self),
+            changes=tuple(map(MapChange.of, remaining)) if names_changes else (),
+            forgotten=tuple(map(MapChange.of, forgotten)) if names_changes else (),
+        )
+
+    def visible(self, viewer: Viewer, now_ns: int) -> list[Detection]:
+        """The tracks in view that may leave."""
+        sector = self._sector(viewer)
+        p_min = self.p_min
+        in_view = [
+            track
+            for track in self._inside(sector.box())
+            if track.existence >= p_min and sector.distance_m(*track.place(now_ns)) is not None
+        ]
+        return self._served(in_view, now_ns)
+
+    def shows(self, viewer: Viewer, detection: Detection) -> bool:
+        """Whether an object is where ``visible`` looks for this viewer."""
+        assert detection.location is not None
+        east_m, north_m, _ = detection.location
+        return self._sector(viewer).distance_m(east_m, north_m) is not None
+
+    def existence(self, track: Track, now_ns: int) -> float:
+        """How likely a track exists at a time [ns]."""
+        return self._existence.existence(track, now_ns)
+
+    def contradicts(self, label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
+        """Whether a camera of this map's looked after ``seen_ns``, had a place in view, and the map
+        has no track there that an object of this class could be.
+        """
+        looked = any(
+            stamp_ns > seen_ns and view.range_m(east_m, north_m) is not None
+            for stamp_ns, view in self._latest.values()
+        )
+        return looked and self.match(label, east_m, north_m, seen_ns) is None
+
+    def served(self, now_ns: int) -> list[Detection]:
+        """Every object that may leave to other Genies, wherever it is."""
+        return self._served(self, now_ns)
+
+    def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
+        """The nearest track of the label's group that a sighting at a place could be."""
+        kind = kind_of(label)
+        nearest: tuple[float, int] | None = None
+        nearest_track = None
+        for track in self._inside(area_around(east_m, north_m, kind.gate_m)):
+            if track.kind is kind:
+                there_east_m, there_north_m = track.place(at_ns)
+                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                if _fits(track, distance_m, at_ns):
+                    rank = distance_m, track.number
+                    if nearest is None or rank < nearest:
+                        nearest, nearest_track = rank, track
+        return nearest_track
+
+    def count(self, look: Look, now_ns: int) -> CountedLook:
+        """Counts a look, unless it was counted before."""
+        stamp_ns = look.header.stamp_ns
+        detections = [detection for detection in look.detections if detection.location is not None]
+        if look.header in self._counted:
+            return CountedLook(self._tracks_shown(detections, stamp_ns), {}, [])
+        view = View(look)
+        self._remember(look, view)
+        around = self._around(look, detections)
+        pairs = _pairs(detections, around, stamp_ns)
+        shown = _matched(pairs)
+        matched = {track.number for track in shown.values()}
+        # of the other tracks in view the look is evidence that they are gone
+        unseen = [
+            (track, range_m)
+            for east_m, north_m, track in around
+            if track.number not in matched
+            and track.checked_ns <= stamp_ns
+            and (range_m := view.range_m(east_m, north_m)) is not None
+        ]
+        before = {track.number: self.existence(track, now_ns) for track in shown.values()}
+        born: list[Track] = []
+        for index, seen in enumerate(detections):
+            shown[index] = self._sight(shown.get(index), seen, look, born)
+        for track, range_m in unseen:
+            self._existence.unseen(track, range_m, look.header)
+            if track.existence < 0.5:  # until then the time that is noted is near enough
+                self._plan(track)
+        unmatched = [pair for pair in pairs if pair.number not in matched]
+        forgotten = self._merged(unmatched, shown, stamp_ns) + self.forget(now_ns)
+        return CountedLook(_without_repeats(shown.values()), before, forgotten)
+
+    def _sector(self, viewer: Viewer) -> ViewSector:
+        """Where answers out of the map look for a viewer."""
+        width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
+        return ViewSector(viewer.pose, width_rad, self._view_range_m)
+
+    def _merged(self, pairs: Iterable[Pair], shown: Mapping[int, Track], at_ns: int) -> list[Track]:
+        """Takes out, and returns, the tracks of pairs that are now so near to the one that was seen
+        that both are one object.
+        """
+        merged = []
+        for pair in pairs:
+            if (
+                pair.track.cell is not None
+                and _distance_m(pair.track, shown[pair.detection], at_ns) < NEAR_M
+            ):
+                self._take_out(pair.track, was_moving=pair.track.moving)
+                merged.append(pair.track)
+        return merged
+
+    def _tracks_shown(self, detections: Iterable[Detection], at_ns: int) -> list[Track]:
+        """The tracks that detections of a look that was counted before show."""
+        tracks = []
+        for detection in detections:
+            assert detection.location is not None
+            east_m, north_m, _ = detection.location
+            track = self.match(detection.label, east_m, north_m, at_ns)
+            if track is not None:
+                tracks.append(track)
+        return _without_repeats(tracks)
+
+    def _remember(self, look: Look, view: View) -> None:
+        """Notes that a look was counted, and if it is its camera's newest, what it saw."""
+        stamp_ns, stream, car = look.header
+        self._counted[look.header] = None
+        if stamp_ns >= self._latest.get((car, stream), (0, view))[0]:
+            self._latest[car, stream] = stamp_ns, view
+        while next(iter(self._counted)).stamp_ns < stamp_ns - COUNTED_NS:
+            self._counted.popitem(last=False)
+
+    def _sight(self, track: Track | None, seen: Detection, look: Look, born: list[Track]) -> Track:
+        """A track is seen, or begins; two detections of one object in one look are one.
+
+        Parameters
+        ----------
+        track : Track or None
+            The track that the detection shows; ``None`` for a new one.
+        seen : Detection
+            The detection, with its place.
+        look : Look
+            The look that it belongs to.
+        born : list of Track
+            The tracks that begin with this look; a new one is added.
+        """
+        header = look.header
+        assert seen.location is not None
+        east_m, north_m, _ = seen.location
+        range_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
+        sigma_m = sigma_of(range_m)
+        if track is None:
+            kind = kind_of(seen.label)
+            for other in born:
+                if (
+                    other.kind.group == kind.group
+                    and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
+                ):
+                    return other
+            speed_mps = kind.v_max_mps / 2
+            variance = sigma_m * sigma_m, 0.0, speed_mps * speed_mps
+            track = Track(
+                number=next(self._numbers),
+                kind=kind,
+                label=seen.label,
+                score=seen.score,
+                east_m=east_m,
+                north_m=north_m,
+                up_m=seen.location[2],
+                stamp_ns=header.stamp_ns,
+                seen=header,
+                variance=variance,
+            )
+            born.append(track)
+        else:
+            self._move(track, seen, sigma_m, header)
+        track.range_m = range_m
+        track.seen_by_ns[header.origin] = max(
+            header.stamp_ns, track.seen_by_ns.get(header.origin, header.stamp_ns)
+        )
+        self._existence.seen(track, seen.score, header)
+        if track.cell is None:  # new, or moved out of its cell
+            self._put(track)
+        if track.due_ns is None or track.moving:
+            self._plan(track)
+        return track
+
+    def _move(self, track: Track, seen: Detection, sigma_m: float, header: Header) -> None:
+        """Updates a track by a sighting; takes it out of the grid if its cell has changed."""
+        was_moving, cell = track.moving, track.cell
+        track.update(seen, sigma_m, header)
+        if track.moving != was_moving or self._cell(track) != cell:
+            self._take_out(track, was_moving)
+
+    def _around(self, look: Look, detections: Iterable[Detection]) -> list[TrackInPlace]:
+        """The tracks in view of a look, and around all that it shows, each with its place then."""
+        range_m = FARTHEST_M
+        for detection in detections:
+            assert detection.location is not None
+            east_m, north_m, _ = detection.location
+            away_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
+            range_m = max(range_m, away_m)
+        sector = ViewSector(look.pose, look.horizontal_fov_rad, range_m)
+        area = widened(sector.box(), MAX_GATE_M)
+        stamp_ns = look.header.stamp_ns
+        return [TrackInPlace(*track.place(stamp_ns), track) for track in self._inside(area)]
+
+    def _inside(self, area: Area) -> Iterator[Track]:
+        """The tracks that may be in an upright rectangle."""
+        for grid, drift_m in ((self._slow, SLOW_DRIFT_M), (self._fast, FAST_DRIFT_M)):
+            yield from grid.inside(widened(area, drift_m))
+
+    def _cell(self, track: Track) -> float:
+        grid = self._fast if track.moving else self._slow
+        return grid.cell(track.east_m, track.north_m)
+
+    def _put(self, track: Track) -> None:
+        """Into the grid."""
+        track.cell = self._cell(track)
+        (self._fast if track.moving else self._slow).add(track.cell, track)
+        self._count += 1
+
+    def _take_out(self, track: Track, was_moving: bool) -> None:
+        """Out of the grid that it is in."""
+        assert track.cell is not None
+        (self._fast if was_moving else self._slow).remove(track.cell, track)
+        track.cell = None
+        self._count -= 1
+
+    def _plan(self, track: Track) -> None:
+        """Notes when to look whether the track's time is over, unless that is noted for an earlier
+        time.
+        """
+        expires_ns = self._existence.expires_ns(track)
+        if track.due_ns is None or expires_ns < track.due_ns:
+            track.due_ns = expires_ns
+            heapq.heappush(self._to_forget, (expires_ns, next(self._ties), track))
+
+    def _served(self, tracks: Iterable[Track], now_ns: int) -> list[Detection]:
+        """Those of these tracks that may leave, where they are now."""
+        likely = ((track, self.existence(track, now_ns)) for track in tracks)
+        p_min = self.p_min
+        return [track.as_detection(now_ns, p, p) for track, p in likely if p >= p_min]
+
+
+def _pairs(
+    detections: Sequence[Detection], around: Iterable[TrackInPlace], at_ns: int
+) -> list[Pair]:
+    """The pairs of detections and tracks that may belong together, the nearest first."""
+    grid: Grid[TrackInPlace] = Grid(MAX_GATE_M)
+    for placed in around:
+        grid.add(grid.cell(placed.east_m, placed.north_m), placed)
+    pairs = []
+    for index, seen in enumerate(detections):
+        assert seen.location is not None
+        kind, (east_m, north_m, _) = kind_of(seen.label), seen.location
+        area = area_around(east_m, north_m, MAX_GATE_M)
+        for there_east_m, there_north_m, track in grid.inside(area):
+            if track.kind is kind:
+                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                if _fits(track, distance_m, at_ns):
+                    pairs.append(Pair(distance_m, track.number, index, track))
+    pairs.sort()
+    return pairs
+
+
+def _matched(pairs: Iterable[Pair]) -> dict[int, Track]:
+    """Each detection's track, by the detection's index: greedily, in the order of the pairs."""
+    found: dict[int, Track] = {}
+    taken: set[int] = set()
+    for pair in pairs:
+        if pair.detection not in found and pair.number not in taken:
+            found[pair.detection] = pair.track
+            taken.add(pair.number)
+    return found
+
+
+def _fits(track: Track, distance_m: float, at_ns: int) -> bool:
+    """Whether a sighting so far from a track's place may be the track's: within its kind's gate and
+    two standard deviations.
+    """
+    return distance_m <= NEAR_M or (
+        distance_m <= track.kind.gate_m and distance_m <= NEAR_M + 2.0 * track.sigma_m(at_ns)
+    )
+
+
+def _distance_m(track: Track, other: Track, at_ns: int) -> float:
+    """How far apart two tracks are at a time."""
+    (east_m, north_m), (other_east_m, other_north_m) = track.place(at_ns), other.place(at_ns)
+    return math.hypot(east_m - other_east_m, north_m - other_north_m)
+
+
+def _without_repeats(tracks: Iterable[Track]) -> list[Track]:
+    return list({track.number: track for track in tracks}.values())

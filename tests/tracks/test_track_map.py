@@ -1,0 +1,76 @@
+"""The map of tracks, and one track: by hand and against a Kalman filter in matrices."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from genie_sim.core.messages import CameraPose, Header
+from genie_sim.tracks.track import NEAR_M, VEHICLE, sigma_of
+from genie_sim.tracks.view import Viewer
+from tests.core.worlds import S
+from tests.tracks.looks import FOV, MS, after, car, look, tracks
+
+
+def kalman_step(state, covariance, dt_s, measured_m, sigma_m):
+    """One axis of a constant velocity with white acceleration, constant over the step."""
+    move = np.array([[1.0, dt_s], [0.0, 1.0]])
+    push = np.array([[dt_s**2 / 2], [dt_s]]) * VEHICLE.acceleration_mps2
+    state, covariance = move @ state, move @ covariance @ move.T + push @ push.T
+    gain = covariance[:, 0] / (covariance[0, 0] + sigma_m**2)
+    state = state + gain * (measured_m - state[0])
+    return state, covariance - np.outer(gain, covariance[0])
+
+
+def test_a_track_is_a_kalman_filter_for_each_axis():
+    places = [(20.0, 0.0), (20.5, 0.2), (21.2, 0.3), (21.6, 0.7), (22.4, 0.7)]
+    map_ = tracks()
+    first_sigma_m = sigma_of(20.0)
+    covariance = np.diag([first_sigma_m**2, (VEHICLE.v_max_mps / 2) ** 2])
+    axes = [(np.array([metre, 0.0]), covariance) for metre in places[0]]
+    for i, place in enumerate(places):
+        map_.count(look(0.2 * i, car(*place)), i * 200 * MS)
+        if i:
+            sigma_m = sigma_of(math.hypot(*place))
+            axes = [
+                kalman_step(*axis, 0.2, *at)
+                for axis, at in zip(axes, ((place[0], sigma_m), (place[1], sigma_m)), strict=True)
+            ]
+    (track,) = map_
+    (east, covariance), (north, _) = axes
+    assert (track.east_m, track.north_m) == pytest.approx((east[0], north[0]))
+    assert track.velocity_mps == pytest.approx((east[1], north[1]))
+    expected = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    assert track.variance == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("sigmas", "count"), [(1.5, 1), (1.9, 1), (2.1, 2)])
+def test_a_sighting_within_two_sigmas_of_the_predicted_place_is_the_tracks(sigmas, count):
+    map_ = after(tracks(), look(0.0, car(20.0)))
+    (track,) = map_
+    away_m = NEAR_M + sigmas * track.sigma_m(100 * MS)
+    assert away_m < track.kind.gate_m
+    after(map_, look(0.1, car(20.0, away_m)))
+    assert len(map_) == count
+
+
+@pytest.mark.parametrize(("range_m", "visible"), [(0.9, True), (1.1, False), (1.9, False)])
+def test_the_view_ends_at_its_range(range_m, visible):
+    """Of 30 m."""
+    place = car(30.0 * range_m)
+    map_ = after(tracks(view_range_m=30.0), *(look(0.1 * i, place) for i in range(5)))
+    viewer = Viewer(Header(S, "02", "car1"), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+    assert bool(map_.visible(viewer, S)) is visible
+
+
+@pytest.mark.parametrize("away_m", [50e3, 1e9, 1e15])
+def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m):
+    both = car(20.0), car(away_m)
+    map_ = after(tracks(view_range_m=2 * away_m), look(0.0, *both), look(0.1, *both))
+    assert sorted(track.sightings for track in map_) == [2, 2]
+    header = Header(S, "02", "car1")
+    viewer = Viewer(header, CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
+    objects = map_.visible(viewer, S)
+    assert [detection.location[0] for detection in objects] == pytest.approx([20.0, away_m])
