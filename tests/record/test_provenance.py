@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.paths import usable
 from genie_sim.record import provenance
 from genie_sim.record.provenance import check_writable, result_folder, run_id
 
@@ -180,7 +181,8 @@ def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
         result_folder(tmp_path / "run") as partial,
     ):
         (partial / "frames.parquet").write_text("half")
-        raise OSError(28, "No space left on device")
+        with usable(partial / "frames.parquet"):
+            raise OSError(28, "No space left on device")
     assert str(tmp_path / "run") in str(caught.value) and "\n" not in str(caught.value)
     assert everything_in(tmp_path) == []
 
