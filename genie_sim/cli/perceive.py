@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from genie_sim.data.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
-OF_PAIR = ("root", "data_set", "sequence", "partner", "min_score", "out", "accept")
 OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
 OF_DRIVE = (
     *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
@@ -25,18 +24,9 @@ OF_DRIVE = (
 
 
 @click.command()
-@click.argument("root", type=PATH, required=False)
 @click.option("--drive", help="A drive: 2011_09_26/0005, tracking/0005 or odometry/05.")
 @accept_option
-@click.option(
-    "--format",
-    "data_set",
-    type=click.Choice(["v2v4real"]),
-    help="Instead: two cars of V2V4Real, in the folder ROOT (default: $GENIE_SIM_V2V4REAL).",
-)
-@click.option("--sequence", help="Of that data set, such as train/0012.")
-@click.option("--partner", type=int, metavar="ID", help="The label that is the other car.")
-@click.option("--out", type=PATH, help="The trace file to write; with --format, the folder.")
+@click.option("--out", type=PATH, help="The trace file to write.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")
 @click.option(
     "--cameras", default="02,03", help="Cameras, separated by commas; 00 and 01 are grey."
@@ -45,7 +35,9 @@ OF_DRIVE = (
 @click.option(
     "--min-score",
     type=click.FloatRange(0.0, 1.0),
-    help="Keep detections from this score on; default: 0.3, with --format all.",
+    default=DEFAULT_MIN_SCORE,
+    show_default=True,
+    help="Keep detections from this score on.",
 )
 @click.option(
     "--origin", metavar="LAT,LON,ALT", help="The world's origin; default: the drive's first fix."
@@ -70,16 +62,12 @@ OF_DRIVE = (
 )
 def perceive(
     *,
-    root: Path | None,
     drive: str | None,
-    data_set: str | None,
-    sequence: str | None,
-    partner: int | None,
     accept: bool,
     out: Path | None,
     kitti: Path | None,
     cameras: str,
-    min_score: float | None,
+    min_score: float,
     origin: str | None,
     allow_missing_scans: bool,
     check: str | None,
@@ -88,27 +76,22 @@ def perceive(
     encoding: Encoding,
     **network: Any,
 ) -> None:
-    """Run a detector over a drive or a data set; write traces."""
+    """Run a detector over a drive; write its trace."""
     from genie_sim.base.import_report import ImportReport
     from genie_sim.data import perceive as perception
     from genie_sim.data.trace_report import write_told
 
-    if [drive, data_set, check].count(None) != 2:
-        raise UserError("perceive: give either --drive, --format or --check")
+    if (drive is None) == (check is None):
+        raise UserError("perceive: give either --drive or --check")
     if check is not None:
         arguments.only("with --check", *OF_NETWORK, "check")
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
-    if data_set is not None:
-        arguments.only("with --format", *OF_PAIR)
-        _of_pair(root, sequence, partner=partner, min_score=min_score, out=out, accept=accept)
-        return
     if evaluate:
         arguments.only("with --drive", *OF_DRIVE, "labels")
     else:
         arguments.only("with --drive, but without --evaluate", *OF_DRIVE)
-    min_score = DEFAULT_MIN_SCORE if min_score is None else min_score
     if out is None and not evaluate:
         raise UserError("perceive: say what you want: --out or --evaluate")
     world = arguments.geodetic("--origin", origin)
@@ -146,52 +129,3 @@ def _check(name: str, kitti: Path, settings: "DetectorSettings") -> None:
         again = trace_check.perceive_again(kitti, trace, settings, progress)
     for line in trace_check.differences(trace, again):
         click.echo(line)
-
-
-def _of_pair(
-    root: Path | None,
-    sequence: str | None,
-    *,
-    partner: int | None,
-    min_score: float | None,
-    out: Path | None,
-    accept: bool,
-) -> None:
-    """Writes the traces and the truth tables of both cars of a sequence of V2V4Real.
-
-    Parameters
-    ----------
-    root : DMSTrack's folder; ``None``: what GENIE_SIM_V2V4REAL says
-    sequence : such as ``train/0012``
-    partner : the label of the other car, of sequences whose is not known
-    min_score : the lowest score kept; ``None``: all
-    out : the folder
-    accept : what cannot be right, too
-    """
-    from genie_sim.base.import_report import ImportReport
-    from genie_sim.data import v2v4real
-    from genie_sim.data.trace_report import write_told
-    from genie_sim.data.truth_table import path_beside, write_truth
-
-    if sequence is None or out is None:
-        raise UserError("perceive: --format v2v4real needs --sequence and --out")
-    place = v2v4real.folder(root)
-    report = ImportReport(place, accept)
-    pair = v2v4real.recordings(
-        place,
-        sequence,
-        partner=partner,
-        min_score=v2v4real.LOWEST_SCORE if min_score is None else min_score,
-        report=report,
-    )
-    for car, recording in pair.items():
-        path = out / f"{car}.parquet"
-        write_truth(path_beside(path), recording.truth)
-        click.echo(write_told(path, recording.trace))
-    about = recording.trace.provenance
-    click.echo(
-        f"the ego's poses are recovered: what stands scatters by {about['scatter_m']:.2f} m; "
-        f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
-        f"{about['partner']}"
-    )
-    tell(report)

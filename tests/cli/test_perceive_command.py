@@ -13,7 +13,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import evaluation, perceive, trace, trace_report, truth, truth_table, v2v4real
+from genie_sim.data import evaluation, perceive, trace, trace_report, truth, truth_table
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -26,15 +26,9 @@ class Trace:
         "02": [SimpleNamespace(detections=(1, 2)), SimpleNamespace(detections=())],
         "03": [SimpleNamespace(detections=(3,))],
     }
-    provenance = {"scatter_m": 0.5, "frames": (3, 9), "partner": 7}  # noqa: RUF012
-    truth = "the truth"
 
     def __init__(self, from_score: float | None = None) -> None:
         self.from_score = from_score
-
-    @property
-    def trace(self) -> Trace:
-        return self
 
     def at_least(self, score: float) -> Trace:
         return Trace(score)
@@ -58,9 +52,6 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
     monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
     monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
-    monkeypatch.setattr(v2v4real, "folder", lambda root: root)
-    monkeypatch.setattr(v2v4real, "recordings", noting("pair", {"ego": Trace(), "cav1": Trace()}))
-    monkeypatch.setattr(truth_table, "write_truth", noting("write truth"))
     return told
 
 
@@ -115,50 +106,16 @@ def test_labels_are_those_of_the_drive_itself(asked):
     assert drive == "2011_09_26/0005"
 
 
-def test_a_pair_of_real_cars(asked, capsys):
-    line = ["perceive", "--format", "v2v4real", "/root", "--sequence", "train/0012", "--out", "o"]
-    assert main(line) == 0
-    assert main([*line, "--partner", "7", "--min-score", "0"]) == 0
-    (first, usual), (_, chosen) = asked["pair"]
-    assert first == (Path("/root"), "train/0012")
-    assert usual.pop("report").path == Path("/root") and chosen.pop("report")
-    assert usual == {"partner": None, "min_score": v2v4real.LOWEST_SCORE}
-    assert chosen == {"partner": 7, "min_score": 0.0}
-    assert [path for (path, _), _ in asked["write"][:2]] == [
-        Path("o/ego.parquet"),
-        Path("o/cav1.parquet"),
-    ]
-    assert [path for (path, _), _ in asked["write truth"][:2]] == [
-        Path("o/ego.truth.parquet"),
-        Path("o/cav1.truth.parquet"),
-    ]
-    assert "scatters by 0.50 m; frames 3 to 9, the other car is label 7" in capsys.readouterr().out
-
-
-PAIR = ["--format", "v2v4real"]
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "give either --drive, --format or --check"),
-        (["--drive", "a", *PAIR], "give either --drive, --format or --check"),
-        ([*PAIR, "--sequence", "s"], "--format v2v4real needs --sequence and --out"),
-        ([*PAIR, "--out", "o"], "--format v2v4real needs --sequence and --out"),
-        ([*PAIR, "--evaluate"], "--evaluate: has no effect with --format"),
-        ([*PAIR, "--origin", "1,2,3"], "--origin: has no effect with --format"),
-        ([*PAIR, "--encoding", "jpeg"], "--encoding: has no effect with --format"),
-        (["--drive", "a", "root"], "ROOT: has no effect with --drive"),
-        (["--drive", "a", "--sequence", "s"], "--sequence: has no effect with --drive"),
-        (["--drive", "a", "--partner", "3"], "--partner: has no effect with --drive"),
+        ([], "give either --drive or --check"),
         (["--drive", "a"], "say what you want: --out or --evaluate"),
-        (["--check", "a", "--drive", "b"], "give either --drive, --format or --check"),
+        (["--check", "a", "--drive", "b"], "give either --drive or --check"),
         (["--check", "a", "--out", "b"], "--out: has no effect with --check"),
     ],
 )
 def test_what_does_not_go_together_is_one_line(asked, capsys, options, message):
-    encodings = cli_perceive.get_args(cli_perceive.Encoding)
-    options = [encodings[-1] if option == "jpeg" else option for option in options]
     assert main(["perceive", *options]) == 1
     line = capsys.readouterr().err
     assert line.startswith("genie-sim: perceive: ") and message in line

@@ -1,4 +1,7 @@
-"""V2V4Real: two real cars that drove together, out of the text files that DMSTrack publishes.
+"""Imports V2V4Real: two real cars that drove together, out of the text files that DMSTrack
+publishes.
+
+    python import_v2v4real.py DMSTrack --sequence train/0012 --out pair
 
 R. Xu et al., 'V2V4Real: A Real-World Large-Scale Dataset for Vehicle-to-Vehicle Cooperative
 Perception', CVPR 2023; detections and labels as text: H. Chiu et al., 'Probabilistic 3D
@@ -6,39 +9,31 @@ Multi-Object Cooperative Tracking', ICRA 2024 (github.com/eddyhkchiu/DMSTrack). 
 data set forbids to pass on anything derived from it.
 
 All files are in the frame of the ego's lidar at that instant, those of the other car too: x ahead,
-y up, z to the left. The ego's pose is not given; it is recovered (``ego_motion``).
+y up, z to the left. The ego's pose is not given; it is recovered (``ego_motion``). What was found
+becomes three tables, of which genie-sim makes a trace and a truth table of each car.
 """
 
+import argparse
 import hashlib
 import math
-import os
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import ego_motion
 import numpy as np
+import pandas as pd
+from ego_motion import in_world
 
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import expanded, read_bytes
-from genie_sim.core.geometry import Array, Geodetic
-from genie_sim.core.messages import CameraPose
-from genie_sim.data import ego_motion
-from genie_sim.data.ego_motion import EgoMotion, in_world
+from genie_sim.base.paths import read_bytes
+from genie_sim.core.geometry import Array
 from genie_sim.data.files import lines, within
-from genie_sim.data.trace import (
-    ANGLE_DECIMALS,
-    POSITION_DECIMALS,
-    Trace,
-    TraceFrame,
-    detection,
-    scan_frame,
-)
-from genie_sim.data.trace_report import tell_frames
-from genie_sim.data.truth_table import TruthRow, TruthTable
+from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
 
-VARIABLE = "GENIE_SIM_V2V4REAL"
 LABELS = "AB3DMOT/scripts/KITTI/v2v4real_{split}_label/{number}.txt"
 DETECTIONS = (
     "AB3DMOT/data/v2v4real/detection/"
@@ -47,18 +42,13 @@ DETECTIONS = (
 SPLITS = ("train", "val")
 LABEL_FIELDS, DETECTION_FIELDS = 17, 15
 CARS = {"ego": "ego", "cav1": "1"}  # names of the traces, and of the folders with detections
-SENSOR = "lidar"
-FRAME_NS = 100_000_000  # 10 Hz; the files have no time stamps
-# A scan's 60,000 points of 16 bytes: assumed.
-SIZE_BYTES = 960_000
-FOV_RAD = round(2 * math.pi - 10**-ANGLE_DECIMALS, ANGLE_DECIMALS)  # a whole turn
-# The data set has no geodetic place: the world's origin is made up.
-ORIGIN: Geodetic = (0.0, 0.0, 0.0)
+FRAME_S = 0.1  # 10 Hz; the files have no time stamps
+# A scan's 60,000 points of 16 bytes: assumed. Truth counts as far as KITTI's; these labels reach
+# 100 m.
+SENSOR = Sensor(size_bytes=960_000, range_m=40.0)
 LOWEST_SCORE = 0.2  # the lowest in the files
 OWN_M = 2.0  # a label or a detection nearer than this to a car's own place is the car itself
-MOVING_MPS, AROUND_FRAMES = 1.0, 5  # moving: faster, over half a second before and after
-RANGE_M = 40.0  # as far as KITTI's truth tables; these labels reach 100 m
-EGO_OBJECT = -1  # the ego's number in the truth of the other car: it is not labelled at all times
+EGO = "ego"  # the ego in the truth of the other car: it is not labelled at all times
 MAX_FRAMES = 100_000  # of a sequence; the longest has 405
 # The label of the other car, which the ego sees and the other car never detects. Other sequences
 # have several such labels, or none.
@@ -97,11 +87,13 @@ class Box(NamedTuple):
         return self.x_m, self.z_m
 
 
-class CarRecording(NamedTuple):
-    """What one car recorded, and what was there."""
+class Tables(NamedTuple):
+    """Poses, detections and truth of both cars, and where they come from."""
 
-    trace: Trace
-    truth: TruthTable
+    poses: pd.DataFrame
+    detections: pd.DataFrame
+    truth: pd.DataFrame
+    about: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,27 +106,26 @@ class SequenceFiles:
     sha256: str
 
 
-def folder(root: str | Path | None) -> Path:
-    """The folder with DMSTrack's files: ``root``, else what GENIE_SIM_V2V4REAL says."""
-    place = root or os.environ.get(VARIABLE)
-    if not place:
-        raise UserError(
-            f"v2v4real: where are the files? Name DMSTrack's folder, or set the variable {VARIABLE}"
-        )
-    return expanded(place)
-
-
-def recordings(
+def imported(
     root: Path,
     sequence: str,
     *,
     partner: int | None = None,
     min_score: float = LOWEST_SCORE,
     report: ImportReport | None = None,
-) -> dict[str, CarRecording]:
-    """What both cars of a sequence recorded, by the car's name, on one clock.
+) -> dict[str, ImportedCar]:
+    """What both cars of a sequence recorded, by the car's name, on one clock. The arguments are
+    those of ``tables_of``; ``report`` is told what was read. Raises UserError.
+    """
+    tables = tables_of(root, sequence, partner=partner, min_score=min_score)
+    return recordings(*tables[:3], SENSOR, provenance=tables.about, report=report)
 
-    They span the longest run of frames in which the other car is labelled. Raises UserError.
+
+def tables_of(
+    root: Path, sequence: str, *, partner: int | None = None, min_score: float = LOWEST_SCORE
+) -> Tables:
+    """The tables of a sequence. They span the longest run of frames in which the other car is
+    labelled. Raises UserError.
 
     Parameters
     ----------
@@ -142,9 +133,7 @@ def recordings(
     sequence : such as ``train/0012``
     partner : the label of the other car; ``None``: the one that is known of this sequence
     min_score : the lowest score of a detection that is kept
-    report : is told what was read
     """
-    report = report or ImportReport(root)
     files = read_files(root, sequence)
     partner = _partner(files, partner)
     motion = ego_motion.recovered(
@@ -154,10 +143,24 @@ def recordings(
     if doubts:
         raise UserError(f"{sequence}: the ego's poses cannot be recovered: {'; '.join(doubts)}")
     first, end = longest_run([partner in labels for labels in files.labels])
-    poses = {
-        "ego": motion.poses[first:end],
-        "cav1": _poses_of(partner, files.labels[first:end], motion.poses[first:end]),
-    }
+    ego = motion.poses[first:end]
+    poses_of = {"ego": ego, "cav1": _poses_of(partner, files.labels[first:end], ego)}
+    poses, detections, truth = [], [], []
+    for car, own in poses_of.items():
+        itself = EGO if car == "ego" else str(partner)
+        for number in range(first, end):
+            row = {"car": car, "time_s": round((number - first) * FRAME_S, 3)}
+            here = own[number - first]
+            poses.append(
+                row | _place(here[:2]) | {"heading_rad": math.remainder(here[2], math.tau)}
+            )
+            for box in files.detections[car].get(number, ()):
+                place = in_world(motion.poses[number], np.array(box.ground))
+                if box.score >= min_score and math.dist(place, here[:2]) >= OWN_M:
+                    detections.append(row | _place(place, box.up_m) | {"score": box.score})
+            for item, there in _objects(files.labels[number], motion.poses[number]).items():
+                if item != itself:
+                    truth.append(row | {"object": item} | there)
     about = {
         "data": ATTRIBUTION,
         "drive": f"v2v4real/{sequence}",
@@ -165,32 +168,31 @@ def recordings(
         "frames": [first, end - 1],
         "origin": "made up: the data set has no geodetic place",
         "poses": "recovered from labels that stand",
-        "scatter_m": round(motion.scatter_m, POSITION_DECIMALS),
+        "scatter_m": round(motion.scatter_m, 3),
         "partner": partner,
-        "parameters": {"min_score": min_score},
+        "min_score": min_score,
     }
-    frames_of = {
-        car: tuple(
-            _frame(files, car, number, poses=(motion.poses[number], own), stamp=number - first)
-            for number, own in enumerate(poses[car], start=first)
-        )
-        for car in CARS
-    }
-    report.leave_out("frames without the other car", len(files.labels) - (end - first))
-    tell_frames(report, frames_of)
-    about["import"] = report.facts()
-    objects = _objects(files, motion, range(first, end))
-    made = {}
-    for car, frames in frames_of.items():
-        name = f"v2v4real_{sequence.replace('/', '_')}_{car}"
-        whole = Trace(name, ORIGIN, {SENSOR: frames}, about, sequence=f"v2v4real/{sequence}")
-        trace = whole.at_least(min_score)
-        others = [row for row in objects if row.object != (EGO_OBJECT if car == "ego" else partner)]
-        truth = TruthTable(
-            trace.digest, ORIGIN, tuple(others), {**about, "trace": name}, range_m=RANGE_M
-        )
-        made[car] = CarRecording(trace, truth)
-    return made
+    return Tables(
+        pd.DataFrame(poses),
+        pd.DataFrame(detections).assign(label="car"),
+        pd.DataFrame(truth).assign(label="car"),
+        about,
+    )
+
+
+def _place(place: Sequence[float] | Array, up_m: float = 0.0) -> dict[str, float]:
+    """The columns of a place."""
+    return {"east_m": float(place[0]), "north_m": float(place[1]), "up_m": up_m}
+
+
+def _objects(labels: Mapping[int, Box], ego: Array) -> dict[str, dict[str, float]]:
+    """Where every labelled car and the ego are in a frame, by name. Nobody knows what one car's
+    sensor could see: what only the other car could see counts as missed.
+    """
+    placed = {EGO: _place(ego[:2])}
+    for item, box in sorted(labels.items()):
+        placed[str(item)] = _place(in_world(ego, np.array(box.ground)), box.up_m)
+    return placed
 
 
 def read_files(root: Path, sequence: str) -> SequenceFiles:
@@ -332,79 +334,37 @@ def _poses_of(item: int, labels: Sequence[Mapping[int, Box]], poses: Array) -> A
     return np.column_stack([places, headings])
 
 
-def _frame(
-    files: SequenceFiles, car: str, number: int, *, poses: tuple[Array, Array], stamp: int
-) -> TraceFrame:
-    """A frame of a car's trace.
-
-    Parameters
-    ----------
-    files : of the sequence
-    car : whose frame it is
-    number : of the frame in the files
-    poses : of the ego, in whose frame the detections are, and of the car: (3,) each
-    stamp : frames since the trace's first
-    """
-    ego, own = poses
-    detections = []
-    for box in files.detections[car].get(number, ()):
-        place = in_world(ego, np.array(box.ground))
-        if math.dist(place, own[:2]) >= OWN_M:
-            centre = np.array([*place, box.up_m])
-            detections.append(detection("car", box.score, None, centre, method=SENSOR))
-    detections.sort(key=lambda item: (-item.score, item.location or ()))
-    east_m, north_m, heading_rad = own.tolist()
-    return scan_frame(
-        camera=SENSOR,
-        index=number,
-        stamp_ns=stamp * FRAME_NS,
-        size_bytes=SIZE_BYTES,
-        key=f"v2v4real/{files.name}/{car}/{number}",
-        pose=CameraPose(east_m, north_m, 0.0, math.remainder(heading_rad, math.tau)),
-        horizontal_fov_rad=FOV_RAD,
-        detections=detections,
+def main(arguments: list[str] | None = None) -> int:
+    """Imports a sequence; returns the exit status."""
+    parser = argparse.ArgumentParser(description="Import a sequence of V2V4Real.")
+    parser.add_argument("root", type=Path, help="DMSTrack's folder")
+    parser.add_argument("--sequence", required=True, help="such as train/0012")
+    parser.add_argument("--partner", type=int, help="the label that is the other car")
+    parser.add_argument("--min-score", type=float, default=LOWEST_SCORE)
+    parser.add_argument("--out", type=Path, required=True, help="the folder for what is made")
+    given = parser.parse_args(arguments)
+    report = ImportReport(given.root)
+    try:
+        pair = imported(
+            given.root,
+            given.sequence,
+            partner=given.partner,
+            min_score=given.min_score,
+            report=report,
+        )
+        told = write_recordings(given.out, pair)
+    except (UserError, OSError) as error:
+        sys.stderr.write(f"import_v2v4real: {error}\n")
+        return 1
+    about = pair["ego"].trace.provenance
+    told.append(
+        f"the ego's poses are recovered: what stands scatters by {about['scatter_m']:.2f} m; "
+        f"frames {about['frames'][0]} to {about['frames'][1]}, the other car is label "
+        f"{about['partner']}"
     )
+    sys.stdout.write("".join(f"{line}\n" for line in [*told, *report.lines()]))
+    return 0
 
 
-def _objects(files: SequenceFiles, motion: EgoMotion, frames: range) -> list[TruthRow]:
-    """Every labelled car and the ego, at each of the frames. Nobody knows what one car's sensor
-    could see, so all are visible: what only the other car could see counts as missed.
-    """
-    places: dict[int, dict[int, tuple[float, float, float]]] = {}
-    for number, (labels, pose) in enumerate(zip(files.labels, motion.poses, strict=True)):
-        places.setdefault(EGO_OBJECT, {})[number] = (float(pose[0]), float(pose[1]), 0.0)
-        for item, box in labels.items():
-            east_m, north_m = in_world(pose, np.array(box.ground)).tolist()
-            places.setdefault(item, {})[number] = (east_m, north_m, box.up_m)
-    rows = []
-    for number in frames:
-        for item in sorted(places):
-            if number in places[item]:
-                east_m, north_m, up_m = (round(x, POSITION_DECIMALS) for x in places[item][number])
-                rows.append(
-                    TruthRow(
-                        camera=SENSOR,
-                        frame=number,
-                        stamp_ns=(number - frames.start) * FRAME_NS,
-                        object=item,
-                        label="car",
-                        moving=_is_moving(places[item], number),
-                        visible=True,
-                        east_m=east_m,
-                        north_m=north_m,
-                        up_m=up_m,
-                    )
-                )
-    return rows
-
-
-def _is_moving(places: Mapping[int, tuple[float, float, float]], number: int) -> bool:
-    """Whether an object is faster than ``MOVING_MPS`` over a second around a frame, or what of it
-    is known.
-    """
-    near = [n for n in range(number - AROUND_FRAMES, number + AROUND_FRAMES + 1) if n in places]
-    seconds = (near[-1] - near[0]) * FRAME_NS / 1e9
-    return (
-        bool(seconds)
-        and math.dist(places[near[0]][:2], places[near[-1]][:2]) > MOVING_MPS * seconds
-    )
+if __name__ == "__main__":
+    sys.exit(main())

@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 
 import numpy as np
-
-from genie_sim.data.v2v4real import CARS, DETECTIONS, LABELS
+from import_v2v4real import CARS, DETECTIONS, LABELS
 
 SEED = 7
 NOISE_M = 0.1
