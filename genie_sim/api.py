@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from genie_sim.paper.reproduce import Reproduction
     from genie_sim.study.sweep_table import SweepTable
     from genie_sim.study.work import Workers
 
@@ -56,6 +57,7 @@ __all__ = [
     "differences",
     "load",
     "load_scenario",
+    "reproduce",
     "run",
     "sweep",
 ]
@@ -506,6 +508,44 @@ def sweep(
         work.run(_workers(jobs, given, names), progress=progress)
         status = work.finish(Output(page=out is not None))
         return SweepTable.read(status.folder, every_run=every_run)
+
+
+def reproduce(
+    out: str | Path | None = None,
+    *,
+    quick: bool = False,
+    seeds: int | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> "Reproduction":
+    """Runs the paper's evaluation: its ``table``, its five ``figures`` and all ``numbers``.
+
+    Parameters
+    ----------
+    out : str or Path, optional
+        The folder that gets it. Runs are kept beside it, in ``<out>.runs``: an evaluation that was
+        interrupted goes on from there. By default nothing is kept.
+    quick : bool
+        Two seeds instead of ten.
+    seeds : int, optional
+        So many seeds, from 1 on.
+    jobs : int, optional
+        Processes; by default one per core.
+    progress : callable, optional
+        Called with how many runs are done, how many there are, and how many failed.
+
+    Raises
+    ------
+    UserError
+        For a number below 1, or a folder that cannot be written.
+    """
+    from genie_sim.paper import reproduce as evaluation
+
+    for name, count in (("seeds", seeds), ("jobs", jobs)):
+        if count is not None and (type(count) is not int or count < 1):
+            raise UserError(f"{name}: {short_repr(count)}: expected a whole number from 1 on")
+    folder = None if out is None else expanded(out)
+    return evaluation.reproduce(folder, quick=quick, seeds=seeds, workers=jobs, progress=progress)
 
 
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
