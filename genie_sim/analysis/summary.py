@@ -316,6 +316,21 @@ def about_laws(run: Run | SeedRuns) -> str:
     return f"Laws of {laws['detector']}: measured {where}, so the assumed ones are used."
 
 
+def about_boxes(run: Run | SeedRuns) -> str:
+    """Whose times and whose boxes a run has, where these are two; empty where they are of one, or
+    the boxes of no detector that is known.
+    """
+    facts = run.runs[0].facts
+    if "laws" not in facts:
+        return ""
+    detector, scenario = facts["laws"]["detector"], facts["scenario"]
+    of_methods = (entry.get("model") for entry in scenario["methods"] if isinstance(entry, dict))
+    models = [model for model in dict.fromkeys([scenario["model"], *of_methods]) if model]
+    if models == [detector]:
+        return ""
+    return f"Times are of {', '.join(models)}, boxes of {detector}: 'model' changes times alone."
+
+
 def markdown(run: Run | SeedRuns) -> str:
     """``summary.md``: all tables with intervals, and what the words and intervals mean."""
     title = f"# {renderers.markdown_text(run.title)}"
@@ -330,7 +345,13 @@ def markdown(run: Run | SeedRuns) -> str:
         about_intervals = ABOUT_INTERVALS
     if run.runs[0].warm_up:
         parts[1] = f"{parts[1][:-1]}, {run.runs[0].warm_up}."
-    abouts = (ABOUT_TIMES, f"{ABOUT_ANSWERS} {ABOUT_LOOKS}", about_intervals, about_laws(run))
+    abouts = (
+        ABOUT_TIMES,
+        f"{ABOUT_ANSWERS} {ABOUT_LOOKS}",
+        about_intervals,
+        about_boxes(run),
+        about_laws(run),
+    )
     parts += [textwrap.fill(about, 120) for about in abouts if about]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
@@ -350,7 +371,7 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
     told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
-    notes = [] if metrics else list(filter(None, [overload(run)]))
+    notes = [] if metrics else list(filter(None, [overload(run), about_boxes(run)]))
     notes += _main_notes(told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:

@@ -981,7 +981,9 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
         case type() as origin if kind.arguments and issubclass(origin, Mapping):
             schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
         case cls if cls in (int, float) and Unit in marks:
-            return {"type": "string", "examples": [marks[Unit].example]}
+            quantity = {"type": "string", "examples": [marks[Unit].example]}
+            takes_zero = marks.get(Bounds, Bounds()).contain(0)
+            return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
         case cls if cls in TYPES:
             schema = {"type": TYPES[cls]}
             if cls in (int, float):

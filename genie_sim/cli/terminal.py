@@ -9,6 +9,7 @@ import signal
 import sys
 import textwrap
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,6 +24,7 @@ from genie_sim.base.plugins import own_faults_told
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
+LINE_EVERY_S = 10  # at least, between lines of progress where there is no terminal
 WIDE = 72  # from here on a command and what it does stand side by side
 FIRST_STEPS = (
     ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
@@ -177,14 +179,15 @@ def tell(report: ImportReport) -> None:
 
 class ProgressBar:
     """A progress bar on a terminal, and elsewhere a line on stderr with each tenth that is done,
-    unless the environment has ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much
-    there is, and what is going on. ``unit`` says of what: of seconds, one digit is told.
+    but none within ``LINE_EVERY_S`` of the last, unless the environment has
+    ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there is, and what is going
+    on. ``unit`` says of what: of seconds, one digit is told.
     """
 
     def __init__(self, unit: str = "s") -> None:
         self._unit = unit
         self._bar: Any = None
-        self._tenths = 0
+        self._tenths, self._told_s = 0, time.monotonic()
         self._prints_lines = False
 
     def __enter__(self) -> "ProgressBar":
@@ -213,8 +216,9 @@ class ProgressBar:
         if self._bar is not None:
             self._bar.update(self._task, completed=done, total=total, description=what, state=state)
         tenths = int(10 * done / total) if total else 0
-        if self._prints_lines and self._tenths < tenths < 10:
-            self._tenths = tenths
+        is_late = time.monotonic() - self._told_s >= LINE_EVERY_S
+        if self._prints_lines and is_late and self._tenths < tenths < 10:
+            self._tenths, self._told_s = tenths, time.monotonic()
             try:
                 click.echo(f"genie-sim: {', '.join(filter(None, (state, what)))}", err=True)
             except (OSError, ValueError):  # nobody reads them any more

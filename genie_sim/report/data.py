@@ -16,7 +16,7 @@ from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.screen import simulated_s
 from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles
-from genie_sim.analysis.summary import about_laws, energy_note, overload
+from genie_sim.analysis.summary import about_boxes, about_laws, energy_note, overload
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
 from genie_sim.base.units import NS_PER_S
@@ -69,7 +69,9 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
         "energy_note": energy_note(
             [run.tables], {method.name: method.title for method in run.methods}
         ),
-        "notes": list(filter(None, dict.fromkeys([overload(run), *notes, about_laws(run)]))),
+        "notes": [
+            *filter(None, dict.fromkeys([overload(run), *notes, about_boxes(run), about_laws(run)]))
+        ],
     }
 
 

@@ -182,6 +182,7 @@ def test_without_a_terminal_a_line_with_each_tenth_says_how_far_it_is(monkeypatc
         progress(45.0, 90.0, "genie, 400 frames/s")
     assert capsys.readouterr().err == ""
     monkeypatch.delenv("GENIE_SIM_PROGRESS")
+    monkeypatch.setattr(terminal, "LINE_EVERY_S", 0)
     with terminal.ProgressBar() as progress:
         for step in range(1001):
             progress(0.09 * step, 90.0, "genie, 400 frames/s")

@@ -11,7 +11,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from genie_sim.analysis import screen, summary
-from genie_sim.analysis.summary import about_laws
+from genie_sim.analysis.summary import about_boxes, about_laws
 from genie_sim.base import files
 from genie_sim.data.detector_laws import detector_laws, facts
 from genie_sim.data.perceive import kitti_folder
@@ -134,8 +134,7 @@ def test_published_detections_give_the_shipped_laws(detector):
         kitti_folder(None)
     except Exception as error:
         pytest.skip(str(error))
-    for drive in ("tracking/0000", "tracking/0017"):
-        counts = measuring.recorded(detector, drive, ("02",))[drive]
+    for drive, counts in measuring.tracked(detector, ("0000", "0017")).items():
         assert counts == SHIPPED["counts"][detector][drive]
 
 
@@ -148,3 +147,13 @@ def test_the_shipped_trace_gives_the_shipped_laws():
     trace = read_trace(files.find(files.TRACE, "kitti_0005"))
     counts = measuring.counts([trace], ("02", "03"))
     assert counts == SHIPPED["counts"]["yolox_nano"][measuring.DRIVE]
+
+
+def test_a_run_says_whose_times_and_whose_boxes_it_has():
+    settings = [WINDOW, "methods=[local, {name: small, method: local, model: yolov8m}]"]
+    run = run_in_memory(load_scenario("street_1car_homo", [*settings, "model=yolov8s"]))
+    said = "Times are of yolov8s, yolov8m, boxes of yolox_nano: 'model' changes times alone."
+    assert about_boxes(run) == said
+    run.facts["scenario"]["model"] = "yolox_nano"
+    run.facts["scenario"]["methods"] = ["local"]
+    assert about_boxes(run) == ""

@@ -8,6 +8,7 @@ import json
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from genie_sim.scenario.schema import SCHEMAS, json_schema
 from genie_sim.scenario.yaml_input import read_mapping
@@ -23,8 +24,7 @@ SHIPPED = [
 
 def complaints(kind: str, data: object) -> list[str]:
     """Where an editor would draw a red line."""
-    jsonschema = pytest.importorskip("jsonschema", reason="jsonschema comes with '.[notebooks]'")
-    checker = jsonschema.Draft202012Validator(json_schema(kind))
+    checker = Draft202012Validator(json_schema(kind))
     return [f"{error.json_path}: {error.message}" for error in checker.iter_errors(data)]
 
 
@@ -34,6 +34,13 @@ def test_an_editor_accepts_every_shipped_file_and_finds_its_schema(kind: str, pa
     hint = path.read_text(encoding="utf-8").splitlines()[0]
     assert hint == f"# yaml-language-server: $schema=../schemas/{kind}.schema.json"
     assert (path.parent / hint.partition("=")[2]).is_file()
+
+
+def test_an_editor_accepts_a_bare_zero_where_the_reader_does():
+    car = {"name": "car1", "device": "jetson_tx2"}
+    assert not complaints("scenario", {"cars": [{**car, "route": {"start": 0}}], "warm_up": 0})
+    assert complaints("scenario", {"cars": [{**car, "route": {"start": 3}}]})
+    assert complaints("scenario", {"cars": [car], "genie": {"object_map": {"gate": True}}})
 
 
 def test_an_editor_marks_misspelt_and_misplaced_settings():
