@@ -20,6 +20,7 @@ from functools import partial
 from typing import Annotated, Literal, NamedTuple
 
 from cpm import OLD_NS, Listening, Objects, Told, away_m, moved, nearest, seen_since
+from sidelink import Sidelink, connect
 
 from genie_sim.extend import (
     NS_PER_MS,
@@ -32,6 +33,7 @@ from genie_sim.extend import (
     HostContext,
     Image,
     Method,
+    Network,
     kind_of,
 )
 
@@ -155,16 +157,21 @@ class AutoCast(Method):
         every_ns: Annotated[int, Bounds(above=0)] = 100 * NS_PER_MS,
         budget_bytes: Annotated[int, Bounds(minimum=0)] = 3_000,
         order: Literal["value", "random"] = "value",
+        range_m: Annotated[float, Bounds(above=0)] = 300.0,
     ) -> None:
-        """``budget``: the bytes of objects that a car sends in every interval (``every``)."""
+        """``budget``: the bytes of objects that a car sends in every interval (``every``).
+        ``range``: how far it is heard.
+        """
+        self.range_m = range_m
         self.every_ns, self.budget_bytes, self.order = every_ns, budget_bytes, order
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
             return None
-        return HostConfig(
-            detector=True, interceptor=partial(Caster, host, self), broadcast=(TOPIC,)
-        )
+        return HostConfig(detector=True, interceptor=partial(Caster, host, self))
 
     def on_edge(self, host: HostContext) -> HostConfig:
         return HostConfig()
+
+    def wire(self, network: Network) -> None:
+        connect(network, network.cars, (TOPIC,), Sidelink(range_m=self.range_m))

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
+from sidelink import Sidelink, connect
+
 from genie_sim.extend import (
     COAST_NS,
     HIGHER,
@@ -39,6 +41,7 @@ from genie_sim.extend import (
     Message,
     Method,
     Metric,
+    Network,
     Publish,
     TrackMap,
     kind_of,
@@ -290,23 +293,27 @@ class CPM(Method):
         again_ns: Annotated[int, Bounds(minimum=0)] = NS_PER_S,
         persons_ns: Annotated[int, Bounds(minimum=0)] = NS_PER_S // 2,
         unless_heard_ns: Annotated[int, Bounds(minimum=0, maximum=OLD_NS)] = 0,
+        range_m: Annotated[float, Bounds(above=0)] = 300.0,
     ) -> None:
         """``every`` and ``longest``: the shortest and the longest time between messages. An object
         is told when it has ``moved`` so far, is ``faster_mps`` faster or slower, or was told so
         long ago (``again``; ``persons``). ``unless_heard``: not if others saw it within this time.
+        ``range``: how far a car is heard.
         """
+        self.range_m = range_m
         self.every_ns, self.longest_ns, self.unless_heard_ns = every_ns, longest_ns, unless_heard_ns
         self.rules = moved_m, faster_mps, again_ns, persons_ns
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
             return None
-        return HostConfig(
-            detector=True, interceptor=partial(Teller, host, self), broadcast=(TOPIC,)
-        )
+        return HostConfig(detector=True, interceptor=partial(Teller, host, self))
 
     def on_edge(self, host: HostContext) -> HostConfig:
         return HostConfig()
+
+    def wire(self, network: Network) -> None:
+        connect(network, network.cars, (TOPIC,), Sidelink(range_m=self.range_m))
 
 
 hidden_held = Metric(

@@ -42,9 +42,11 @@ from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_s
 from genie_sim.recommended.pacing import Pacer, RoundTrip
 from genie_sim.record.columns import Columns
 from genie_sim.sim.bends import Bend, Objects, bent, shifted
+from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.fault import Fault, Strike
 from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Sender
+from genie_sim.sim.link_models.message_random import MessageRandom
 from genie_sim.sim.method import (
     LOCAL,
     REMOTE,
@@ -56,6 +58,7 @@ from genie_sim.sim.method import (
     Uplink,
 )
 from genie_sim.sim.network import Network
+from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
 from genie_sim.tracks.track_map import TrackMap
@@ -97,6 +100,7 @@ __all__ = [
     "FeatureKey",
     "FrameSource",
     "Frames",
+    "Graph",
     "Header",
     "HostConfig",
     "HostContext",
@@ -110,11 +114,13 @@ __all__ = [
     "Look",
     "Medium",
     "Message",
+    "MessageRandom",
     "Method",
     "Metric",
     "Network",
     "Objects",
     "Observation",
+    "Occupancy",
     "Pacer",
     "Publish",
     "Replay",
@@ -125,7 +131,9 @@ __all__ = [
     "Similarity",
     "SimilarityCache",
     "SimilarityCaching",
+    "Steps",
     "Strike",
+    "Subscriber",
     "TrackMap",
     "Uplink",
     "ViewSector",

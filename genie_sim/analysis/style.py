@@ -143,7 +143,6 @@ PARTS: dict[str, tuple[str, dict[str, Any]]] = {
     "inference": ("inference", {"facecolor": "#44BB99", "hatch": ""}),
     "edges": ("network of edges", {"facecolor": "#99DDFF", "hatch": "----"}),
     "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "\\\\\\\\"}),
-    "broadcast": ("broadcast", {"facecolor": "#AAAA00", "hatch": "**"}),
 }
 PLACEMENTS = {"car": "on cars", "edge": "on edges"}
 PLACEMENT_LINES: dict[str, dict[str, Any]] = {  # about the Genies there

@@ -17,7 +17,6 @@ Part = Literal[
     "uplink",
     "downlink",
     "edges",  # the network between edges
-    "broadcast",
     "pending",  # until the answer to an equal frame, or a deadline
 ]
 

@@ -315,7 +315,7 @@ class StepRow(NamedTuple):
         "",
         "queueing (for a thread, a processor or a link), hop (between processes), genie (work of "
         "a cache or router), inference, encoding (and decoding), uplink, downlink, edges (their "
-        "network), broadcast, or pending (until the answer to an equal frame, or a deadline)",
+        "network), or pending (until the answer to an equal frame, or a deadline)",
     ]
     place: Annotated[str, "", "the node, processor or link; of a hop, the host"]
     begin_ns: Annotated[int, "ns", "simulated time"]

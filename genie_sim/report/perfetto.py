@@ -31,7 +31,6 @@ LANES = {  # the thread of each part of an answer's way that is service
     "uplink": "uplink",
     "downlink": "downlink",
     "edges": "edges",
-    "broadcast": "broadcast",
 }
 Event = dict[str, Any]
 

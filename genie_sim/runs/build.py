@@ -16,7 +16,7 @@ from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_models import LinkModel, Medium
-from genie_sim.sim.link_models.presets import BROADCAST, LINK, LINKS
+from genie_sim.sim.link_models.presets import LINK, LINKS
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
@@ -41,7 +41,6 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     links = _links(scenario)
     choices = {repr(choice): choice for choice in links.values()}
     models = {key: link_model(choice) for key, choice in choices.items()}
-    broadcast = settings.broadcast
     return Setup(
         seed=scenario.seed,
         settings=settings,
@@ -51,7 +50,6 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         frames={car.name: prepared.drives[car.name].frames for car in scenario.cars},
         devices=devices,
         links={ends: models[repr(choice)] for ends, choice in links.items()},
-        broadcast=None if broadcast is None else BROADCAST.make(broadcast),
         edge_network=link_model(settings.edge_network),
         laws=prepared.laws,
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],

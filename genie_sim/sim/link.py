@@ -87,7 +87,7 @@ class Link:
         self.down_by: list[str] = []  # the faults that keep it down now
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
-        self._sender = sender
+        self.sender = sender
         self._random: MessageRandom | None = getattr(sender, "random", None)
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
@@ -190,7 +190,7 @@ class Link:
             path = clock.path
             if self._random is not None:
                 self._random.begin(transfer.message, transfer.host)
-            yield self._sender.sent(transfer.size_bytes)
+            yield self.sender.sent(transfer.size_bytes)
             clock.waited(path, self._transport)
             self.sent_bytes += transfer.size_bytes
             if transfer.message is not None:
@@ -209,7 +209,7 @@ class Link:
             transfer.carried(message)
         if self.down_by:
             self.lose(message, f"{self.name}:{self.down_by[-1]}")
-        elif (delay_ns := self._sender.delay_ns(size_bytes, now_ns)) is None:
+        elif (delay_ns := self.sender.delay_ns(size_bytes, now_ns)) is None:
             self.lose(message, self.name)
         else:
             self.completed += 1
@@ -225,17 +225,17 @@ class Link:
     def take_down(self, cause: str) -> None:
         """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
         self.down_by.append(cause)
-        self._sender.set_up(False)
+        self.sender.set_up(False)
 
     def put_up(self, cause: str) -> None:
         """Ends what ``take_down`` has begun."""
         self.down_by.remove(cause)
-        self._sender.set_up(not self.down_by and self._is_connected)
+        self.sender.set_up(not self.down_by and self._is_connected)
 
     def connect(self, is_connected: bool) -> None:
         """A hand-over takes the link away, or makes it again."""
         self._is_connected = is_connected
-        self._sender.set_up(not self.down_by and is_connected)
+        self.sender.set_up(not self.down_by and is_connected)
 
     def lose(self, message: Message, where: str) -> None:
         """A message is lost, by what ``where`` names."""

@@ -6,7 +6,7 @@ before it, and which topics reach whom. The world builds that, in the same way f
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from genie_sim.base.seeds import Draws
 from genie_sim.core.messages import Effect, Message, Observation
 from genie_sim.core.rules import GenieRules
 from genie_sim.tracks.laws import DetectorLaws
+
+if TYPE_CHECKING:
+    from genie_sim.sim.network import Network
 
 IMAGES = "/image_raw"
 OBJECTS = "/detection/image_detector/objects"
@@ -115,8 +118,6 @@ class HostContext:
         The edges that this edge is connected to; empty for a car.
     further_edges : tuple of str
         The edges to which the car has further uplinks.
-    can_broadcast : bool
-        Whether the scenario has a medium on which hosts hear each other.
     is_one_world : bool
         Whether what one car sees is there for the others: all are in one world at one time.
     """
@@ -132,7 +133,6 @@ class HostContext:
     edges: tuple[str, ...]
     neighbours: Sequence[str] = ()
     further_edges: tuple[str, ...] = ()
-    can_broadcast: bool = False
     is_one_world: bool = True
 
 
@@ -164,9 +164,6 @@ class HostConfig:
         Connects a car to its edge.
     further_uplinks : mapping
         Connects a car to other edges, by their names: some of ``HostContext.further_edges``.
-    broadcast : tuple of str
-        What is published here on these topics reaches every other host in range that has topics of
-        broadcasts, on the same topic.
     neighbour_topics : tuple of str
         What neighbouring edges publish on these topics reaches this edge.
     key : str or None
@@ -187,7 +184,6 @@ class HostConfig:
     interceptor: MakeInterceptor | None = None
     uplink: Uplink | None = None
     further_uplinks: Mapping[str, Uplink] = field(default_factory=dict)
-    broadcast: tuple[str, ...] = ()
     neighbour_topics: tuple[str, ...] = ()
     key: str | None = None
     costs_nothing: bool = False
@@ -215,3 +211,8 @@ class Method:
     def on_edge(self, host: HostContext) -> HostConfig:
         """What runs on an edge server, of which ``host`` tells."""
         return HostConfig(detector=host.gets_images)
+
+    def wire(self, network: "Network") -> None:
+        """Adds what else connects the hosts, once all of them are built: links by
+        ``network.add_link``, what goes over them by ``Graph.bridge``.
+        """

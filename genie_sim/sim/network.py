@@ -14,16 +14,15 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.core.monitor import Monitor, Part, Resource
 from genie_sim.sim.bends import Bend, Border, Sense
-from genie_sim.sim.broadcast import Broadcast
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import BroadcastRadio, LinkEnds, LinkModel, Medium, Radio, Sender
+from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, Sender
 from genie_sim.sim.link_models.channels import make_radio
 from genie_sim.sim.places import Place, Point
-from genie_sim.sim.ros_graph import Dropped, Graph, ignore_drop
+from genie_sim.sim.ros_graph import Dropped, Graph
 from genie_sim.sim.service import Device
 
 if TYPE_CHECKING:
@@ -76,7 +75,6 @@ class Network:
         self.graphs: dict[str, Graph] = {}  # by the host
         self.links: dict[str, Link] = {}
         self.uplinks: dict[str, CarUplink] = {}  # by the car, each to its own edge
-        self.broadcasts: dict[str, Broadcast] = {}  # by the host
         self._seed = seed
         self._host_names = host_names
         self._queue_length = queue_length
@@ -146,7 +144,14 @@ class Network:
         """Adds something whose use is sampled."""
         self.resources.append(resource)
 
-    def add_link(self, ends: LinkEnds, model: LinkModel | Medium, *, part: Part) -> Link:
+    def add_link(
+        self,
+        ends: LinkEnds,
+        model: LinkModel | Medium,
+        *,
+        part: Part,
+        dropped: Dropped | None = None,
+    ) -> Link:
         """A new link.
 
         Parameters
@@ -157,35 +162,22 @@ class Network:
             Its rates and delays. All links of one model have one radio.
         part : {"uplink", "downlink", "edges"}
             What the time on it counts as.
+        dropped : callable, optional
+            Called with each message that is lost, and what lost it; by default the frame is noted
+            as lost.
         """
-        sender = self._sender(ends, model)
-        return self._queue_before(ends.name, sender, part, self.monitor.dropped)
-
-    def add_broadcast(
-        self, graph: Graph, topics: tuple[str, ...], radio: BroadcastRadio, name: str
-    ) -> None:
-        """A host broadcasts what is published there on these topics; ``name`` is that of the queue
-        before its radio. What is lost on the way is no answer to a frame, and so no frame's loss.
-        """
-        sender = radio.sender(graph.name)
-        link = self._queue_before(name, sender, "broadcast", ignore_drop)
-        self.broadcasts[graph.name] = Broadcast(
-            graph, topics, sender=sender, link=link, others=self.broadcasts, border=self.border
-        )
-
-    def _queue_before(self, name: str, sender: Sender, part: Part, dropped: Dropped) -> Link:
         link = Link(
             self.clock,
-            name,
-            sender,
+            ends.name,
+            self._sender(ends, model),
             part=part,
             queue_length=self._queue_length,
-            dropped=dropped,
+            dropped=dropped or self.monitor.dropped,
         )
         for target, cause in self.outages:
             if is_at(link, target):
                 link.take_down(cause)
-        self.links[name] = link
+        self.links[ends.name] = link
         self.resources.append(link)
         return link
 

@@ -21,7 +21,7 @@ from genie_sim.base.settings import (
 )
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
-from genie_sim.sim.link_models.presets import BROADCAST, LINK, LINKS, USUAL_LINK
+from genie_sim.sim.link_models.presets import LINK, LINKS, USUAL_LINK
 from genie_sim.tracks.consumer import ConsumerRules
 
 EDGES = "edges"  # the network between edges, in the names of links
@@ -267,11 +267,6 @@ class MethodSettings:
     """With how many of the nearest edges each edge shares at least, where it does not name its own
     (`edges[].neighbours`). By default up to six edges all share with each other, and of more each
     with the four nearest."""
-
-    broadcast: Annotated[Annotated[Choice, BROADCAST] | None, IfGiven()] = None
-    """The medium on which cars, and edges that have a place, hear what others broadcast, such as
-    `{medium: sidelink, range: 200 m}`; only a method that broadcasts uses it. By default there is
-    none."""
 
     serving: Serving = Serving()
     """How the detectors of edges serve pictures: one by one, or in batches."""

@@ -7,7 +7,7 @@ from genie_sim.core.messages import Frame
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.interface import Interface
-from genie_sim.sim.link_models import BroadcastMedium, LinkModel, Medium
+from genie_sim.sim.link_models import LinkModel, Medium
 from genie_sim.sim.places import Place
 from genie_sim.sim.service import Device
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
@@ -38,8 +38,6 @@ class Setup:
         The link model of each uplink, by car and edge.
     edge_network : LinkModel or Medium
         That of the network between edges.
-    broadcast : BroadcastMedium, optional
-        On which hosts hear each other.
     laws : DetectorLaws
         The detectors' laws, as maps and consumers that weigh evidence take them to be.
     faults : sequence of TimedFault
@@ -65,7 +63,6 @@ class Setup:
     devices: Mapping[str, Device]
     links: Mapping[tuple[str, str], LinkModel | Medium]
     edge_network: LinkModel | Medium
-    broadcast: BroadcastMedium | None = None
     laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
     codec: ImageCodec | None = None

@@ -23,7 +23,7 @@ from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.serving import BatchingDetectorNode
-from genie_sim.sim.settings import ALL, Car, Edge, Serving
+from genie_sim.sim.settings import Car, Edge, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
 from genie_sim.sim.uplinks import CarUplink, CarUplinks
@@ -80,12 +80,15 @@ class World:
         self._faults: list[simpy.Process] = []
         self._fault_spans: list[FaultSpan] = []
         self._uplinks: list[CarUplinks] = []
-        self._broadcast = None if setup.broadcast is None else setup.broadcast.radio(self.network)
         self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
         self._build_edges()
         edge_resources = list(self.network.resources)  # those of cars are not built yet
         for car in setup.cars:
             self._build_car(car)
+        wire = getattr(method, "wire", None)  # a class of the user's own need not have it
+        if wire is not None:
+            with as_user_error(method.title, UserError):
+                wire(self.network)
         self._sampled = self._choose_sampled(edge_resources)
         for timed in setup.faults:
             steps = fault_process.run(timed, self.network, self.last_frame_ns, self._fault_spans)
@@ -108,7 +111,6 @@ class World:
         for server in self.edges.values():
             graph = server.graph
             self._add_interceptor(graph, server.config, "edge")
-            self._add_broadcast(graph, server.config)
             # frames from cars arrive at the decoder, or at the graph itself
             server.target = network.add_coder(graph, "decoder", graph.inject) or graph
         join_edges(network, self.edges, neighbours_of, setup.edge_network)
@@ -124,7 +126,6 @@ class World:
             self._add_detector(graph)
         self._add_interceptor(graph, config, "car")
         uplinks = self._add_uplinks(car, graph, config)
-        self._add_broadcast(graph, config)
         has_server = config.detector or config.interceptor is not None or bool(uplinks)
         # the frames of a car with neither a server nor an edge are meant to reach nobody
         if has_server or car.edge is not None:
@@ -210,19 +211,6 @@ class World:
                 self.network.uplinks[car.name] = uplink
         self._uplinks.append(of_car)
         return of_car.uplinks
-
-    def _add_broadcast(self, graph: Graph, config: HostConfig) -> None:
-        """The host's place on the medium on which hosts hear each other, if the method wants
-        one.
-        """
-        if not config.broadcast:
-            return
-        who = f"{self._method.title}: {graph.name} broadcasts"
-        if self._broadcast is None:
-            raise UserError(f"{who}, but the scenario has no 'broadcast', such as 'sidelink'")
-        if graph.name in self.network.edges and self.network.site(graph.name) is None:
-            raise UserError(f"{who}, but has no place: give the edge its 'at'")
-        self.network.add_broadcast(graph, config.broadcast, self._broadcast, f"{graph.name}->{ALL}")
 
     def run(self, progress: OnTime | None = None) -> None:
         """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
@@ -332,15 +320,13 @@ class HostContexts(NamedTuple):
         has_edge = car.edge is not None
         context = self._host(car.name, bool(car.cameras), has_edge=has_edge, genie=genie)
         further = tuple(uplink.edge for uplink in car.further_uplinks)
-        can_broadcast = self.setup.broadcast is not None
-        return replace(context, further_edges=further, can_broadcast=can_broadcast)
+        return replace(context, further_edges=further)
 
     def edge(self, edge: Edge, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
         """About an edge."""
         genie = self.setup.settings.genie
         context = self._host(edge.name, gets_images, has_edge=True, genie=genie)
-        can_broadcast = self.setup.broadcast is not None and edge.at_m is not None
-        return replace(context, neighbours=neighbours, can_broadcast=can_broadcast)
+        return replace(context, neighbours=neighbours)
 
     def _host(
         self, name: str, gets_images: bool, *, has_edge: bool, genie: GenieRules | None

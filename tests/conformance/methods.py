@@ -3,8 +3,6 @@
 @pytest.mark.parametrize("method", ["my_module:MyMethod"])
 class TestMine(MethodConformance):
     pass
-
-``needs`` are settings of a scenario without which it cannot run, such as a broadcast medium.
 """
 
 from __future__ import annotations
@@ -36,10 +34,9 @@ class MethodConformance:
     """A method, by its name in scenarios, against the same small worlds as every other."""
 
     beside: ClassVar[tuple[str, ...]] = small.ALL
-    needs: ClassVar[dict[str, Any]] = {}
 
     def scenario(self, methods: Sequence[Any], **settings: Any) -> Scenario:
-        return small.scenario(methods, **self.needs, **settings)
+        return small.scenario(methods, **settings)
 
     @pytest.mark.parametrize("setting", SETTINGS)
     def test_every_frame_is_answered_or_dropped(self, method: str, setting: str):

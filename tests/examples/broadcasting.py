@@ -32,7 +32,6 @@ def host(name: str) -> HostContext:
         records_changes=False,
         laws=ASSUMED,
         edges=(),
-        can_broadcast=True,
     )
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, ClassVar
 
 import cpm
 import pytest
@@ -23,14 +22,13 @@ from tests.examples.broadcasting import MS, host, image, made, seen, thing, watc
 
 @pytest.mark.parametrize("method", ["cpm:CPM"])
 class TestConformance(MethodConformance):
-    needs: ClassVar[dict[str, Any]] = {"broadcast": "sidelink"}
+    pass
 
 
 @pytest.mark.parametrize("method", ["cpm:CPM", "autocast:AutoCast"])
 def test_on_the_air_every_frame_is_answered_and_two_runs_are_the_same(method: str):
-    air = small.check_twice_the_same(small.scenario([method], broadcast="sidelink"))
-    nobody = {"medium": "sidelink", "range": "1 mm"}
-    alone = small.simulated(small.scenario([method], broadcast=nobody))
+    air = small.check_twice_the_same(small.scenario([method]))
+    alone = small.simulated(small.scenario([{"method": method, "range": "1 mm"}]))
     name = method.partition(":")[2]
     small.check_conserved(air["frames"].to_frame(), [name])
     served, served_alone = (found["frames"].to_frame()["objects_served"] for found in (air, alone))
@@ -231,13 +229,7 @@ def test_a_wrong_setting_of_cpm_is_one_line(setting: dict[str, str], message: st
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize("method", ["cpm:CPM", "autocast:AutoCast"])
-def test_without_a_medium_it_is_refused_in_one_line(method: str):
-    with pytest.raises(UserError, match="car1 broadcasts, but the scenario has no 'broadcast'"):
-        small.simulated(small.scenario([method]))
-
-
 def test_a_car_without_cameras_is_left_out():
-    assert CPM().on_car(host("car1")).broadcast == (TOPIC,)
+    assert CPM().on_car(host("car1")) is not None
     assert CPM().on_car(replace(host("car1"), gets_images=False)) is None
     assert cpm.hidden_held.unit == "objects"

@@ -150,7 +150,7 @@ FAULTS = "hand_over, outage, or package.module:Class"
             {"method": "genie", "models": "x"},
             (
                 "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?);"
-                " known: broadcast, consumer, "
+                " known: consumer, "
             ),
         ),
         (

@@ -2,9 +2,8 @@
 file each.
 
 A model whose links do not affect each other is a ``LinkModel``: it says how long each message
-takes. A model whose links share something, or that must know where a car is, is a ``Medium``; one
-on which all hosts in range hear a message is a ``BroadcastMedium``. To add one, write a frozen
-dataclass with the method of its kind and name it here (or in a scenario as
+takes. A model whose links share something, or that must know where a car is, is a ``Medium``. To
+add one, write a frozen dataclass with the method of its kind and name it here (or in a scenario as
 ``package.module:Class``). Its arguments are its settings in YAML.
 """
 
@@ -26,7 +25,6 @@ LINK_MODELS: dict[str, str] = {
     "trace": "genie_sim.sim.link_models.trace:RecordedLink",
     "cell": "genie_sim.sim.link_models.cell:RadioCell",
 }
-BROADCASTS: dict[str, str] = {"sidelink": "genie_sim.sim.link_models.sidelink:Sidelink"}
 
 
 class Channel(Protocol):
@@ -130,26 +128,4 @@ class Medium(Protocol):
     """
 
     def radio(self, air: Air) -> Radio:
-        """A radio for one run of one method."""
-
-
-class BroadcastSender(Sender, Protocol):
-    """What carries the broadcasts of one host, one after the other."""
-
-    @property
-    def heard_by(self) -> tuple[str, ...]:
-        """The hosts that have received the message whose last bit leaves now."""
-
-
-class BroadcastRadio(Protocol):
-    """A broadcast medium in one run of one method: all of its state."""
-
-    def sender(self, host: str) -> BroadcastSender:
-        """What carries the broadcasts of a car, or of an edge that has a place."""
-
-
-class BroadcastMedium(Protocol):
-    """What a scenario says about the medium on which hosts hear each other."""
-
-    def radio(self, air: Air) -> BroadcastRadio:
         """A radio for one run of one method."""

@@ -6,7 +6,7 @@ Tags: [S] a public source, named; [D] derived from one, formula given; [A] assum
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, Presets, complete
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.sim.link_models import BROADCASTS, LINK_MODELS
+from genie_sim.sim.link_models import LINK_MODELS
 from genie_sim.sim.link_models.wire import Wire
 
 KBIT = 10**3
@@ -61,5 +61,3 @@ LINK = PlugIn(
     default="wire",
     presets=Presets("link", LINKS, USUAL_LINK),
 )
-# Marks a setting that is a broadcast medium.
-BROADCAST = PlugIn("broadcast medium", BROADCASTS, ("radio",), key="medium", default="sidelink")

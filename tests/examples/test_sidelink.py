@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from sidelink import Sidelink, connect
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Image, Message, Publish
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, HostContext, Interceptor, Method
+from genie_sim.sim.network import Network
 from genie_sim.sim.world import World
 from tests.sim.street import build, scenario, street
 
@@ -22,13 +24,24 @@ class Telling(Method):
     """A car with a frame tells all others of it; nobody detects anything."""
 
     title = "telling"
+    sidelink = Sidelink()
 
     def on_car(self, host: HostContext) -> HostConfig:
-        return HostConfig(interceptor=lambda *_: Teller(host.name), broadcast=(TOLD,))
+        return HostConfig(interceptor=lambda *_: Teller(host.name))
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        topics = (TOLD,) if host.can_broadcast else ()
-        return HostConfig(detector=True, interceptor=lambda *_: Teller(host.name), broadcast=topics)
+        return HostConfig(detector=True, interceptor=lambda *_: Teller(host.name))
+
+    def wire(self, network: Network) -> None:
+        connect(network, [*network.edges, *network.cars], (TOLD,), self.sidelink)
+
+
+class Near(Telling):
+    sidelink = Sidelink(range_m=1.0)
+
+
+class Lossy(Telling):
+    sidelink = Sidelink(loss=1.0)
 
 
 class Teller(Interceptor):
@@ -56,7 +69,7 @@ class Empty(Telling):
     """It tells nothing, in no bytes."""
 
     def on_car(self, host: HostContext) -> HostConfig:
-        return HostConfig(interceptor=lambda *_: EmptyTeller(host.name), broadcast=(TOLD,))
+        return HostConfig(interceptor=lambda *_: EmptyTeller(host.name))
 
 
 class EmptyTeller(Teller):
@@ -67,22 +80,12 @@ class EmptyTeller(Teller):
         return [Publish(TOLD, nothing)] if topic == IMAGES else []
 
 
-class ToOtherEdges(Telling):
-    """Its cars ask for an uplink that the scenario does not give them."""
-
-    def on_car(self, host: HostContext) -> HostConfig:
-        from genie_sim.sim.method import DIRECT_UPLINK
-
-        return HostConfig(further_uplinks={"edge7": DIRECT_UPLINK})
-
-
 def ran(cars: list[dict[str, Any]] = TWO, method: str = "Telling", **settings: Any) -> World:
     """The world of a run of two cars and an edge, one camera each."""
     HEARD.clear()
     usual = {
         "methods": [{"method": f"{__name__}:{method}"}],
         "cameras": [{"name": "camera", "recording": "02"}],
-        "broadcast": "sidelink",
     }
     setting = scenario(cars, **usual | settings)
     world, _ = build(setting, setting.methods[0].name, street(seconds=1.0))
@@ -108,7 +111,7 @@ def test_every_car_in_range_hears_every_other_and_not_itself():
 
 def test_a_car_out_of_range_hears_nothing():
     late = [TWO[0], {**TWO[1], "route": {"start": "0.5 s"}}]
-    ran(late, broadcast={"medium": "sidelink", "range": "1 m"}, start_jitter="0 s")
+    ran(late, "Near", start_jitter="0 s")
     assert max(stamp_ns for stamp_ns, _ in HEARD["car2"]) <= 200_000_000, "1 m ahead by then"
     assert min(stamp_ns for stamp_ns, _ in HEARD["car1"]) == 1_200_000_000, "it has come up to it"
 
@@ -137,9 +140,7 @@ def test_a_fault_at_a_border_loses_what_is_broadcast():
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        ({"broadcast": None}, "telling: car1 broadcasts, but the scenario has no 'broadcast'"),
         ({"method": "Empty"}, "car1->*: a message of 0 bytes; it must have some"),
-        ({"method": "ToOtherEdges"}, "car1: unknown further uplink 'edge7'; there are none"),
     ],
 )
 def test_what_cannot_be_is_told_in_one_line(settings: dict[str, Any], text: str):
@@ -150,7 +151,7 @@ def test_what_cannot_be_is_told_in_one_line(settings: dict[str, Any], text: str)
 
 def test_what_is_lost_on_the_air_is_no_loss_of_a_frame():
     """Nobody answers here, so nothing else is dropped."""
-    world = ran(broadcast={"medium": "sidelink", "loss": 1})
+    world = ran(method="Lossy")
     assert HEARD["car1"] == []
     channel = next(one for one in world.network.resources if one.name == "car1.channel")
     assert (channel.completed, channel.drops) == (0, 10)

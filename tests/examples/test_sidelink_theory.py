@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from sidelink import IDLE_NS, SLOT_NS, WINDOW, Sidelink, Station
 
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock, Steps
-from genie_sim.sim.link_models.sidelink import IDLE_NS, SLOT_NS, WINDOW, Sidelink, Station
+from genie_sim.sim.link_models import LinkEnds
 from tests.theory.replications import equivalent, replicate
 
 SEED, S, US = 7, 1_000_000_000, 1_000
@@ -45,7 +46,9 @@ class Street:
 
     def __post_init__(self):
         channel = self.sidelink.radio(self)
-        self.stations: dict[str, Station] = {host: channel.sender(host) for host in self.places}
+        self.stations: dict[str, Station] = {
+            host: channel.sender(LinkEnds(host, host, host, up=True)) for host in self.places
+        }
 
     def draws(self, *names):
         return Draws(self.seed, *names)

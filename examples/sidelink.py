@@ -1,24 +1,36 @@
 """Broadcasts between hosts on one channel: carrier sense, random backoff, collisions.
 
 After IEEE 802.11p in 10 MHz, with the numbers of ETSI EN 302 663: nobody acknowledges a broadcast,
-and nobody repeats it.
+and nobody repeats it. A method connects its hosts in ``wire``:
+
+def wire(self, network):
+    connect(network, network.cars, ("/my_topic",), Sidelink(range_m=200.0))
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated
 
 import simpy
 
-from genie_sim.base.settings import Bounds
-from genie_sim.base.units import NS_PER_S
-from genie_sim.sim.clock import Occupancy, Steps
-from genie_sim.sim.link_models import Air
-from genie_sim.sim.link_models.cell import PLACES_NS
-from genie_sim.sim.link_models.message_random import MessageRandom
+from genie_sim.extend import (
+    NS_PER_MS,
+    NS_PER_S,
+    Air,
+    Bounds,
+    Graph,
+    LinkEnds,
+    Message,
+    MessageRandom,
+    Network,
+    Occupancy,
+    Steps,
+    Subscriber,
+)
 
 MBIT = 10**6
+PLACES_NS = 100 * NS_PER_MS  # how often ranges follow the places of the cars
 SLOT_NS = 13_000
 IDLE_NS = 110_000  # so long the channel must be idle before the backoff: best effort, AIFS
 WINDOW = 15  # the most slots of the backoff: best effort, CWmin
@@ -82,9 +94,9 @@ class SidelinkChannel:
         self._places: list[tuple[float, float]] = []  # of the stations, in their order
         self._places_of = -1  # the tenth of a second
 
-    def sender(self, host: str) -> "Station":
-        """The station of a host."""
-        station = Station(host, self)
+    def sender(self, ends: LinkEnds) -> "Station":
+        """The station of a host: a car, or an edge that has a place."""
+        station = Station(ends.car or ends.edge, self)
         self._stations.append(station)
         self.air.add_resource(station)
         return station
@@ -247,3 +259,90 @@ class Station:
         change, self._change = self._change, None
         if change is not None:
             change.succeed()
+
+
+class Broadcast(Subscriber):
+    """Sends what a host publishes on the ``topics`` to all hosts in range, on the same topics.
+
+    Parameters
+    ----------
+    network : Network
+        The hosts of the run.
+    graph : Graph
+        The host's graph.
+    topics : tuple of str
+        What it broadcasts.
+    sidelink : Sidelink
+        The channel.
+    others : dict
+        All broadcasts of the run, by host; this one is added.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        graph: Graph,
+        topics: tuple[str, ...],
+        *,
+        sidelink: Sidelink,
+        others: "dict[str, Broadcast]",
+    ) -> None:
+        is_car = graph.name in network.cars
+        ends = LinkEnds(f"{graph.name}->*", graph.name if is_car else None, graph.name, up=True)
+        # what is lost on the way is no answer to a frame, and so no frame's loss
+        self._link = network.add_link(
+            ends, sidelink, part="edges", dropped=lambda message, where: None
+        )
+        station = self._link.sender
+        assert isinstance(station, Station)
+        self._station = station
+        self.address, self.host = f"{graph.name}/broadcast", graph.name
+        self._network, self._graph, self._others = network, graph, others
+        others[graph.name] = self
+        for topic in topics:
+            graph.bridge(topic, self)
+
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """The host has published something: it waits for the medium."""
+        heard_by: list[str] = []  # the hosts; ``carried`` fills it in before anything arrives
+        self._link.send(
+            (topic, message.header.frame_id),
+            message,
+            self._arrive,
+            (topic, message, sender, heard_by),
+            carried=lambda _: heard_by.extend(self._station.heard_by),
+        )
+
+    def _arrive(self, topic: str, message: Message, sender: str, heard_by: list[str]) -> None:
+        """The message reaches the hosts that have heard it, but for those that a fault has cut
+        off.
+        """
+        for host in heard_by:
+            other = self._others[host]
+            received = None if other._link.down_by else self._across(message, host)
+            if received is None:
+                other._link.drops += 1
+            else:
+                other._graph.inject(topic, received, sender)
+
+    def _across(self, message: Message, host: str) -> Message | None:
+        """The message as it arrives at a host; ``None`` if a fault loses it."""
+        border = self._network.border(self.host, host)
+        left = border.leave(message)
+        if isinstance(left, str):  # what it is lost by
+            return None
+        arrived = border.enter(left)
+        return None if isinstance(arrived, str) else arrived
+
+
+def connect(
+    network: Network, hosts: Iterable[str], topics: tuple[str, ...], sidelink: Sidelink
+) -> None:
+    """Lets hosts hear each other: what one publishes on the topics reaches the others in range.
+    Those on which the method runs nothing, and edges without a place, are left out.
+    """
+    others: dict[str, Broadcast] = {}
+    for host in hosts:
+        is_placed = host in network.cars or network.site(host) is not None
+        if host in network.graphs and is_placed:
+            Broadcast(network, network.graphs[host], topics, sidelink=sidelink, others=others)
