@@ -150,7 +150,7 @@ def check_writable(out: Path) -> None:
     """Raises ``UserError`` unless ``out``, which need not exist, can hold result folders. Leaves
     nothing behind.
     """
-    with usable(out, "no results can be written there"):
+    with usable(out, "no results can be written there (--out says where else)"):
         existing = next(path for path in (out, *out.absolute().parents) if path.exists())
         tempfile.TemporaryFile(dir=existing).close()
 

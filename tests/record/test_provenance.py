@@ -198,7 +198,10 @@ def test_the_place_for_results_is_checked_before_simulating(tmp_path):
 
 
 def test_a_name_longer_than_the_file_system_allows_is_one_line(tmp_path):
-    with pytest.raises(UserError, match="no results can be written there: File name too long"):
+    with pytest.raises(
+        UserError,
+        match=r"no results can be written there \(--out says where else\): File name too long",
+    ):
         check_writable(tmp_path / ("x" * 300))
 
 
