@@ -21,6 +21,7 @@ if TYPE_CHECKING:
         differences,
         load,
         load_scenario,
+        reproduce,
         run,
         sweep,
     )
@@ -37,6 +38,7 @@ __all__ = [
     "differences",
     "load",
     "load_scenario",
+    "reproduce",
     "run",
     "sweep",
 ]

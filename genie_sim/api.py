@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from genie_sim.paper.reproduce import Reproduction
     from genie_sim.study.sweep_table import SweepTable
     from genie_sim.study.work import Workers
 
@@ -56,6 +57,7 @@ __all__ = [
     "differences",
     "load",
     "load_scenario",
+    "reproduce",
     "run",
     "sweep",
 ]
@@ -337,13 +339,19 @@ def _run_seeds(
 
 
 @typed
-def load(folder: str | Path, *, allow_changed: bool = False) -> Run | Runs:
-    """The run in a result folder, or the runs of one with several seeds.
+def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | SweepTable":
+    """The run in a result folder, the runs of one with several seeds, or the table of a sweep, as
+    ``sweep`` returns it.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
     changed since the run wrote them. With ``allow_changed`` these are read all the same; the run's
     ``changed`` names them, and every table, figure and page made of it says so.
     """
+    folder = expanded(folder)
+    if (folder / seed_runs.ABOUT).is_file() and not seed_runs.is_seeds_folder(folder):
+        from genie_sim.study.sweep_table import SweepTable
+
+        return SweepTable.read(folder, allow_changed)
     return _in_hand(seed_runs.load(folder, allow_changed=allow_changed))
 
 
@@ -356,8 +364,8 @@ def compare(
     allow_changed: bool = False,
 ) -> "Comparison":
     """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
-    where there are several of a setting, else by blocks of one second. They are paired where both
-    sides saw the same frames; those of other cars or drives are not.
+    where there are several of a setting, else by blocks of one second. Only seeds that all have are
+    compared.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
@@ -475,11 +483,9 @@ def sweep(
     progress : callable, optional
         Called with how much is done, how much there is, and what is going on.
     """
-    import pandas as pd
-
     from genie_sim.study.design import read_design, sweep_of
     from genie_sim.study.study import Study
-    from genie_sim.study.sweep_table import SweepPlots, SweepTable
+    from genie_sim.study.sweep_table import SweepTable
 
     names = _names("methods", methods)
     more = {
@@ -501,10 +507,45 @@ def sweep(
         )
         work.run(_workers(jobs, given, names), progress=progress)
         status = work.finish(Output(page=out is not None))
-        table = pd.read_parquet(
-            status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
-        )
-        return SweepTable.of(table, SweepPlots.read(status.folder))
+        return SweepTable.read(status.folder, every_run=every_run)
+
+
+def reproduce(
+    out: str | Path | None = None,
+    *,
+    quick: bool = False,
+    seeds: int | None = None,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+) -> "Reproduction":
+    """Runs the paper's evaluation: its ``table``, its five ``figures`` and all ``numbers``.
+
+    Parameters
+    ----------
+    out : str or Path, optional
+        The folder that gets it. Runs are kept beside it, in ``<out>.runs``: an evaluation that was
+        interrupted goes on from there. By default nothing is kept.
+    quick : bool
+        Two seeds instead of ten.
+    seeds : int, optional
+        So many seeds, from 1 on.
+    jobs : int, optional
+        Processes; by default one per core.
+    progress : callable, optional
+        Called with how many runs are done, how many there are, and how many failed.
+
+    Raises
+    ------
+    UserError
+        For a number below 1, or a folder that cannot be written.
+    """
+    from genie_sim.paper import reproduce as evaluation
+
+    for name, count in (("seeds", seeds), ("jobs", jobs)):
+        if count is not None and (type(count) is not int or count < 1):
+            raise UserError(f"{name}: {short_repr(count)}: expected a whole number from 1 on")
+    folder = None if out is None else expanded(out)
+    return evaluation.reproduce(folder, quick=quick, seeds=seeds, workers=jobs, progress=progress)
 
 
 def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":

@@ -46,17 +46,17 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.genie_metrics import PLACEMENTS
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.statistics import t_quantile
-from genie_sim.base.parallel import workers_here
+from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Header, Image
 from genie_sim.core.rules import SIMILARITY
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import Trace, write_trace
-from genie_sim.data.tracking import CAMERA, FRAME_NS, sequences, tracking_trace
+from genie_sim.data.tracking import CAMERA, sequences
 from genie_sim.data.truth_table import make_truth, path_beside, write_truth
-from genie_sim.paper.evidence import interval, rounded
-from genie_sim.paper.facts import METHODS, Fact, placed
-from genie_sim.paper.runs import EvaluationRun, simulate
+from genie_sim.paper.evidence import interval
+from genie_sim.paper.numbers import METHODS, Number, Numbers, of_run, placed
+from tools.make.published import FRAME_NS, tracking_trace
 
 OUT = Path("results/drives")
 OF_THE_EVALUATION = "0000"
@@ -68,13 +68,13 @@ GAINS = {
     answer: [f"improvement_{answer}_answer:genie:{baseline}" for baseline in ("local", "remote")]
     for answer in ("first", "result")
 }
-FACTS = [
+NUMBERS = [
     *(
-        Fact(f"improvement_{answer}_answer", component=baseline)
+        Number(f"improvement_{answer}_answer", component=baseline)
         for answer in GAINS
         for baseline in ("local", "remote")
     ),
-    Fact("under_deadline_share"),
+    Number("under_deadline_share"),
     *(
         placed(name, placement)
         for name in ("image_reuse", "image_reuse_pooled", "object_reuse")
@@ -82,7 +82,7 @@ FACTS = [
     ),
     *(placed("confidence_boost", placement) for placement in PLACEMENTS),
     *(
-        Fact(name, method.name)
+        Number(name, method.name)
         for name in ("object_precision", "ghost_share")
         for method in METHODS
     ),
@@ -126,22 +126,23 @@ def same_cell_share(trace: Trace) -> float:
     return sum(before == after for before, after in pairwise(keys)) / (len(keys) - 1)
 
 
+def numbers_of(job: tuple[str, int, tuple[str, ...]]) -> Numbers:
+    """The numbers of a scenario with a seed, under settings."""
+    scenario, seed, settings = job
+    return of_run(gs.run(scenario, settings, seed=seed))
+
+
 def run(root: Path, sequence: str, folder: Path, jobs: int) -> list[dict[str, Any]]:
     """The rows of a sequence. Raises ``gs.UserError`` for one whose files are broken."""
     trace, path = trace_of(root, sequence, folder)
     drive_s = len(trace.frames[CAMERA]) * FRAME_NS / 1e9
     settings, share = settings_of(path, drive_s), same_cell_share(trace)
-    runs = [
-        EvaluationRun(scenario, seed, settings, shown=True)
-        for scenario in SCENARIOS
-        for seed in SEEDS
-    ]
+    runs = [(scenario, seed, settings) for scenario in SCENARIOS for seed in SEEDS]
     rows = []
-    for made, outcome in zip(runs, simulate(runs, jobs), strict=True):
-        facts = outcome.facts
-        row = {"sequence": sequence, "scenario": made.scenario, "seed": made.seed}
-        row |= {"drive_s": drive_s, SAME_CELL: rounded(share)}
-        rows.append(row | {str(fact): rounded(facts.get(fact, math.nan)) for fact in FACTS})
+    for (scenario, seed, _), numbers in zip(runs, in_parallel(numbers_of, runs, jobs), strict=True):
+        row = {"sequence": sequence, "scenario": scenario, "seed": seed}
+        row |= {"drive_s": drive_s, SAME_CELL: share}
+        rows.append(row | {str(number): numbers.get(number, math.nan) for number in NUMBERS})
     return rows
 
 
@@ -301,7 +302,7 @@ def main() -> None:
                 print(f"sequence {sequence} is left out: {error}")
         if not rows:
             raise SystemExit(f"{root / 'tracking'}: no sequence can be used")
-        pd.DataFrame(rows).to_csv(path, index=False)
+        pd.DataFrame(rows).to_csv(path, index=False, float_format="%.6g")
     print(tables(pd.read_csv(path, dtype={"sequence": str})))
 
 

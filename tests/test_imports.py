@@ -44,17 +44,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "report": ("core", "data", "record", "analysis"),
     "runs": (*_READ, *_RESULTS),
     "study": (*_READ, *_RESULTS, "runs"),
-    "api": (*_READ, *_RESULTS, "runs", "study"),
-    "paper": ("scenario", "record", "analysis", "report", "api"),
+    "paper": ("scenario", "record", "analysis", "report", "runs", "study"),
+    "api": (*_READ, *_RESULTS, "runs", "study", "paper"),
     "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
     "__main__": ("cli",),
     "extend": ("core", "tracks", "sim", "methods", "recommended", "data", "record", "analysis"),
 }
 IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 
-# The evaluation simulates through ``api`` alone. Rooms above ``api`` share the tools for tables,
-# arithmetic and pages, and these two modules for files of settings.
-PAPER_MAY_READ_WITH = {"scenario.yaml_input", "scenario.profiles"}
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
@@ -163,15 +160,6 @@ def test_arrows_run_one_way(package: str):
             if to is not None and package_of(to) not in allowed:
                 wrong.append(f"{path.relative_to(REPOSITORY)}:{one.line}: imports {to}")
     assert not wrong, "\n".join((f"{package} may import {allowed}", *wrong))
-
-
-def test_the_evaluation_simulates_as_its_users_do():
-    """Through ``genie_sim`` alone: it builds no scenario and no world of its own."""
-    for module in (name for name in MODULES if package_of(name) == "paper"):
-        for line, name, _ in imports(MODULES[module]):
-            to = imported_module(name)
-            if to is not None and package_of(to) == "scenario":
-                assert to in PAPER_MAY_READ_WITH, f"{MODULES[module]}:{line}: imports {to}"
 
 
 def test_no_modules_import_one_another_in_a_circle():

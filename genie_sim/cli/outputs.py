@@ -56,16 +56,20 @@ class Results:
             return comparison.figures(self._compared(), width_in)
         (folder,) = self.folders
         if self._is_evaluation:
-            from genie_sim.paper import paper_figures
+            from genie_sim.paper import figures, printed
 
             self._refuse("--methods", self.methods, IS_EVALUATION)
             self._refuse("--label", self.labels, IS_EVALUATION)
-            return paper_figures.of_evaluation(folder, width_in, self.allow_changed)
+            printed.read_rows(folder)  # refuses another version's
+            return figures.of_evaluation(folder, width_in, self.allow_changed)
         if self._is_sweep:
             self._refuse("--label", self.labels, IS_SWEEP)
             return self._sweep().figures(width_in or PAGE_IN)
         with provenance.of_this_version(folder):
-            return of_runs.of_run(self._run(), width_in)
+            from genie_sim.paper import figures
+
+            run = self._run()
+            return of_runs.of_run(run, width_in) | figures.of_run(run, width_in)
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure, or the values of one metric; several runs need not be comparable."""
@@ -82,10 +86,15 @@ class Results:
             drawn = self.figures(width_in)
             _check_name(name, drawn, has_metrics=not self._is_evaluation)
             return drawn[name]
+        from genie_sim.paper import figures
+
         with provenance.of_this_version(self.folders[0]):
             runs = [with_methods(run, self.methods) for run in self._loaded()]
             run, footer = side_by_side(runs, self.labels)
             makers = of_runs.makers(run, width_in, footer)
+            of_paper = figures.of_run(run, width_in) if name.startswith(figures.PREFIX) else {}
+            if name in of_paper:
+                return of_paper[name]
             if name not in makers and name in {*registry.METRICS, *_own_metrics(runs)}:
                 return metric_values(name, run.measured, run.methods, footer, width_in)
             _check_name(name, makers)
@@ -95,7 +104,7 @@ class Results:
 
     def table(self, format: str, metrics: Sequence[str] = ()) -> str:
         """The numbers in one of ``renderers.FORMATS``, of all metrics or of these."""
-        from genie_sim.paper import verdict_table
+        from genie_sim.paper import printed as printed_paper
         from genie_sim.study import printed
 
         renderers.checked(format)
@@ -106,7 +115,7 @@ class Results:
             self._refuse("--methods", self.methods, IS_EVALUATION)
             self._refuse("--label", self.labels, IS_EVALUATION)
             self._refuse("--metrics", metrics, IS_EVALUATION)
-            return verdict_table.printed(provenance.read_json(folder / EVALUATION), format)
+            return printed_paper.table(printed_paper.read_rows(folder), format)
         if self._is_sweep:
             self._refuse("--label", self.labels, IS_SWEEP)
             return printed.table_of(folder, format, self.methods, metrics, self.allow_changed)

@@ -10,40 +10,25 @@ from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
-@click.option("--quick", is_flag=True, help="A coarse answer in under a minute.")
+@click.option("--quick", is_flag=True, help="Two seeds: a coarse answer in a minute.")
 @click.option(
     "--seeds", type=COUNT, metavar="N", help="So many seeds, from 1 on; default: the assumptions'."
 )
 @jobs_option
-@click.option(
-    "--reading",
-    help="One reading of the paper, or a file of your own; default: all that there are.",
-)
 @click.option("--out", type=PATH, default="results/reproduce", help="The folder that gets it.")
-def reproduce(
-    *,
-    quick: bool,
-    seeds: int | None,
-    jobs: int | None,
-    reading: str | None,
-    out: Path,
-) -> None:
-    """Run the paper's evaluation: figures and verdicts."""
-    from genie_sim.paper import verdict_table
+def reproduce(*, quick: bool, seeds: int | None, jobs: int | None, out: Path) -> None:
+    """Run the paper's evaluation: its table and its five figures.
+
+    Runs are kept in the folder OUT.runs: one that was interrupted goes on from there.
+    """
+    from genie_sim.paper import printed
     from genie_sim.paper.reproduce import reproduce as run_evaluation
 
-    with ProgressBar(unit="runs") as progress:
-        result = run_evaluation(
-            out,
-            quick=quick,
-            seeds=seeds,
-            workers=jobs,
-            progress=progress,
-            reading=reading,
-        )
-    click.echo(verdict_table.text(verdict_table.read_rows(result.folder), terminal.width()))
-    click.echo(
-        f"Results: {result.folder} ({result.wall_time_s:.0f} s)\n"
-        f"Figures: {result.folder / 'figures'}"
-    )
-    click.echo(f"Report:  {result.folder / terminal.PAGE}")
+    with (
+        ProgressBar(unit="runs") as progress,
+        terminal.resumable(out.with_name(f"{out.name}.runs")),
+    ):
+        result = run_evaluation(out, quick=quick, seeds=seeds, workers=jobs, progress=progress)
+    click.echo(printed.text(result.rows, terminal.width()))
+    click.echo(f"Results: {out}\nFigures: {out / 'figures'}")
+    click.echo(f"Report:  {out / terminal.PAGE}")

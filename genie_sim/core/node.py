@@ -17,7 +17,8 @@ topic         what arrives                     what leaves
 ============  ===============================  ====================
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
-What the paper leaves open is decided where it matters, by the settings of ``GenieRules``.
+What the paper leaves open is decided where it matters, by the settings of ``GenieRules``;
+docs/explanation/print.md tells where the default leaves the print.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence

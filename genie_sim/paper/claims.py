@@ -1,105 +1,262 @@
-"""Verdicts on the paper's claims, and how far they depend on the choice of seeds."""
+"""The paper's claims, and what the simulation says of each: a row of one table."""
 
+import math
 from collections import Counter
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from genie_sim.base.seeds import stream
-from genie_sim.paper.checks import CHECKS, load_claims
-from genie_sim.paper.evidence import Claim, Evidence, Finding
-
-RESAMPLES = 200
-MARGINAL = 0.05  # share of resamples with another verdict from which on a verdict is marginal
-
-VERDICTS = (
-    "reproduced",
-    "same direction, other size",
-    "not reproduced",
-    "not testable here",
-    "calibrated",
-    "in part",
+from genie_sim.paper.evidence import (
+    CONTRARY,
+    HELD,
+    MIN_SEEDS,
+    NEGLIGIBLE,
+    Effects,
+    Values,
+    interval,
 )
-REPRODUCED, DIRECTION, CONTRADICTED, UNTESTED, CALIBRATED, IN_PART = VERDICTS
+from genie_sim.record import provenance
+from genie_sim.scenario.yaml_input import parse
+
+HERE = Path(__file__).parent
+HOLDS, PARTLY, NO, NOT_RUN = VERDICTS = ("holds", "partly", "no", "not run")
+SECTIONS = (  # in the paper's order
+    "latency",
+    "images",
+    "objects",
+    "confidence",
+    "case study",
+    "design",
+    "Table I",
+)
+KINDS = {
+    "input": "true by construction",
+    "near input": "follows closely from what was put in",
+    "outcome": "the simulator could have contradicted it",
+    "invariant": "must hold in every run",
+    "table": "arithmetic on the paper's own table",
+}
+
+Row = Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """A claim, what was found, and what we say of it.
+class Claim:
+    """One line of ``claims.yaml``, which says what each field is."""
 
-    ``marginal``: another set of seeds could say otherwise, as always where there is one seed and so
-    no interval. ``same_as``: the claim before it that found the same number, which is counted once.
+    id: str
+    section: str
+    where: str
+    kind: str
+    claim: str
+    paper: str
+    ours: str
+    unit: str
+    expect: float
+    test: str
+    why: str
+    command: str
+    minutes: float
+    tolerance: float = 0.0
+    near: float | None = None
+    also: float = 0.0
+    about: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What the test of a claim found: its verdict, and the number that the table shows, one value
+    a seed, or one of no seed. ``note``: what stands beside the verdict.
     """
 
-    claim: Claim
-    finding: Finding | None
     verdict: str
-    marginal: bool
-    same_as: str | None = None
+    values: Values
+    note: str = ""
 
 
-def judge(evidence: Evidence, fitted: bool = True, retrodicted: bool = False) -> list[Verdict]:
-    """A verdict of every claim. ``fitted``: to two of them, which are else predictions as any.
-    ``retrodicted``: outcomes were in sight when the reading was chosen, so none is a prediction.
+@cache
+def load_claims() -> tuple[Claim, ...]:
+    """The paper's claims, in its order."""
+    path = HERE / "claims.yaml"
+    return tuple(Claim(**line) for line in parse(path.read_text(encoding="utf-8"), str(path)))
+
+
+@cache
+def full_run() -> dict[str, str]:
+    """The verdict of each claim in the last full evaluation, which ``results/paper`` holds."""
+    verdicts: dict[str, str] = provenance.read_json(HERE / "full_run.json")
+    return verdicts
+
+
+# Verdicts
+
+
+def within(
+    claim: Claim,
+    values: Values,
+    low: float = -math.inf,
+    high: float = math.inf,
+    *,
+    shown: Values | None = None,
+    note: str = "",
+) -> Finding:
+    """The claim holds where the whole interval lies within the bounds, and partly where it lies on
+    the claimed side of ``near``. ``shown``: the number of the table, if it is another one.
     """
-    kinds = {} if fitted else {"calibrated": "prediction"}
-    found: list[Verdict] = []
-    for claim in load_claims():
-        kind = kinds.get(claim.kind, claim.kind)
-        kind = "retrodicted" if retrodicted and kind == "prediction" else kind
-        verdict = judge_one(replace(claim, kind=kind), evidence)
-        same = (other.claim.id for other in found if _same_number(other.finding, verdict.finding))
-        found.append(replace(verdict, same_as=next(same, None)))
-    return found
+    _, least, most = interval(values)
+    near = claim.near
+    if low <= least and most <= high:
+        verdict = HOLDS
+    elif near is not None and (least > near if claim.expect > near else most < near):
+        verdict = PARTLY
+    else:
+        verdict = NO
+    return Finding(verdict, values if shown is None else shown, note)
 
 
-def _same_number(one: Finding | None, other: Finding | None) -> bool:
-    """Whether two findings are one simulated number, to all that seeds say of it. Bounds that are
-    met exactly, such as a share of 1, are met by many numbers: these are none.
+def matches(
+    claim: Claim, values: Values, *, shown: Values | None = None, note: str = ""
+) -> Finding:
+    """Equivalence: the whole interval lies within the tolerance of what is expected."""
+    low, high = claim.expect - claim.tolerance, claim.expect + claim.tolerance
+    return within(claim, values, low, high, shown=shown, note=note)
+
+
+def all_positive(shown: Values, *legs: Effects, note: str = "") -> Finding:
+    """Several effects that are all claimed to be positive: each must hold (``Effect.state``).
+
+    The claim holds partly where one of several ``legs`` holds whole, or where no effect is contrary
+    and either most of them hold or their average does. The note names those that do not.
     """
-    if one is None or other is None or one.low is None or other.low is None:
-        return False
-    mine, its = (np.array([of.value, of.low, of.high], dtype=float) for of in (one, other))
-    exact = one.value in (0.0, 1.0)
-    return one.unit == other.unit and not exact and bool(np.allclose(mine, its, rtol=1e-6, atol=0))
+    effects = {name: effect for leg in legs for name, effect in leg.items()}
+    states = {name: effect.state for name, effect in effects.items()}
+    held = sum(state == HELD for state in states.values())
+    if held == len(effects):
+        return Finding(HOLDS, shown, note)
+    missing = _missing({name: state for name, state in states.items() if state != HELD})
+    note = "; ".join(filter(None, [note, f"{held} of {len(effects)} hold, not {missing}"]))
+    whole = (all(states[name] == HELD for name in leg) for leg in legs)
+    relative = [effect.effect / effect.scale for effect in effects.values()]
+    _, low, _ = interval(np.mean(relative, axis=0))
+    most = low > NEGLIGIBLE or 2 * held > len(effects)
+    partly = (len(legs) > 1 and any(whole)) or (most and CONTRARY not in states.values())
+    return Finding(PARTLY if partly else NO, shown, note)
 
 
-def judge_one(claim: Claim, evidence: Evidence) -> Verdict:
-    """Tests one claim, and once more on resampled seeds to see whether the verdict depends on which
-    ones were drawn.
+def _missing(states: Mapping[str, str]) -> str:
+    """The effects that do not hold; of many their number."""
+    if len(states) <= 3:
+        return ", ".join(f"{name} ({state})" for name, state in states.items())
+    return ", ".join(f"{count} {state}" for state, count in Counter(states.values()).items())
+
+
+def in_every_run(claim: Claim, values: Values, *, at_most: bool = False, note: str = "") -> Finding:
+    """An invariant: what is expected is a bound that no run may miss. The value is the worst
+    run's.
     """
-    finding = look(claim, evidence)
-    verdict = verdict_of(claim, finding)
-    if finding is None:
-        return Verdict(claim, None, verdict, False)
-    random = stream(0, "claims", claim.id)
-    seeds = evidence.seeds
-    drawn = (tuple(sorted(random.integers(seeds, size=seeds).tolist())) for _ in range(RESAMPLES))
-    others = 0
-    # few seeds often give the same
-    for places, times in Counter(drawn if finding.n > 1 else ()).items():
-        others += times * (verdict_of(claim, look(claim, evidence.resampled(places))) != verdict)
-    return Verdict(claim, finding, verdict, finding.one_seed or others > MARGINAL * RESAMPLES)
+    worst = np.max(values) if at_most else np.min(values)
+    holds = worst <= claim.expect if at_most else worst >= claim.expect
+    return Finding(HOLDS if holds else NO, np.array([worst]), note)
 
 
-def verdict_of(claim: Claim, finding: Finding | None) -> str:
-    """One of ``VERDICTS``. What was fitted is never called reproduced: it is ``calibrated`` where
-    the fit succeeded.
+def arithmetic(holds: bool, value: float, note: str = "") -> Finding:
+    """What needs no run."""
+    return Finding(HOLDS if holds else NO, np.array([value]), note)
+
+
+# Rows of the table
+
+
+def row(claim: Claim, finding: Finding | None, full: str) -> dict[str, Any]:
+    """A claim and what was found as plain data; ``full``: its verdict in the last full run.
+
+    ``value`` is the mean over ``n`` seeds, in ``unit``; ``low`` and ``high`` are its 95 % interval,
+    ``None`` of fewer than three. Shares are in percent.
     """
-    if finding is None or not finding.known:
-        return UNTESTED
-    if finding.holds:
-        return CALIBRATED if claim.kind == "calibrated" else REPRODUCED
-    if claim.kind == "invariant":
-        return CONTRADICTED
-    if any(leg.holds for leg in finding.legs):
-        return IN_PART
-    return DIRECTION if finding.direction else CONTRADICTED
+    value = low = high = None
+    n = 0 if finding is None else len(finding.values)
+    if finding is not None and not np.isnan(finding.values).any():
+        factor = 100.0 if claim.unit in ("%", "points") else 1.0
+        value, low, high = (_rounded(factor * end) for end in interval(finding.values))
+        if n < MIN_SEEDS:
+            low = high = None
+    verdict = NOT_RUN if finding is None or value is None else finding.verdict
+    return {
+        "id": claim.id,
+        "section": claim.section,
+        "where": claim.where,
+        "kind": claim.kind,
+        "about": claim.about,
+        "claim": claim.claim,
+        "paper": claim.paper,
+        "ours": claim.ours,
+        "value": value,
+        "low": low,
+        "high": high,
+        "unit": claim.unit,
+        "n": n,
+        "verdict": verdict,
+        "full_run": full,
+        "note": "" if finding is None else finding.note,
+        "why": claim.why,
+        "test": claim.test,
+        "command": claim.command,
+        "minutes": claim.minutes,
+    }
 
 
-def look(claim: Claim, evidence: Evidence) -> Finding | None:
-    """What a claim's test finds; ``None`` without a run that it needs."""
-    try:
-        return CHECKS[claim.id](evidence, claim)
-    except KeyError:  # a run that this evaluation did not make
-        return None
+def _rounded(value: float) -> float:
+    """Six digits, as they are written down."""
+    return float(f"{value:.6g}")
+
+
+def sentences(rows: Sequence[Row]) -> list[str]:
+    """What of the paper holds, in three sentences."""
+    return [
+        f"{name}: {_counts(chosen)}{more}."
+        for name, chosen, more in (
+            ("Latency", [row for row in rows if row["section"] == "latency"], _of_inputs(rows)),
+            ("Levels of reuse and confidence", _about(rows, "level"), _average(rows)),
+            (
+                "Peaks, and trends over the number of cars",
+                _about(rows, "trend"),
+                "; the rest goes another way, or is too small to count",
+            ),
+        )
+    ]
+
+
+def _about(rows: Sequence[Row], what: str) -> list[Row]:
+    return [row for row in rows if row["about"] == what]
+
+
+def _counts(rows: Sequence[Row]) -> str:
+    counts = Counter(row["verdict"] for row in rows)
+    parts = [f"{counts[HOLDS]} of {len(rows)} claims hold"]
+    parts += [f"{counts[verdict]} {verdict}" for verdict in (PARTLY, NOT_RUN) if counts[verdict]]
+    return ", ".join(parts)
+
+
+def _of_inputs(rows: Sequence[Row]) -> str:
+    of_latency = [row for row in rows if row["section"] == "latency"]
+    put_in = sum("input" in row["kind"] for row in of_latency)
+    return f"; {put_in} of the {len(of_latency)} follow from what was put in"
+
+
+def _average(rows: Sequence[Row]) -> str:
+    """The mean object reuse beside the paper's."""
+    for found in rows:
+        if found["id"] == "C11" and found["value"] is not None:
+            return (
+                f"; objects are reused {found['value']:.0f} % of the time (paper: {found['paper']})"
+            )
+    return ""
+
+
+def differing(rows: Sequence[Row]) -> Iterator[str]:
+    """The ids of claims with another verdict than in the last full run."""
+    return (row["id"] for row in rows if row["verdict"] != row["full_run"])

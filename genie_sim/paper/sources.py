@@ -4,23 +4,31 @@ paper's.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from genie_sim.base import files
 from genie_sim.base.paths import sha256_of
+from genie_sim.base.settings import plain_data
 from genie_sim.paper.checks import ALL, CASE
+from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.yaml_input import read_mapping
 from genie_sim.version import PACKAGE_FOLDER
 
 SET_UPS = (*ALL, CASE)
 TRACE = "kitti_0005"
-ASSUMPTIONS = Path(__file__).with_name("assumptions.yaml")
+HERE = Path(__file__).parent
+ASSUMPTIONS = HERE / "assumptions.yaml"
+# what says what is run and tested
+INPUTS = (ASSUMPTIONS, HERE / "claims.yaml", HERE / "table1.yaml")
 # Rooms whose code decides numbers; the others show them, or bring them in and out.
 ROOMS = (
     *("base", "core", "sim", "methods", "faults", "data", "worlds", "scenario"),
-    *("record", "judge", "analysis", "runs", "paper"),
+    *("record", "judge", "analysis", "runs"),
 )
+MEASURING = ("numbers.py", "curves.py", "watch.py", "runs.py")  # in this room
+NO_SET_UP = ("name", "description", "seed", "methods", "record")  # what any run may choose
 
 
 def digests() -> dict[str, str]:
@@ -28,10 +36,10 @@ def digests() -> dict[str, str]:
     the packages.
     """
     traces = files.find(files.TRACE, TRACE).parent.glob(f"{TRACE}*.parquet")
-    package = (path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*"))
+    package = [path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*.py")]
     found = {
-        "package": (path for path in package if path.suffix in (".py", ".yaml")),
-        "scenarios": (files.find(files.SCENARIO, name) for name in SET_UPS),
+        "package": [*package, *(HERE / name for name in MEASURING)],
+        "scenarios": [files.find(files.SCENARIO, name) for name in SET_UPS],
         "device_profiles": files.available(files.DEVICE).values(),
         "traces": traces,
     }
@@ -63,3 +71,16 @@ def set_ups() -> Iterator[tuple[str, Path, str]]:
         content = {key: value for key, value in read_mapping(path).items() if key != "description"}
         text = json.dumps(content, sort_keys=True, default=str)
         yield name, path, hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def changed_setting(scenario: Mapping[str, Any]) -> str | None:
+    """A setting in which a run's scenario, as plain data, is not the shipped one of its name;
+    ``None`` where it is that, whatever its seed and its methods.
+    """
+    shipped = plain_data(load_scenario(str(scenario["name"])))
+    keys: set[str] = {*scenario, *shipped} - {*NO_SET_UP}
+    for key in sorted(keys):
+        ours, theirs = (json.dumps(of.get(key), default=str) for of in (scenario, shipped))
+        if ours != theirs:
+            return key
+    return None

@@ -1,12 +1,11 @@
-"""Run-time probes for facts that no table records: what Genies share and store, and whether
+"""Run-time probes for numbers that no table records: what Genies share and store, and whether
 detectors are left as they are.
 """
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
-from genie_sim.paper.facts import Fact, Facts, placed
+from genie_sim.paper.numbers import Number, Numbers, placed
 
 # How names of nodes end, and the topic of what is found.
 GENIE, DETECTOR = "/genie", "/vision_darknet_detect"
@@ -14,7 +13,7 @@ OBJECTS = "/detection/image_detector/objects"
 
 
 class WorldObserver:
-    """Watches the world of one method (``observer`` of ``gs.run``).
+    """Watches the worlds of all methods of a run (``observer`` of ``gs.run``).
 
     Counts the objects that Genies share under C_T, those below it apart. Where a scenario says so,
     C_T is not for what edges send each other, and not for what a car's own node finds.
@@ -35,7 +34,7 @@ class WorldObserver:
         self._threshold: float | None = None
         self.shared = self.unconfident = 0
         self.stored: dict[str, list[float]] = {"car": [], "edge": []}
-        self.detectors: dict[str, tuple[object, ...]] = {}
+        self.detectors: set[tuple[str, tuple[object, ...]]] = set()
         self.behind_genie = True
 
     def before(self, method: str, world: Any) -> None:
@@ -43,7 +42,7 @@ class WorldObserver:
         for graph in world.network.graphs.values():
             for node in graph.nodes:
                 if node.name.endswith(DETECTOR):
-                    self.detectors[node.name] = _fingerprint(node)
+                    self.detectors.add((node.name, _fingerprint(node)))
                     if method == "genie":
                         own = node.subscribes, node.publishes
                         self.behind_genie &= graph.topics_of(node.name) != own
@@ -73,24 +72,20 @@ class WorldObserver:
                     objects = node.pure.object_map
                     self.stored[placement] += [stored.confidence for stored in objects]
 
-
-def facts_of(observers: Sequence[WorldObserver]) -> Facts:
-    """Of the worlds of all methods of a run together."""
-    counted = all(observer.is_fixed for observer in observers)
-    detectors = {item for observer in observers for item in observer.detectors.items()}
-    same = len(detectors) == len({name for name, _ in detectors})
-    behind_genie = all(observer.behind_genie for observer in observers)
-    unconfident = float(sum(observer.unconfident for observer in observers))
-    facts = {
-        Fact("detector_untouched"): float(same and behind_genie),
-        Fact("objects_shared"): float(sum(observer.shared for observer in observers)),
-        Fact("unconfident_objects_shared"): unconfident if counted else math.nan,
-    }
-    for placement in ("car", "edge"):
-        confidences = [one for observer in observers for one in observer.stored[placement]]
-        mean = sum(confidences) / len(confidences) if confidences else math.nan
-        facts[placed("stored_confidence", placement)] = mean
-    return facts
+    def numbers(self) -> Numbers:
+        """What was seen in all worlds together."""
+        same = len(self.detectors) == len({name for name, _ in self.detectors})
+        found = {
+            Number("detector_untouched"): float(same and self.behind_genie),
+            Number("objects_shared"): float(self.shared),
+            Number("unconfident_objects_shared"): (
+                float(self.unconfident) if self.is_fixed else math.nan
+            ),
+        }
+        for placement, confidences in self.stored.items():
+            mean = math.fsum(confidences) / len(confidences) if confidences else math.nan
+            found[placed("stored_confidence", placement)] = mean
+        return found
 
 
 def _fingerprint(node: Any) -> tuple[object, ...]:

@@ -241,3 +241,14 @@ def test_output_is_compared_line_by_line(printed: str, same: bool):
 def test_a_command_shown_without_output_prints_nothing():
     assert matches([], "\n")
     assert not matches([], "surprise\n")
+
+
+@pytest.mark.slow
+def test_the_first_experiment_in_python_runs_as_it_stands(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    assert 12 <= len([line for line in code.splitlines() if line]) <= 18
+    exec(compile(code, "README.md", "exec"), {})
+    told = capsys.readouterr().out
+    assert all(told.count(f"{link} ") == 1 for link in ("ideal", "ethernet_1g", "wifi", "nr5g"))
+    assert (tmp_path / "cdf.pdf").exists() and (tmp_path / "report.html").exists()

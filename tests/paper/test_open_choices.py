@@ -6,33 +6,37 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.paper.facts import Fact, placed
-from genie_sim.paper.runs import EvaluationRun
+import genie_sim as gs
+from genie_sim.paper.numbers import Number, of_run, placed
+from genie_sim.paper.watch import WorldObserver
 
 WINDOW = ("cars[0].route.window=[0 s, 3 s]", "cars[1].route.window=[0 s, 3 s]")
 
 
-def facts(*settings, scenario="street_2car_hetero", methods=("genie",)):
+def numbers(*settings, scenario="street_2car_hetero", methods=("genie",)):
     window = WINDOW if "2car" in scenario else ()
-    return EvaluationRun(scenario, 1, (*window, *settings), methods).simulate().facts
+    changed = [*window, *settings, f"methods=[{', '.join(methods)}]"]
+    loaded = gs.load_scenario(scenario, changed, seed=1)
+    observer = WorldObserver(loaded.genie)
+    return of_run(gs.run(loaded, observer=observer)) | observer.numbers()
 
 
 @pytest.mark.parametrize("setting", ["genie.fresh_objects=confident", "genie.fresh_objects=all"])
 def test_only_confident_objects_leave_a_host(setting):
-    found = facts(setting)
-    assert found[Fact("objects_shared")] > 500
-    assert found[Fact("unconfident_objects_shared")] == 0
+    found = numbers(setting)
+    assert found[Number("objects_shared")] > 500
+    assert found[Number("unconfident_objects_shared")] == 0
 
 
 def test_edges_may_exchange_all_objects_while_cars_get_confident_ones():
-    found, usual = facts("genie.share_filter=all"), facts()
+    found, usual = numbers("genie.share_filter=all"), numbers()
     assert (
-        found[Fact("unconfident_objects_shared")]
+        found[Number("unconfident_objects_shared")]
         == 0
-        < found[Fact("objects_shared")]
-        < usual[Fact("objects_shared")]
+        < found[Number("objects_shared")]
+        < usual[Number("objects_shared")]
     )
-    assert found[placed("boost_per_object", "edge")] != usual[placed("boost_per_object", "edge")], (
+    assert found[placed("confidence_boost", "edge")] != usual[placed("confidence_boost", "edge")], (
         "faint objects come from other edges"
     )
 
@@ -42,7 +46,8 @@ def test_edges_may_exchange_all_objects_while_cars_get_confident_ones():
 def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, forget_after):
     forgets = f"genie.object_map.forget_after={forget_after}"
     usual, own = (
-        facts(forgets, f"genie.car_learns={learns}", methods=(method,)) for learns in ("all", "own")
+        numbers(forgets, f"genie.car_learns={learns}", methods=(method,))
+        for learns in ("all", "own")
     )
     key = placed("stored_images", "car")
     # no Genie on cars there
@@ -54,11 +59,11 @@ def test_a_car_that_learns_from_its_own_node_only_holds_fewer_answers(method, fo
 
 def test_a_car_without_a_detector_learns_from_its_edge_anyway():
     usual, own = (
-        facts(f"genie.car_learns={learns}", scenario="street_case_study")
+        numbers(f"genie.car_learns={learns}", scenario="street_case_study")
         for learns in ("all", "own")
     )
     with_detector, without = (
-        Fact("object_reuse", component=f"{car}/genie") for car in ("car1", "car2")
+        Number("object_reuse", component=f"{car}/genie") for car in ("car1", "car2")
     )
     assert own[with_detector] < usual[with_detector]
     assert own[without] > 0.9 * usual[without] > 0

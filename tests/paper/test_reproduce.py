@@ -1,26 +1,22 @@
-"""The evaluation: declared before, the same on any number of processes, whole or absent, shown as
-it came out.
-"""
+"""The evaluation: declared before, whole or absent, shown as it came out."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from genie_sim.paper import page, rows, table1, verdict_table
-from genie_sim.paper.checks import CASE, load_claims
-from genie_sim.paper.readings import load_readings
-from genie_sim.paper.reproduce import (
-    QUICK_READINGS,
-    calibrated_settings,
-    declared_seeds,
-    judge_readings,
-    reproduce,
-)
+import genie_sim as gs
+from genie_sim.analysis import renderers
+from genie_sim.analysis.figures import save
+from genie_sim.cli.main import main
+from genie_sim.paper import claims, curves, numbers, page, printed, table1
+from genie_sim.paper.checks import judge
+from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.reproduce import Reproduction, declared_seeds, reproduce, write
 from genie_sim.paper.sources import ASSUMPTIONS, edited_set_ups, set_ups
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
@@ -28,123 +24,60 @@ from tests.checkout import copied
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAPER = REPOSITORY / "results" / "paper"
-GENERATED = (REPOSITORY / "README.md", REPOSITORY / "docs" / "paper.md")
-ASSUMED = read_mapping(ASSUMPTIONS)
-MARKERS = {  # of a document's generated parts
-    "readings": ("<!-- readings:begin -->", "<!-- readings:end -->"),
-    "verdicts": ("<!-- verdicts:begin -->", "<!-- verdicts:end -->"),
-    "counts": ("<!-- counts:begin -->", "<!-- counts:end -->"),
-    "section V": ("<!-- section-v:begin -->", "<!-- section-v:end -->"),
-    "worth": ("<!-- worth:begin -->", "<!-- worth:end -->"),
-    "table I": ("<!-- table-1:begin -->", "<!-- table-1:end -->"),
+FULL_RUN = REPOSITORY / "genie_sim" / "paper" / "full_run.json"
+FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
+DOCUMENTS = {  # their generated parts
+    "README.md": ("in short",),
+    "docs/paper.md": ("table", "accuracy", "table I"),
 }
+ASSUMED = read_mapping(ASSUMPTIONS)
 
 
-def section_v(verdicts: list[dict]) -> str:
-    """Section V sentence by sentence: the figure and the verdicts."""
-    found = verdict_table.by_claim(verdicts)
-    readings = {row["reading"]: row["column"] for row in verdicts}
-    lines = [f"| Section V | the paper says | figure | {' | '.join(readings.values())} | here |"]
-    lines.append(f"|---|---|---|{'---|' * len(readings)}---|")
-    for one in verdict_table.sentences():
-        figure = f"`{one['figure']}`" if one["figure"] else ""
-        cells = [
-            "; ".join(f"{claim}: {found[claim][name]['verdict']}" for claim in one["claims"])
-            for name in readings
-        ]
-        lines.append(
-            f"| {one['part']} | {one['says']} | {figure} | {' | '.join(cells)} |"
-            f" {one['note'] or ''} |"
-        )
-    return "\n".join(lines)
+def generated() -> dict[str, str]:
+    """What documents show of the committed evaluation, by the name of the part."""
+    rows = printed.read_rows(PAPER)
+    accuracy = page.accuracy(Evidence(numbers.read(PAPER)))
+    return {
+        "table": printed.in_markdown(rows),
+        "in short": printed.in_short(rows),
+        "accuracy": renderers.markdown(accuracy).rstrip(),
+        "table I": table1.markdown(),
+    }
 
 
-def generated_parts(folder: Path) -> dict[str, str]:
-    """What documents show of a result folder, by the name of the part. Raises ``UserError``."""
-    verdicts = verdict_table.read_rows(folder)
-    parts = {"verdicts": verdict_table.in_markdown(verdicts).rstrip()}
-    parts["counts"] = "\n".join(verdict_table.counts(verdicts))
-    parts |= {"section V": section_v(verdicts), "table I": table1.markdown()}
-    parts["readings"] = verdict_table.readings_text(provenance.read_json(folder / "readings.json"))
-    quality = folder / "quality.json"
-    if quality.is_file():
-        parts["worth"] = verdict_table.map_quality_table(provenance.read_json(quality))
-    return parts
-
-
-def between(name: str, text: str) -> str | None:
-    """A document's generated part of that name, ``None`` where it has none."""
-    begin, end = MARKERS[name]
-    if begin not in text or end not in text:
-        return None
-    return text.split(begin, 1)[1].split(end, 1)[0].strip()
-
-
-def refreshed(text: str, parts: dict[str, str]) -> str:
-    """The document with its generated parts made anew; a part it does not have is left out."""
-    for name, part in parts.items():
-        begin, end = MARKERS[name]
-        if between(name, text) is not None:
-            before, rest = text.split(begin, 1)
-            text = f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
-    return text
-
-
-def test_two_parameters_are_fitted_to_two_numbers_on_seeds_of_their_own():
-    fitted = ASSUMED["calibrated"]
-    assert list(fitted["parameters"]) == ["overlap", "gate_m"]
-    targets = {name: target["value"] for name, target in fitted["targets"].items()}
-    assert targets == {"object_reuse_mean": 0.31, "object_to_image_reuse": 4.0}
-    assert not set(ASSUMED["evaluation"]["calibration_seeds"]) & set(declared_seeds())
-    assert len(declared_seeds()) >= 10
-    for setting in calibrated_settings():
-        name, value = setting.split("=")
-        low, high = fitted["parameters"][name]["range"]
-        assert low <= float(value) <= high
+def refreshed(text: str, name: str, part: str) -> str:
+    """The document with a part made anew, which stands between two marks."""
+    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
+    before, rest = text.split(begin, 1)
+    return f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
 
 
 def test_everything_fixed_has_a_reason():
     for one in ASSUMED["fixed"]:
         assert one["value"] and len(one["why"]) > 40, one["what"]
+    assert len(declared_seeds()) == 10
 
 
 @pytest.mark.slow
-def test_a_quick_evaluation_judges_every_claim_and_draws_every_figure(tmp_path):
-    told = []
-    result = reproduce(
-        tmp_path / "out", quick=True, seeds=1, workers=1, progress=lambda *what: told.append(what)
-    )
-    verdicts = verdict_table.read_rows(result.folder)
-    assert [(one["reading"], one["id"]) for one in verdicts] == [
-        (name, one.id) for name in QUICK_READINGS for one in load_claims()
+def test_a_quick_evaluation_has_the_rows_legs_and_units_of_the_full_one(tmp_path, capsys):
+    assert main(["reproduce", "--seeds", "1", "--jobs", "1", "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    rows, full = printed.read_rows(tmp_path / "out"), printed.read_rows(PAPER)
+    same = ("id", "section", "kind", "claim", "paper", "ours", "unit", "command")
+    assert [[row[name] for name in same] for row in rows] == [
+        [row[name] for name in same] for row in full
     ]
-    assert told == sorted(told), "runs that share what is equal are done together"
-    assert told[-1][0] == told[-1][1], "the progress ends at its end"
-    for name in (
-        "latency_cdf",
-        "image_reuse",
-        "object_reuse",
-        "confidence_boost",
-        "case_study",
-        "worth",
-    ):
-        assert (result.folder / "figures" / f"{name}.svg").stat().st_size > 10_000
-    assert "| streaming precision |" in (result.folder / "verdicts.md").read_text()
-    assert json.loads((result.folder / "run.json").read_text())["quick"] is True
+    for row in rows:
+        assert row["id"] in told and row["value"] is not None
+        if row["verdict"] != row["full_run"]:
+            assert f"{row['verdict']} (full run: {row['full_run']})" in " ".join(told.split())
+    assert all(sentence.split()[0] in told for sentence in claims.sentences(rows))
+    for name in FIGURES:
+        assert (tmp_path / "out" / "figures" / f"{name}.svg").stat().st_size > 10_000
+    assert "| streaming F1 [%] |" in (tmp_path / "out" / "verdicts.md").read_text()
 
 
-def test_an_interrupted_evaluation_leaves_nothing(tmp_path, monkeypatch):
-    def interrupt(done, of, what):
-        raise KeyboardInterrupt
-
-    variants = {"base": ((CASE,), (), ("genie",))}
-    monkeypatch.setattr("genie_sim.paper.reproduce.VARIANTS", variants)
-    with pytest.raises(KeyboardInterrupt):
-        reproduce(tmp_path / "out", seeds=1, workers=1, reading="street", progress=interrupt)
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_committed_results_are_those_of_the_committed_assumptions():
+def test_the_committed_results_are_those_of_the_committed_inputs():
     about = json.loads((PAPER / "run.json").read_text())
     here = REPOSITORY / "genie_sim" / "paper"
     for name, digest in about["inputs"].items():
@@ -152,16 +85,31 @@ def test_the_committed_results_are_those_of_the_committed_assumptions():
             f"{name} changed: evaluate anew"
         )
     assert about["quick"] is False
-    assert tuple(about["seeds"]) == declared_seeds()
-    assert {name: tuple(used) for name, used in about["settings"].items()} == {
-        one.name: one.settings(calibrated_settings()) for one in load_readings()
-    }
+    assert tuple(about["seeds"]) == declared_seeds()[: len(about["seeds"])]
+
+
+def test_the_committed_verdicts_follow_from_the_committed_numbers():
+    """The claims as they are now, judged from the rows of every run: nothing is simulated."""
+    rows = printed.read_rows(PAPER)
+    assert json.loads(json.dumps(judge(Evidence(numbers.read(PAPER))))) == rows, (
+        "the claims changed: evaluate anew"
+    )
+    assert provenance.read_json(FULL_RUN) == {row["id"]: row["verdict"] for row in rows}
 
 
 def test_the_committed_results_are_small():
-    ignored = (".html", ".png", ".pdf")
-    committed = [path for path in PAPER.rglob("*.*") if path.suffix not in ignored]
-    assert sum(path.stat().st_size for path in committed) < 4_000_000
+    paths = [path for path in PAPER.rglob("*.*") if path.suffix not in (".html", ".svg")]
+    assert sum(path.stat().st_size for path in paths) < 1_000_000
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_the_documents_show_the_committed_verdicts(document):
+    text = (REPOSITORY / document).read_text(encoding="utf-8")
+    parts = generated()
+    for name in DOCUMENTS[document]:
+        assert refreshed(text, name, parts[name]) == text, (
+            f"{document} shows other {name}: python -m tests.paper.test_reproduce"
+        )
 
 
 def test_the_set_ups_are_the_declared_ones():
@@ -172,82 +120,85 @@ def test_the_set_ups_are_the_declared_ones():
     assert edited_set_ups() == []
 
 
-def test_an_edited_set_up_is_said_in_one_line_and_on_the_page(tmp_path, monkeypatch, caplog):
+def test_an_edited_set_up_is_said_in_one_line(tmp_path, monkeypatch):
     """Whoever edits a copy of a set-up gets the numbers of the edited one, and is told so."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "scenarios").mkdir()
     shipped = (REPOSITORY / "scenarios" / "1car_homo.yaml").read_text()
     own = tmp_path / "scenarios" / "1car_homo.yaml"
-    own.write_text(shipped.replace("# Boards side by side", "# Some boards"))
+    own.write_text(f"# mine\n{shipped}")
     assert edited_set_ups() == [], "a comment changes nothing"
     own.write_text(shipped.replace("laps: 2", "laps: 3"))
     (line,) = edited_set_ups()
-    assert line == (
-        "scenarios/1car_homo.yaml: edited, no longer the paper's set-up; "
-        "the numbers are those of the edited one"
-    )
-    monkeypatch.setattr("genie_sim.paper.page.verdict_table.few_seeds", lambda rows: "")
-    copy = copied(PAPER, tmp_path / "evaluation")
-    about = json.loads((copy / "run.json").read_text()) | {"edited": [line]}
-    (copy / "run.json").write_text(json.dumps(about))
-    assert line in page.page_data(copy)["notes"]
+    assert line.startswith("scenarios/1car_homo.yaml: edited, no longer the paper's set-up")
 
 
-@pytest.mark.slow
-def test_the_committed_verdicts_follow_from_the_committed_numbers():
-    """The claims as they are now, judged from the rows of every run: nothing is simulated."""
-    places = rows.read(PAPER)
-    readings = load_readings()
-    facts = [
-        {place[1:]: list(of.values()) for place, of in places.items() if place[0] == one.name}
-        for one in readings
-    ]
-    settings = [one.settings(calibrated_settings()) for one in readings]
-    judged = judge_readings(readings, settings, facts, workers=1)
-    found = [
-        verdict_table.row(verdict, one.reading, plain)
-        for one in judged
-        for verdict, plain in zip(
-            one.verdicts, one.plain or [None] * len(one.verdicts), strict=True
-        )
-    ]
-    assert json.loads(json.dumps(found)) == verdict_table.read_rows(PAPER), (
-        "the claims changed: evaluate anew"
-    )
+def test_results_of_the_former_meanings_are_one_line(tmp_path, capsys):
+    folder = copied(PAPER, tmp_path / "old")
+    about = json.loads((folder / "run.json").read_text())
+    del about["format"]
+    (folder / "run.json").write_text(json.dumps(about))
+    for command in ("table", "figures", "report"):
+        assert main([command, str(folder)]) == 1
+        said = capsys.readouterr().err
+        assert "an evaluation by another version" in said and said.count("\n") == 1
 
 
-@pytest.mark.parametrize("document", GENERATED, ids=lambda path: path.name)
-def test_the_documents_show_the_committed_verdicts(document):
-    text = document.read_text(encoding="utf-8")
-    for name, part in generated_parts(PAPER).items():
-        shown = between(name, text)
-        assert shown is None or shown == part, (
-            f"{document.name} shows other {name}: python -m tests.paper.test_reproduce"
-        )
-    if document.name == "README.md":
-        assert between("counts", text) is not None
-    if document.name == "paper.md":
-        assert between("verdicts", text) is not None
-        assert between("section V", text) is not None
+@pytest.mark.parametrize("seeds", ["0", "-1", "two", "1.5"])
+def test_a_wrong_number_of_seeds_is_one_line(seeds, capsys, tmp_path):
+    assert main(["reproduce", "--seeds", seeds, "--out", str(tmp_path / "out")]) in (1, 2)
+    assert "--seeds" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
-def refresh(repository):
-    """Writes the committed evaluation into the documents of a repository."""
-    for path in GENERATED:
-        path = repository / path.relative_to(REPOSITORY)
-        shown = refreshed(path.read_text(encoding="utf-8"), generated_parts(PAPER))
-        path.write_text(shown, encoding="utf-8")
+def test_the_library_takes_whole_numbers_alone():
+    for seeds in (0, -1, 1.5, "2", True):
+        with pytest.raises(gs.UserError, match=r"seeds: .*expected a whole number from 1 on"):
+            gs.reproduce(seeds=seeds)
 
 
-def test_refreshing_what_is_committed_changes_nothing(tmp_path):
-    """What ``python -m tests.paper.test_reproduce`` does after an evaluation."""
-    for path in GENERATED:
-        (tmp_path / path.relative_to(REPOSITORY)).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, tmp_path / path.relative_to(REPOSITORY))
-    refresh(tmp_path)
-    for path in GENERATED:
-        assert (tmp_path / path.relative_to(REPOSITORY)).read_bytes() == path.read_bytes(), path
+def test_nothing_is_overwritten_that_is_no_result(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(gs.UserError, match="choose another --out"):
+        reproduce(tmp_path / "out", seeds=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_table_is_printed_in_markdown_csv_and_for_a_notebook():
+    rows = printed.read_rows(PAPER)
+    csv = printed.table(rows, "csv").splitlines()
+    assert len(csv) == 40 and csv[0].startswith("id,section,kind")
+    assert printed.table(rows, "markdown").count("\n| C") == 39
+    assert printed.html(rows).count("<tr>") == 40
+    with pytest.raises(gs.UserError, match="markdown and csv"):
+        printed.table(rows, "latex")
+    narrow = printed.text(rows, 60)
+    assert max(map(len, narrow.splitlines())) <= 60
+    assert not np.isnan([row["value"] for row in rows]).any()
+
+
+def refresh() -> None:
+    """Judges the committed numbers anew, and writes what follows from them: the rest of
+    ``results/paper``, the verdicts in the package, the documents, their pictures.
+    """
+    table = numbers.read(PAPER)
+    rows = judge(Evidence(table))
+    provenance.write_json(FULL_RUN, {row["id"]: row["verdict"] for row in rows})
+    claims.full_run.cache_clear()
+    rows = judge(Evidence(table))
+    made = Reproduction(rows, table, curves.read(PAPER / curves.FILE))
+    write(PAPER, made, provenance.read_json(PAPER / "run.json"))
+    for name, figure in made.figures.items():
+        save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
+    parts = generated()
+    for document, names in DOCUMENTS.items():
+        path = REPOSITORY / document
+        text = path.read_text(encoding="utf-8")
+        for name in names:
+            text = refreshed(text, name, parts[name])
+        path.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
-    refresh(REPOSITORY)
+    refresh()

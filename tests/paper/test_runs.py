@@ -1,180 +1,100 @@
-"""The runs of an evaluation: what the words of its settings make of a scenario, and what comes
-out.
+"""The runs of an evaluation: what they are, that they are kept, and that a run of their name and
+seed has the same numbers.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import math
 
-import numpy as np
 import pytest
 
 import genie_sim as gs
 from genie_sim.base.errors import UserError
-from genie_sim.paper import reproduce
-from genie_sim.paper.evidence import rounded
-from genie_sim.paper.facts import Fact, placed
-from genie_sim.paper.readings import MAIN, load_reading
-from genie_sim.paper.reproduce import (
-    calibrated_settings,
-    check,
-    declared_seeds,
-    outcomes_of,
-    runs_of,
-)
-from genie_sim.paper.runs import EVERY_METHOD, EvaluationRun, simulate
+from genie_sim.paper import runs
+from genie_sim.paper.numbers import Number
+from genie_sim.paper.reproduce import reproduce
+from genie_sim.paper.runs import EvaluationRun, planned, simulate
 from genie_sim.paper.sources import SET_UPS
+from genie_sim.paper.watch import WorldObserver
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim import nodes
 
-FITTED = calibrated_settings()
-STREET = load_reading("street").settings(FITTED)
-
-
-def windows_s(*settings, scenario="3car_homo", seed=1):
-    cars = EvaluationRun(scenario, seed, settings).load().cars
-    return [tuple(t / 1e9 for t in car.route.window_ns) for car in cars]
-
-
-def test_the_overlap_is_the_share_of_a_route_that_the_car_ahead_drives_too():
-    assert windows_s("overlap=0") == [(0.0, 5.2), (5.2, 10.4), (10.4, 15.6)]
-    assert len(set(windows_s("overlap=1"))) == 1
-    (_, first_end), (second_begin, _), _ = windows_s("overlap=0.4")
-    assert (first_end - second_begin) / 5.2 == pytest.approx(0.4)
-    assert windows_s("overlap=0.4", "order=reversed") == windows_s("overlap=0.4")[::-1]
-
-
-def test_one_car_and_three_see_the_same_street_over_the_seeds():
-    """Where a car drives on average: in the middle of the street, however many there are."""
-    for scenario in ("1car_homo", "2car_homo", "3car_homo"):
-        windows = [
-            window
-            for seed in declared_seeds()
-            for window in windows_s("overlap=0.1", scenario=scenario, seed=seed)
-        ]
-        middles = [sum(window) / 2 for window in windows]
-        assert sum(middles) / len(middles) == pytest.approx(7.8, abs=0.6)
-        assert all(begin >= 0 and end <= 15.6 + 1e-6 for begin, end in windows)
-
-
-def test_the_car_without_cameras_drives_behind():
-    (seeing, _), (blind, _) = windows_s("overlap=0.4", scenario="case_study")
-    assert blind < seeing
-
-
-def same_but_for_names(one, other):
-    return replace(one, name="", description="") == replace(other, name="", description="")
+SECOND_NS = 1_000_000_000
 
 
 @pytest.mark.parametrize("name", SET_UPS)
-def test_the_scenarios_are_what_the_main_reading_says(name):
-    reading = load_reading(MAIN)
-    said = tuple(setting for choice in reading.choices for setting in choice.settings)
-    assert EvaluationRun(name, 1, said).load() == EvaluationRun(name, 1).load()
+def test_every_board_plays_the_whole_bag_twice_a_second_after_the_one_before(name):
+    scenario = load_scenario(name)
+    for place, car in enumerate(scenario.cars):
+        assert car.route.start_ns == place * SECOND_NS
+        assert car.route.laps == 2 and car.route.window_ns is None
 
 
-def test_the_main_reading_plays_the_whole_bag_on_every_board():
-    scenario = load_scenario("3car_hetero")
-    assert [(car.route.window_ns, car.route.start_ns, car.route.laps) for car in scenario.cars] == [
-        (None, index * 1_000_000_000, 2) for index in range(3)
+def test_the_runs_are_those_of_the_claims_each_with_an_id():
+    every = planned([1, 2])
+    assert len({run.run_id for run in every}) == len(every) == 2 * (7 + 4 + 1)
+    cut = [run for run in every if run.variant == "cut_link"]
+    assert [run.scenario.name for run in cut] == ["1car_homo"] * 2
+    assert len(cut[0].scenario.faults) == 1
+    alone = next(run for run in every if run.variant == "no_edge_sharing")
+    assert not alone.scenario.genie.share_requests
+    assert alone.scenario.genie.share_answers == "on_request"
+    assert [run.run_id for run in planned([1])] == [
+        run.run_id for run in every if run.scenario.seed == 1
     ]
-    genie = scenario.genie
-    assert (genie.similarity.name, genie.object_map.location_key) == ("exact", "exact")
-    assert (genie.car_learns, genie.share_filter) == ("own", "all")
-    blind = load_scenario("case_study").genie
-    assert blind.similarity.name == "pose_grid", "a car without cameras has only its position"
 
 
-@pytest.mark.parametrize("name", SET_UPS)
-def test_street_is_the_scenario_of_a_street_with_what_was_fitted(name):
-    """So the overlay takes back all that makes the bench."""
-    overlaid = EvaluationRun(name, 3, STREET).load()
-    assert same_but_for_names(overlaid, EvaluationRun(f"street_{name}", 3, FITTED).load())
+def short(name="1car_homo", seed=1) -> EvaluationRun:
+    scenario = load_scenario(name, ["cars[0].route.window=[3 s, 3.4 s]"], seed=seed)
+    return EvaluationRun(f"{seed:012x}", scenario, f"{name}, seed {seed}")
 
 
-def test_two_passes_changes_nothing_else():
-    settings = load_reading("two_passes").settings(FITTED)
-    base, other = (EvaluationRun("3car_hetero", 1, mine).load() for mine in ((), settings))
-    assert (base.genie.passes, other.genie.passes) == (1, 2)
-    assert base == replace(other, genie=replace(other.genie, passes=1))
+def test_finished_runs_are_not_run_again_and_lost_curves_are(tmp_path, monkeypatch):
+    pair = [short(seed=1), short(seed=2)]
+    first, drawn = simulate(pair, tmp_path, workers=1)
+    assert {*first["seed"]} == {1, 2} and drawn
+    made = []
+
+    def counted(scenario, **options):
+        made.append(scenario.seed)
+        return run_in_memory(scenario, **options)
+
+    run_in_memory = runs.run_in_memory
+    monkeypatch.setattr(runs, "run_in_memory", counted)
+    again, _ = simulate(pair, tmp_path, workers=1)
+    assert made == []
+    assert first.equals(again)
+    pair[1].curves(tmp_path).write_bytes(b"damaged")
+    simulate([*pair, short(seed=3)], tmp_path, workers=1)
+    assert sorted(made) == [2, 3]
 
 
-def test_a_link_is_cut_in_mid_run_and_only_there():
-    for (variant, _), (run, *_) in runs_of((), [1]).items():
-        assert [entry.fault.name for entry in run.load().faults] == ["outage"] * (
-            variant == "cut_link"
-        )
+def test_an_interrupted_evaluation_goes_on_and_leaves_no_result(tmp_path, monkeypatch):
+    def interrupt(done, of, what):
+        if done == 1:
+            raise KeyboardInterrupt
 
-
-@pytest.mark.parametrize("setting", ["genie.passses=2", "links=idael", "fleet=3"])
-def test_a_reading_that_sets_what_no_scenario_has_is_told_before_anything_runs(setting):
-    reading = load_reading("two_passes")
-    wrong = replace(reading, choices=(replace(reading.choices[0], settings=(setting,)),))
-    with pytest.raises(UserError) as told:
-        check(wrong)
-    assert str(told.value).startswith(f"{reading.path}: choices[0].set: ")
-    assert "\n" not in str(told.value)
+    monkeypatch.setattr(runs, "planned", lambda seeds: [short(seed=1), short(seed=2)])
+    with pytest.raises(KeyboardInterrupt):
+        reproduce(tmp_path / "out", seeds=2, workers=1, progress=interrupt)
+    assert [path.name for path in tmp_path.iterdir()] == ["out.runs"]
+    assert len([*(tmp_path / "out.runs" / "parts").glob("*.json")]) == 1
 
 
 @pytest.mark.slow
-def test_a_run_is_the_evaluation_s_row_of_its_name_and_seed(monkeypatch):
-    """And several seeds of it are its figure: one name, one set-up, one number."""
-    monkeypatch.setattr(
-        "genie_sim.paper.reproduce.VARIANTS", {"base": (("1car_hetero",), (), EVERY_METHOD)}
-    )
-    (outcomes,) = outcomes_of([runs_of((), [3, 4])], workers=1)
-    of_seeds = [outcome.facts for outcome in outcomes["base", "1car_hetero"]]
-    plain = gs.run("1car_hetero", seeds=[3, 4])
-    for facts, run in zip(of_seeds, plain.runs, strict=True):
-        shared = 0
-        for one in run.measured:
-            fact = Fact(one.metric, one.method, one.placement, one.component)
-            if fact in facts and one.value is not None:
-                assert facts[fact] == one.value, fact
-                shared += 1
-        assert shared > 60
-    means = plain.metrics.set_index(["metric", "method", "placement", "component"])
-    for fact in (Fact("first_answer_mean"), placed("image_reuse", "edge"), Fact("answered_share")):
-        shown = reproduce._metric("", fact, np.array([facts[fact] for facts in of_seeds]))
-        for name in ("value", "low", "high"):
-            assert shown[name] == rounded(means.loc[tuple(fact), name]), (fact, name)
-
-
-def test_the_number_of_processes_does_not_change_a_number():
-    runs = [
-        EvaluationRun(scenario, seed, STREET, ("genie",))
-        for scenario in ("1car_homo", "2car_hetero")
-        for seed in (1, 2)
-    ]
-    alone, together = ([repr(one.facts) for one in simulate(runs, n)] for n in (1, 2))
-    assert alone == together
-
-
-def test_what_is_equal_in_several_runs_is_simulated_once(monkeypatch):
-    """Local execution has no edges, and neither baseline has a Genie; a run that is shown is
-    judged, wherever it stands.
-    """
-    short = "cars[0].route.window=[0 s, 0.3 s]"
-    runs = [
-        EvaluationRun("street_1car_homo", 1, (short, "genie.passes=2")),
-        EvaluationRun("street_1car_homo", 1, (short,), shown=True),
-        EvaluationRun("street_1car_hetero", 1, (short,)),
-        EvaluationRun("street_1car_homo", 1, (short, "link=cut"), ("genie",)),
-        EvaluationRun("street_1car_homo", 1, (short,), ("remote", "genie")),
-    ]
-    alone = [run.simulate() for run in runs]
-    simulated = []
-    run_one = gs.run
-
-    def count(scenario, *, methods, observer):
-        simulated.extend(methods)
-        return run_one(scenario, methods=methods, observer=observer)
-
-    monkeypatch.setattr("genie_sim.paper.runs.gs.run", count)
-    together = simulate(runs, workers=1)
-    assert sorted(simulated) == ["genie"] * 4 + ["local"] + ["remote"] * 2
-    assert [repr(one.facts) for one in together] == [repr(one.facts) for one in alone]
-    assert [list(one.tables) for one in together] == [[], ["frames", "lookups"], [], [], []]
+@pytest.mark.parametrize("name", ["1car_hetero", "case_study"])
+def test_a_run_has_every_number_of_the_evaluation_s_row(name, tmp_path):
+    """``run NAME --seed 3`` in every metric."""
+    chosen = [run for run in planned([3]) if run.scenario.name == name and run.variant == "base"]
+    table, _ = simulate(chosen, tmp_path, workers=1)
+    row = {Number(*map(str, of[3:7])): of[7] for of in table.itertuples(index=False)}
+    measured = gs.run(name, seed=3).measured
+    assert len(measured) > 60
+    for metric in measured:
+        of = Number(metric.metric, metric.method, metric.placement, metric.component)
+        value = math.nan if metric.value is None else metric.value
+        assert json.dumps(row[of]) == json.dumps(float(value)), of
 
 
 # What an observer sees of a run
@@ -196,12 +116,9 @@ def test_it_is_seen_when_attaching_a_genie_touches_the_node(harm, monkeypatch):
         return genie
 
     monkeypatch.setattr("genie_sim.sim.world.attach", attach)
-    found = (
-        EvaluationRun("street_1car_homo", 1, ("cars[0].route.window=[0 s, 0.3 s]",))
-        .simulate()
-        .facts
-    )
-    assert found[Fact("detector_untouched")] == (harm == "nothing")
+    observer = WorldObserver(SHORT.genie)
+    gs.run(SHORT, observer=observer)
+    assert observer.numbers()[Number("detector_untouched")] == (harm == "nothing")
 
 
 def test_a_genie_without_the_nodes_topics_ends_the_run(monkeypatch):
@@ -244,23 +161,3 @@ def test_an_observer_sees_each_methods_world_and_changes_nothing():
 def test_an_observer_is_for_one_run_in_memory(options):
     with pytest.raises(gs.UserError, match="observer: is for one run in memory"):
         gs.run(SHORT, observer=Seen(), **options)
-
-
-@pytest.mark.parametrize(
-    ("server", "devices", "edges"),
-    [
-        ("one", ["quadro_rtx_4000", "agx_xavier", "agx_xavier"], ["edge1", "edge2", "edge3"]),
-        ("all", ["quadro_rtx_4000"] * 3, ["edge1", "edge2", "edge3"]),
-        ("shared", ["quadro_rtx_4000"], ["edge1"] * 3),
-    ],
-)
-def test_the_evaluations_powerful_server_is_one_all_or_shared(server, devices, edges):
-    scenario = EvaluationRun("street_3car_hetero", 1, (f"server={server}",)).load()
-    assert ([edge.device for edge in scenario.edges], [car.edge for car in scenario.cars]) == (
-        devices,
-        edges,
-    )
-    alike = EvaluationRun("street_3car_homo", 1, (f"server={server}",)).load()
-    assert [edge.device for edge in alike.edges] == ["agx_xavier"] * 3
-    with pytest.raises(UserError, match="unknown server 'al'"):
-        EvaluationRun("street_3car_homo", 1, ("server=al",)).load()

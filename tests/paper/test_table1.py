@@ -5,13 +5,18 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.paper import table1
-from genie_sim.paper.table1 import DEVICES, MODELS, TableCell
+from genie_sim.paper.table1 import TableCell, devices
+
+MODELS = (
+    *("YOLOv8s", "YOLOv8m", "YOLOv8l"),
+    *("DETR-ResNet-50", "DETR-ResNet-101", "DETR-ResNet-101-DC5"),
+)
 
 
 def test_every_model_on_every_device_with_the_right_speed_up():
     cells = table1.cells()
     assert [(cell.model, cell.device) for cell in cells] == [
-        (model, device) for model in MODELS for device in DEVICES
+        (model, device) for model in MODELS for device in devices()
     ]
     for cell in cells:
         times = [other.printed_ms for other in cells if other.model == cell.model]

@@ -11,18 +11,18 @@ import pytest
 from genie_sim.core.messages import Detection, Detections, Header
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.thresholds import threshold_of
-from genie_sim.paper.watch import DETECTOR, OBJECTS, WorldObserver, facts_of
+from genie_sim.paper.watch import DETECTOR, OBJECTS, WorldObserver
 from genie_sim.sim.method import DETECTOR as NODE
 from genie_sim.sim.method import OBJECTS as TOPIC
 
 RULES = GenieRules()
 
 
-def by_text(facts):
-    """The facts by their metric, and by their placement where they have one."""
+def by_text(numbers):
+    """The numbers by their metric, and by their placement where they have one."""
     return {
-        fact.metric if fact.placement == "all" else f"{fact.metric}:{fact.placement}": value
-        for fact, value in facts.items()
+        of.metric if of.placement == "all" else f"{of.metric}:{of.placement}": value
+        for of, value in numbers.items()
     }
 
 
@@ -74,15 +74,14 @@ def answer(*confidences):
 
 
 def watched(*worlds, rules=RULES, heard=()):
-    """The facts of the worlds of some methods; ``heard``: by the first of them."""
-    observers = []
+    """The numbers of the worlds of some methods."""
+    observer = WorldObserver(rules)
     for method, one in worlds:
-        observers.append(WorldObserver(rules))
-        observers[-1].before(method, one)
-        observers[-1].after(method, one)
+        observer.before(method, one)
+        observer.after(method, one)
     for message in heard:
-        observers[0].deliver("/objects", message, "edge1/genie")
-    return by_text(facts_of(observers))
+        observer.deliver("/objects", message, "edge1/genie")
+    return by_text(observer.numbers())
 
 
 def test_nodes_and_topics_are_called_so():

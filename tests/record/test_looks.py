@@ -12,7 +12,7 @@ import pytest
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import ObjectMapRules
-from genie_sim.paper.facts import Fact, facts_of
+from genie_sim.paper.numbers import Number, of_tables
 from genie_sim.record.log import Log
 from genie_sim.record.records import new_tables
 from genie_sim.runs.folder import run_in_memory
@@ -188,11 +188,10 @@ def test_metrics_are_those_of_the_columns(run: Any):
     assert value["fresh_answered_share", "genie"] <= value["recent_share", "genie"]
 
 
-def test_the_paper_s_facts_count_cached_answers_as_results(run: Any):
-    tables = (run.tables[name] for name in ("frames", "lookups", "resources"))
-    facts = facts_of(*tables)
+def test_the_paper_s_numbers_count_cached_answers_as_results(run: Any):
+    numbers = of_tables(run.tables)
     share = {
-        method: facts[Fact("result_answered_share", method)]
+        method: numbers[Number("result_answered_share", method)]
         for method in ("local", "remote", "genie")
     }
     by_method = run.frames.groupby("method", observed=True)["result_answer_ns"]

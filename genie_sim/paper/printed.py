@@ -1,0 +1,175 @@
+"""The one table of the paper as text: in Markdown, for a terminal, as CSV, for a notebook."""
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from genie_sim.analysis import renderers
+from genie_sim.analysis.result_table import ResultTable
+from genie_sim.base.errors import UserError
+from genie_sim.paper import table1
+from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences
+from genie_sim.paper.evidence import MIN_SEEDS
+from genie_sim.record import provenance
+
+FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
+VERDICTS = "verdicts.json"
+HEADINGS = ["", "the paper says", "paper", "here", "", "why", "shown by"]
+IN_SHORT = ("C1", "C3", "C11", "C12", "C14")  # the rows of the README
+
+Row = Mapping[str, Any]
+
+
+def read_rows(folder: Path) -> list[dict[str, Any]]:
+    """The verdicts of a result folder. Raises ``UserError``, also for an earlier version's."""
+    about = provenance.read_json(folder / "run.json")
+    rows: list[dict[str, Any]] = provenance.read_json(folder / VERDICTS)
+    if not isinstance(about, dict) or about.get("format") != FORMAT:
+        raise UserError(
+            f"{folder}: an evaluation by another version, whose numbers mean other things; "
+            "genie-sim reproduce makes it again"
+        )
+    return rows
+
+
+def number(row: Row) -> str:
+    """The number with its unit and interval: ``85.0 % (84.9 to 85.1)``."""
+    if row["value"] is None:
+        return "not run"
+    unit = f" {row['unit']}" if row["unit"] else ""
+    if row["low"] is None or row["low"] == row["high"]:
+        return f"{_digits(row['value'])}{unit}"
+    ends = f"{_digits(row['low'])} to {_digits(row['high'])}"
+    return f"{_digits(row['value'])}{unit} ({ends})"
+
+
+def _digits(value: float) -> str:
+    return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+def verdict(row: Row) -> str:
+    """The verdict, and that of the last full run where it differs."""
+    if row["full_run"] and row["verdict"] != row["full_run"]:
+        return f"{row['verdict']} (full run: {row['full_run']})"
+    return str(row["verdict"])
+
+
+def reason(row: Row) -> str:
+    return "; ".join(filter(None, [row["why"], row["note"]]))
+
+
+def _says(row: Row) -> str:
+    """The sentence; an input is marked."""
+    mark = f" *({row['kind']})*" if "input" in row["kind"] else ""
+    return f"{row['claim']}{mark}"
+
+
+def _shown_by(row: Row) -> str:
+    return f"`{row['command']}`, {row['minutes']:g} min"
+
+
+def in_markdown(rows: Sequence[Row]) -> str:
+    """The three sentences, and the table section by section."""
+    parts = [*(f"- {sentence}" for sentence in sentences(rows)), ""]
+    for section in SECTIONS:
+        chosen = [row for row in rows if row["section"] == section]
+        if chosen:
+            parts += [f"### {section[0].upper()}{section[1:]}", "", _markdown(chosen), ""]
+    return "\n".join([*parts, *notes(rows)]).rstrip()
+
+
+def _markdown(rows: Sequence[Row]) -> str:
+    lines = [
+        [
+            row["id"],
+            _says(row),
+            row["paper"],
+            f"{number(row)}: {row['ours']}",
+            f"**{verdict(row)}**",
+            reason(row),
+            _shown_by(row),
+        ]
+        for row in rows
+    ]
+    return renderers.markdown(ResultTable.of_texts(HEADINGS, lines)).rstrip()
+
+
+def in_short(rows: Sequence[Row]) -> str:
+    """The five rows of the README."""
+    lines = [
+        [row["claim"], row["paper"], number(row), f"**{verdict(row)}**", row["why"]]
+        for row in rows
+        if row["id"] in IN_SHORT
+    ]
+    table = ResultTable.of_texts(["the paper says", "paper", "here", "", "why"], lines)
+    return renderers.markdown(table).rstrip()
+
+
+def notes(rows: Sequence[Row]) -> list[str]:
+    """What so few seeds cannot decide, and what is different from the full run."""
+    seeds = max(row["n"] for row in rows)
+    found = []
+    if seeds < MIN_SEEDS:
+        found.append(
+            f"{seeds} seed{'s' * (seeds > 1)}: no intervals; genie-sim reproduce runs ten."
+        )
+    differ = [*differing(rows)]
+    if differ and all(row["full_run"] for row in rows):
+        found.append(f"Other verdicts than in the full run: {', '.join(differ)}.")
+    return found
+
+
+def table(rows: Sequence[Row], format: str) -> str:
+    """The table in ``markdown``; in ``csv`` with all digits. Raises ``UserError``."""
+    if format == "csv":
+        names = ["id", "section", "kind", "claim", "paper", "ours", "value", "low", "high"]
+        names += ["unit", "n", "verdict", "full_run", "note", "why", "command", "minutes"]
+        return renderers.exact(names, ([row[name] for name in names] for row in rows))
+    if format == "markdown":
+        return f"{in_markdown(rows)}\n"
+    raise UserError("--format: an evaluation has markdown and csv")
+
+
+def text(rows: Sequence[Row], width: int) -> str:
+    """The table for a terminal of ``width`` columns."""
+    return "\n".join(_text_lines(rows, width))
+
+
+def _text_lines(rows: Sequence[Row], width: int) -> Iterator[str]:
+    section = ""
+    for row in rows:
+        if row["section"] != section:
+            section = row["section"]
+            yield from ("", section.upper())
+        kind = f" ({row['kind']})" if "input" in row["kind"] else ""
+        yield from textwrap.wrap(
+            f"{row['id']:4}{verdict(row):7} {row['claim']}{kind}",
+            width,
+            subsequent_indent=" " * 12,
+        )
+        found = f"paper {row['paper']}; here {number(row)}, {row['ours']}. {reason(row)}"
+        indent = " " * 12
+        yield from textwrap.wrap(found, width, initial_indent=indent, subsequent_indent=indent)
+    yield ""
+    for sentence in (*notes(rows), *sentences(rows)):
+        yield from textwrap.wrap(sentence, width, subsequent_indent="  ")
+
+
+def html(rows: Sequence[Row]) -> str:
+    """The table for a notebook."""
+    lines = [[row["id"], row["claim"], row["paper"], number(row), verdict(row)] for row in rows]
+    headings = ["", "the paper says", "paper", "here", "verdict"]
+    table = ResultTable.of_texts(headings, lines)
+    return renderers.html(table)
+
+
+def document(rows: Sequence[Row], accuracy: ResultTable, edited: Sequence[str]) -> str:
+    """The whole account beside the results: the table, each claim's test, Table I, accuracy."""
+    parts = ["# What of the paper holds here", "", *(f"{line}\n" for line in edited)]
+    parts += [in_markdown(rows), "", "## Tests", ""]
+    parts += [f"- **{row['id']}** ({row['where']}; {row['kind']}): {row['test']}" for row in rows]
+    kinds = "; ".join(f"*{kind}*: {meaning}" for kind, meaning in KINDS.items())
+    parts += ["", f"Kinds: {kinds}.", "", "## Table I", "", table1.markdown(), ""]
+    parts += ["## How accurate the answers are", "", renderers.markdown(accuracy).rstrip()]
+    return "\n".join(parts) + "\n"
