@@ -339,13 +339,19 @@ def _run_seeds(
 
 
 @typed
-def load(folder: str | Path, *, allow_changed: bool = False) -> Run | Runs:
-    """The run in a result folder, or the runs of one with several seeds.
+def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | SweepTable":
+    """The run in a result folder, the runs of one with several seeds, or the table of a sweep, as
+    ``sweep`` returns it.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
     changed since the run wrote them. With ``allow_changed`` these are read all the same; the run's
     ``changed`` names them, and every table, figure and page made of it says so.
     """
+    folder = expanded(folder)
+    if (folder / seed_runs.ABOUT).is_file() and not seed_runs.is_seeds_folder(folder):
+        from genie_sim.study.sweep_table import SweepTable
+
+        return SweepTable.read(folder, allow_changed)
     return _in_hand(seed_runs.load(folder, allow_changed=allow_changed))
 
 
@@ -358,8 +364,8 @@ def compare(
     allow_changed: bool = False,
 ) -> "Comparison":
     """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
-    where there are several of a setting, else by blocks of one second. They are paired where both
-    sides saw the same frames; those of other cars or drives are not.
+    where there are several of a setting, else by blocks of one second. Only seeds that all have are
+    compared.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
@@ -477,11 +483,9 @@ def sweep(
     progress : callable, optional
         Called with how much is done, how much there is, and what is going on.
     """
-    import pandas as pd
-
     from genie_sim.study.design import read_design, sweep_of
     from genie_sim.study.study import Study
-    from genie_sim.study.sweep_table import SweepPlots, SweepTable
+    from genie_sim.study.sweep_table import SweepTable
 
     names = _names("methods", methods)
     more = {
@@ -503,10 +507,7 @@ def sweep(
         )
         work.run(_workers(jobs, given, names), progress=progress)
         status = work.finish(Output(page=out is not None))
-        table = pd.read_parquet(
-            status.folder / ("runs.parquet" if every_run else "table.parquet"), use_threads=False
-        )
-        return SweepTable.of(table, SweepPlots.read(status.folder))
+        return SweepTable.read(status.folder, every_run=every_run)
 
 
 def reproduce(

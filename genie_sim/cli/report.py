@@ -47,6 +47,7 @@ def report(
     from genie_sim.record import results
     from genie_sim.report import comparison, html_page
     from genie_sim.report.run_pictures import kitti_pictures
+    from genie_sim.study import printed
 
     path = out if out is not None else folder / terminal.PAGE
     page = None
@@ -55,7 +56,7 @@ def report(
     elif is_seeds_folder(folder):
         page = comparison.seeds_page_of
     elif (folder / "sweep.json").is_file():
-        raise UserError(f"{folder}: a sweep has figures and table.csv, but no page")
+        page = printed.page_of
     if page is None:
         run = results.load(folder, allow_changed=allow_changed)
         frames = None

@@ -10,7 +10,7 @@ from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder.")
+@click.argument("folder", type=PATH, help="A result folder of a run or of several seeds.")
 @changed_option
 @own_code_option
 def rerun(folder: Path, allow_changed: bool) -> None:
@@ -18,10 +18,11 @@ def rerun(folder: Path, allow_changed: bool) -> None:
     from genie_sim.runs import folder as run_folder
 
     with ProgressBar() as progress:
-        compared = run_folder.rerun(folder, progress, allow_changed=allow_changed)
-    for name, how in compared.files.items():
-        click.echo(f"{name}: {how}")
-    if not compared.reproduces:
-        raise UserError(f"{folder}: the run does not reproduce its own result")
-    is_identical = set(compared.files.values()) == {"identical"}
-    click.echo(f"{folder}: reproduced{', byte for byte' if is_identical else ', by contents'}")
+        for run, compared in run_folder.rerun_all(folder, progress, allow_changed=allow_changed):
+            begin = "" if run == folder else f"{run.name}/"
+            for name, how in compared.files.items():
+                click.echo(f"{begin}{name}: {how}")
+            if not compared.reproduces:
+                raise UserError(f"{run}: the run does not reproduce its own result")
+            is_identical = set(compared.files.values()) == {"identical"}
+            click.echo(f"{run}: reproduced, {'byte for byte' if is_identical else 'by contents'}")

@@ -1,12 +1,13 @@
 """A comparison as figures, and as one page for a browser."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import compare_tables, renderers, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
+from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
 from genie_sim.analysis.style import COLUMN_IN
 from genie_sim.analysis.verdict import verdicts
@@ -114,15 +115,6 @@ def seeds_page_of(folder: Path, allow_changed: bool = False) -> str:
 
 def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[str, Any]:
     name, table = " and ".join(comparison.names), compare_tables.pairs(comparison)
-    pictures = [
-        {
-            "name": file,
-            "title": str(figure.get_label()).partition("\n")[0],
-            "wide": bool(figure.get_figwidth() > COLUMN_IN),
-            "source": _picture(figure),
-        }
-        for file, figure in drawn.items()
-    ]
     return {
         "about": {
             "genie_sim": VERSION,
@@ -138,11 +130,60 @@ def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[
         "headings": table.headings,
         "rows": table.texts(),
         "settings": [[path, *values] for path, values in comparison.settings.items()],
-        "figures": pictures,
+        "figures": _pictures(drawn),
         "means": None,
         "runs": [],
         "notes": [],
     }
+
+
+def _pictures(drawn: "Mapping[str, Figure]") -> list[dict[str, Any]]:
+    return [
+        {
+            "name": file,
+            "title": str(figure.get_label()).partition("\n")[0],
+            "wide": bool(figure.get_figwidth() > COLUMN_IN),
+            "source": _picture(figure),
+        }
+        for file, figure in drawn.items()
+    ]
+
+
+def page_of_table(
+    table: ResultTable, arms: Sequence[str], about: str, drawn: "Mapping[str, Figure]"
+) -> str:
+    """The text of a page about one table, whose title is the page's, and its figures: ``about``
+    says what it is of, ``arms`` are the titles of the methods.
+    """
+    data = {
+        "about": {
+            "genie_sim": VERSION,
+            "name": table.title,
+            "description": about,
+            "names": [],
+            "arms": list(arms),
+            "warning": "",
+        },
+        "methods": [],
+        "verdicts": [],
+        "about_rows": "",
+        "headings": ["", *table.headings],
+        "rows": table.texts(),
+        "settings": [],
+        "figures": _pictures(drawn),
+        "means": None,
+        "runs": [],
+        "notes": [],
+        "origin": "the runs of the sweep. All numbers are in table.csv beside this page.",
+    }
+    return html_page.assemble(
+        "compare.html",
+        ("compare.js",),
+        table.title,
+        data,
+        elsewhere="The numbers are also in table.csv beside it.",
+        pictures="data:",
+    )
 
 
 def write(comparison: ComparedRuns, folder: Path) -> Path:

@@ -23,7 +23,7 @@ from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
 from genie_sim.sim.ros_graph import Graph, Node
 
-TIMER_LATE_NS = 500_000_000
+TIMER_STEP_NS = 1_000_000  # a node that wants to be woken at once again waits so long
 MAX_TRACKED_FRAMES = 20_000  # whose paths a node remembers
 DEFAULT_CONFIG = HostConfig()
 Observer = Callable[[str, Observation, int], None]  # the node's name, its observation, and when
@@ -186,12 +186,12 @@ class InterceptorNode(Node):
         self.graph.publish(self, effect.topic, effect.message, effect.to)
 
     def _watch_deadlines(self, path: Span | None) -> Steps:
-        """Tells the pure node the time when a deadline has passed. Any message that comes does so,
-        too; this is for when none does, so it may be late.
+        """Tells the pure node the time when a deadline has come. Any message that comes does so,
+        too; this is for when none does.
         """
         clock = self.clock
         while (deadline_ns := self.pure.next_deadline_ns()) is not None:
-            yield clock.timeout(max(int(deadline_ns) - clock.now, 0) + TIMER_LATE_NS)
+            yield clock.timeout(max(int(deadline_ns) - clock.now, TIMER_STEP_NS))
             clock.waited(path, self._pending)
             path = clock.path
             self._carry_out(self.pure.on_deadline(clock.now))

@@ -9,7 +9,8 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import checked, definition, learn, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.base.errors import UserError, first_line, unknown
+from genie_sim.base import parquet
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance
 from genie_sim.study.design import Design, read_design
 
@@ -39,13 +40,13 @@ def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
 
 def drawn_from(
     folder: Path, allow_changed: bool = False
-) -> "tuple[Design, pd.DataFrame, dict[str, str], str]":
-    """What the figures of the sweep in a folder are drawn from: the design, its runs, the methods'
-    titles, and which sweep it is. Raises ``UserError``.
+) -> "tuple[Design, pd.DataFrame, pd.DataFrame, dict[str, str], str]":
+    """What the figures of the sweep in a folder are drawn from: the design, its runs and points,
+    the methods' titles, and which sweep it is. Raises ``UserError``.
     """
-    about, runs, _ = _read(folder, allow_changed)
+    about, runs, points = _read(folder, allow_changed)
     design = read_design(about["sweep"], str(folder / ABOUT))
-    return design, runs, _titles(about), footer_of(design, str(about.get("label", "")))
+    return design, runs, points, _titles(about), footer_of(design, str(about.get("label", "")))
 
 
 def table_of(
@@ -150,22 +151,34 @@ def _read(folder: Path, allow_changed: bool) -> "tuple[dict[str, Any], pd.DataFr
 
 def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
     """What ``sweep.json``, ``runs.parquet`` and ``table.parquet`` say."""
-    import pandas as pd
-
-    path = folder / ABOUT
-    try:
-        about = provenance.read_json(path)
-        if not isinstance(about, dict) or "sweep" not in about:
-            raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-        found = []
-        for path in (folder / "runs.parquet", folder / "table.parquet"):
-            with path.open("rb") as file:  # of a path pandas makes a URI
-                found.append(pd.read_parquet(file, use_threads=False))  # see parquet.read
-    except FileNotFoundError:
-        raise UserError(
-            f"{path}: missing; the sweep is not finished, run it again for the rest"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise UserError(f"{path}: cannot be read: {first_line(error)}") from error
+    path = provenance.contained(folder, ABOUT)
+    about = provenance.read_json(path)
+    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
+        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+    found = []
+    for name in READ:
+        path = provenance.contained(folder, name)
+        if not path.exists():
+            raise UserError(
+                f"{path}: missing; the sweep is not finished, run it again for the rest"
+            )
+        table, _ = parquet.read(path, "table of a sweep", lambda schema, _: schema.names)
+        found.append(table.to_pandas())
     learn(about.get("metrics", {}), f"{folder / ABOUT}: metrics")
     return about, found[0], found[1]
+
+
+def page_of(folder: Path, allow_changed: bool = False) -> str:
+    """The text of a page about a sweep: its main metrics, and its figures. Raises ``UserError``."""
+    from genie_sim.report import comparison
+    from genie_sim.study import figures
+
+    about, runs, points = _read(folder, allow_changed)
+    with provenance.of_this_version(folder):
+        design = read_design(about["sweep"], str(folder / ABOUT))
+        footer = footer_of(design, str(about.get("label", "")))
+        drawn = dict(figures.of_sweep(design, runs, _titles(about), footer))
+        columns = list(map(str, points.columns[1 : 1 + len(about["sweep"]["axes"])]))
+        name = str(about.get("label") or about["sweep"]["name"])
+        table = _table(points, columns, _columns(points, ()), _titles(about), name)
+        return comparison.page_of_table(table, list(_titles(about).values()), footer, drawn)

@@ -11,6 +11,7 @@ from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.study import printed
 from genie_sim.study.design import Design
+from genie_sim.study.tables import differences
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,6 +28,8 @@ class SweepPlots:
         The sweep.
     runs : DataFrame
         ``tables.of_runs``.
+    points : DataFrame
+        ``tables.of_points``.
     titles : mapping of str to str
         What figures call each method.
     footer : str
@@ -35,6 +38,7 @@ class SweepPlots:
 
     design: Design
     runs: pd.DataFrame
+    points: pd.DataFrame
     titles: Mapping[str, str]
     footer: str
 
@@ -95,11 +99,20 @@ class SweepTable(pd.DataFrame):
     _plots: SweepPlots
 
     @classmethod
-    def of(cls, table: pd.DataFrame, plots: SweepPlots) -> "SweepTable":
-        """A table with its figures."""
-        result = cls(table)
+    def read(
+        cls, folder: Path, allow_changed: bool = False, *, every_run: bool = False
+    ) -> "SweepTable":
+        """The table of a finished sweep's folder: its points, or ``every_run``. Raises
+        ``UserError``.
+        """
+        plots = SweepPlots.read(folder, allow_changed)
+        result = cls(plots.runs if every_run else plots.points)
         result._plots = plots
         return result
+
+    def differences(self, along: str, to: Any) -> pd.DataFrame:
+        """Paired differences, seed by seed: ``genie_sim.differences`` of the sweep's runs."""
+        return differences(self._plots.runs, list(self._plots.design.columns.values()), along, to)
 
     @property
     def _constructor(self) -> Any:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.paths import atomic_write, remembered
+from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, read_text, remembered
 from genie_sim.record.provenance import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
@@ -26,6 +26,19 @@ def refusal(data: bytes, tmp_path: Path) -> str:
         read_mapping(path)
     assert "\n" not in str(error.value)
     return str(error.value).replace(f"{tmp_path}/", "")
+
+
+def test_a_text_that_would_fill_the_memory_is_refused(tmp_path):
+    """Its size counts, which costs no room on the disk."""
+    path = tmp_path / "run.json"
+    with path.open("wb") as file:
+        file.truncate(MAX_TEXT_BYTES + 1)
+    with pytest.raises(UserError, match=r"run\.json: cannot be read: .* bytes, more than"):
+        read_text(path)
+    file = tmp_path / "pipe.json"
+    os.mkfifo(file)
+    with pytest.raises(UserError, match="not a regular file"):
+        read_text(file)
 
 
 def test_what_a_library_says_is_told_in_one_line_of_so_many_letters() -> None:

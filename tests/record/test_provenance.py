@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.paths import usable
 from genie_sim.record import provenance
 from genie_sim.record.provenance import check_writable, result_folder, run_id
 
@@ -34,6 +35,23 @@ def write_whole_result(final: Path, text: str = "frames") -> None:
 
 def everything_in(folder: Path) -> list[str]:
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
+
+
+def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
+    """Also a link, which is not followed; what the result had written itself goes."""
+    final, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
+    (final / "mine").mkdir(parents=True)
+    elsewhere.mkdir()
+    (elsewhere / "precious").write_text("precious")
+    (final / "run.json").write_text("{}")
+    (final / "page.html").write_text("of before")
+    (final / "mine" / "notes.txt").write_text("mine")
+    (final / "link").symlink_to(elsewhere)
+    with result_folder(final, lambda *_: ("page.html",)) as partial:
+        (partial / "run.json").write_text("[]")
+    assert (final / "mine" / "notes.txt").read_text() == "mine"
+    assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"
+    assert (final / "run.json").read_text() == "[]" and not (final / "page.html").exists()
 
 
 def test_a_run_id_does_not_depend_on_the_order_of_settings():
@@ -109,10 +127,9 @@ def test_an_interrupted_run_leaves_the_earlier_result_as_it_was(tmp_path):
     assert (final / "frames.parquet").read_text() == "earlier"
 
 
-def test_a_result_of_the_same_run_is_replaced_and_none_of_its_files_stays(tmp_path):
+def test_a_result_of_the_same_run_is_replaced(tmp_path):
     final = tmp_path / "run"
     write_whole_result(final, "earlier")
-    (final / "report.html").write_text("of the earlier result")
     write_whole_result(final, "later")
     files = ["figures", "figures/latency_cdf.svg", "frames.parquet", "run.json"]
     assert everything_in(tmp_path) == ["run", *(f"run/{name}" for name in files)]
@@ -164,7 +181,8 @@ def test_a_full_disk_is_one_line_and_no_half_result(tmp_path):
         result_folder(tmp_path / "run") as partial,
     ):
         (partial / "frames.parquet").write_text("half")
-        raise OSError(28, "No space left on device")
+        with usable(partial / "frames.parquet"):
+            raise OSError(28, "No space left on device")
     assert str(tmp_path / "run") in str(caught.value) and "\n" not in str(caught.value)
     assert everything_in(tmp_path) == []
 
@@ -180,7 +198,10 @@ def test_the_place_for_results_is_checked_before_simulating(tmp_path):
 
 
 def test_a_name_longer_than_the_file_system_allows_is_one_line(tmp_path):
-    with pytest.raises(UserError, match="no results can be written there: File name too long"):
+    with pytest.raises(
+        UserError,
+        match=r"no results can be written there \(--out says where else\): File name too long",
+    ):
         check_writable(tmp_path / ("x" * 300))
 
 
@@ -223,7 +244,7 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
         provenance.read_run_json(tmp_path / "elsewhere")
     (tmp_path / "run.json").write_text('{"format": 1}')
     with pytest.raises(
-        UserError, match="made by an older genie-sim: format 1, this one reads 4; run it again"
+        UserError, match="made by an older genie-sim: format 1, this one reads 5; run it again"
     ):
         provenance.read_run_json(tmp_path)
     for wrong in ("{half", "[]", '{"format": 999}', "[" * 100_000):

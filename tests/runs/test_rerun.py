@@ -40,6 +40,14 @@ def test_own_settings_keep_the_order_in_which_they_were_written(tmp_path, capsys
     assert capsys.readouterr().out.endswith("reproduced, byte for byte\n")
 
 
+def test_each_run_of_several_seeds_is_run_again(capsys):
+    line = ["run", "street_1car_homo", *SHORT, "--methods", "remote", "--seeds", "2", "--jobs", "1"]
+    assert main(line) == 0
+    assert main(["rerun", str(only_folder())]) == 0
+    said = capsys.readouterr().out
+    assert all(f"runs/seed-{seed}: reproduced, byte for byte\n" in said for seed in (1, 2))
+
+
 @pytest.mark.parametrize("value", ["as it was", "another"])
 def test_what_another_version_wrote_is_compared_by_contents(value, capsys, caplog):
     """Its bytes are others; a value that is another one is not taken for a matter of bytes."""

@@ -179,7 +179,9 @@ seeds: [2, 5, 9]
     assert main(["table", str(tmp_path / "plain"), "--format", "csv"]) == 0
     sweep = ["sweep", str(path), "--out", str(tmp_path), "--jobs", "1"]
     assert main([*sweep, "--seeds", "1", "--methods", "remote"]) == 0
-    runs = seeds_of(tmp_path / "plain")
+    (other,) = tmp_path.glob("plain-*")
+    assert seeds_of(tmp_path / "plain").seeds == [2, 5, 9], "nothing is overwritten"
+    runs = seeds_of(other)
     assert runs.seeds == [1] and [method.name for method in runs.methods] == ["remote"]
     capsys.readouterr()
 

@@ -681,6 +681,19 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monk
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0 and len(simulated) == 6, "it goes on there"
 
 
+@pytest.mark.drawn
+@pytest.mark.slow
+def test_a_sweep_can_be_loaded_compared_and_reported(uninterrupted, capsys):
+    finished(uninterrupted)
+    table = genie_sim.load("results/s")
+    assert table.equals(pd.read_parquet("results/s/table.parquet"))
+    assert table.plot.along("rate").axes
+    differences = table.differences("rate", 0.1)
+    assert set(differences["rate"]) == {0.5} and len(differences)
+    assert main(["report", "results/s"]) == 0
+    assert "table.csv beside this page" in Path("results/s/report.html").read_text()
+
+
 class Broken(Exact):
     """An image similarity that fails on the first image."""
 
@@ -759,7 +772,7 @@ def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
 
 def test_points_that_say_the_same_share_their_runs(monkeypatch):
     simulated = count_runs(monkeypatch)
-    same = "list: {plain: {}, said: {genie.eviction: unlimited}}"
+    same = "list: {plain: {}, said: {genie.eviction: fifo}}"
     write(SMALL.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 6

@@ -59,15 +59,17 @@ class SimilarityCache(MessageCache):
         self, key: FeatureKey, count: int, now_ns: int, radius: float = math.inf
     ) -> list[tuple[float, FeatureKey]]:
         """The nearest keys whose time is not over, as ``Nearest.near``."""
-        neighbours = self.keys.near(key, count, radius)
-        expired = []
-        for _, neighbour in neighbours:
-            expires_ns = self._eviction.expires_ns(neighbour)
-            if expires_ns is not None and expires_ns <= now_ns:
-                expired.append(neighbour)
-        for neighbour in expired:
-            self._remove(neighbour)
-        return self.near(key, count, now_ns, radius) if expired else neighbours
+        while True:
+            neighbours = self.keys.near(key, count, radius)
+            expired = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
+            if not expired:
+                return neighbours
+            for neighbour in expired:
+                self._remove(neighbour)
+
+    def _is_over(self, key: FeatureKey, now_ns: int) -> bool:
+        expires_ns = self._eviction.expires_ns(key)
+        return expires_ns is not None and expires_ns <= now_ns
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         if key not in self._answers:

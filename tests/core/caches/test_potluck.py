@@ -71,3 +71,10 @@ def test_what_saves_least_per_byte_goes_first():
     # two uses of the large one are less per byte than one of the small one
     cache.put(at(2.0), TOPIC, answer(), 3)
     assert [cache.get(at(x), 4) is not None for x in (0.0, 1.0, 2.0)] == [True, False, True]
+
+
+def test_any_number_of_answers_may_be_over_at_once():
+    cache = AdaptiveThresholdCache(None, Draws(1), dropout=0.0, warm=2000, ttl_ns=10)
+    for number in range(1200):
+        cache.put(at(number / 100), TOPIC, answer(1.0), 0)
+    assert cache.near(at(-1.0), 1, 20) == [] and len(cache) == 0
