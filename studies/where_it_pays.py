@@ -90,12 +90,12 @@ def trace(sequence: str) -> str:
     """The trace of a tracking sequence, with its truth beside it, made where it is missing."""
     path = OUT / "traces" / f"tracking_{sequence}.parquet"
     if not path.with_suffix(".truth.parquet").is_file():
-        drive = ["--drive", f"tracking/{sequence}"]
+        truth = ["import", "truth", "--drive", f"tracking/{sequence}", "--trace", str(path)]
         for command in (
-            ["perceive", *drive, "--detector", "pointrcnn", "--out", str(path)],
-            ["import", "truth", *drive, "--trace", str(path)],
+            ["tools.make.published", "--sequence", sequence, "--out", str(path)],
+            ["genie_sim", *truth],
         ):
-            subprocess.run([sys.executable, "-m", "genie_sim", *command], check=True)
+            subprocess.run([sys.executable, "-m", *command], check=True)
     return str(path)
 
 

@@ -806,9 +806,9 @@ def _chosen(kind: Any, item: object, path: str, parent: str) -> Iterator[Chosen]
 # --- as it is written
 
 
-def written_out(kind: Kind, value: object) -> dict[str, Any]:
-    """The mapping that a value is short for, as it is written. Raises ``SettingError`` where it is
-    none.
+def written_out(kind: Kind, value: object, *, is_whole: bool = True) -> dict[str, Any]:
+    """The mapping that a value is short for, as it is written; unless it ``is_whole``, with every
+    setting, as others would complete it. Raises ``SettingError`` where it is none.
     """
     for member in kind.members:
         short, plug_in = member.marks.get(Short), member.marks.get(PlugIn)
@@ -817,6 +817,8 @@ def written_out(kind: Kind, value: object) -> dict[str, Any]:
             is_preset = plug_in.presets is not None and value in plug_in.presets.choices
             return {"like" if is_preset else plug_in.key: value}
         if hasattr(member.type, "expand") and _plug_in_beside(member.type) is None:
+            if not is_whole and not isinstance(value, Mapping):
+                value = _class_value(member.type, value, None)
             value = _expanded(member.type, value)
     if not isinstance(value, Mapping):
         raise wrong(value, "be a mapping")

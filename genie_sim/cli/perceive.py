@@ -24,7 +24,7 @@ OF_DRIVE = (
 
 
 @click.command()
-@click.option("--drive", help="A drive: 2011_09_26/0005, tracking/0005 or odometry/05.")
+@click.option("--drive", help="A drive: 2011_09_26/0005 or odometry/05.")
 @accept_option
 @click.option("--out", type=PATH, help="The trace file to write.")
 @click.option("--kitti", type=PATH, help="KITTI's root folder; default: $GENIE_SIM_KITTI.")

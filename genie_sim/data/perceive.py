@@ -4,7 +4,7 @@ import importlib.metadata
 import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame, feature_facts
 from genie_sim.data.trace_report import tell_frames, tell_network
-from genie_sim.data.tracking import TRACKING, tracking_trace
+from genie_sim.data.tracking import TRACKING
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()
@@ -57,8 +57,7 @@ class DriveFrames:
 
     Parameters
     ----------
-    drive : such as ``2011_09_26/0005`` or ``odometry/05``, or ``tracking/0005`` for a tracking
-        sequence
+    drive : such as ``2011_09_26/0005`` or ``odometry/05``
     cameras : colour cameras of a raw drive
     numbers : the frame numbers to look at; ``None``: all
     origin : of the world, latitude [deg], longitude [deg], altitude [m]; ``None``: the first fix
@@ -86,27 +85,12 @@ def perceive(
     ----------
     kitti_root : KITTI's folder; ``None``: what GENIE_SIM_KITTI says
     frames : what to look at
-    detector : what looks; at a tracking sequence ``pointrcnn`` or ``rrc``, as published
+    detector : what looks
     progress : is called with the frames done and all frames
     report : is told what was read, left out and chosen
     """
     root = kitti_folder(kitti_root)
     report = report or ImportReport(root)
-    if frames.drive.startswith(TRACKING):
-        if (detector.threads, detector.encoding) != (1, "raw"):
-            raise UserError(
-                f"{frames.drive}: its detections are published ones: threads and encoding mean "
-                "nothing"
-            )
-        trace = tracking_trace(
-            root / "tracking",
-            frames.drive.removeprefix(TRACKING),
-            detector.name,
-            min_score=detector.min_score,
-            origin=frames.origin,
-        )
-        tell_frames(report, trace.frames)
-        return replace(trace, provenance={**trace.provenance, "import": report.facts()})
     drive = open_drive(
         root,
         frames.drive,

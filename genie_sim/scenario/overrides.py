@@ -82,7 +82,7 @@ class _Change(NamedTuple):
             other = f"did you mean {path}[*].{rest}, or {path}[0].{rest}?"
             raise UserError(f"{self.text}: {path}: is a list; {other}")
         try:
-            mapping = {} if node is None else written_out(kind, node)
+            mapping = {} if node is None else written_out(kind, node, is_whole=is_whole)
         except SettingError:
             problem = f"is {short_repr(node)}, which has no setting {step!r}"
             raise UserError(f"{self.text}: {path}: {problem}") from None

@@ -134,9 +134,8 @@ def test_options_of_several_commands():
 @pytest.mark.parametrize(
     ("line", "option"),
     [
-        ("perceive --drive a/b --sequence c --out t.parquet", "--sequence"),
         ("perceive --drive a/b --labels c --out t.parquet", "--labels"),
-        ("perceive folder --drive a/b --out t.parquet", "ROOT"),
+        ("perceive --check a --cameras 02", "--cameras"),
         ("profile --mean 4ms --model m --column c --out p.yaml", "--column"),
         ("profile --csv a.csv --runs 30 --out p.yaml", "--runs"),
         ("profile --detector yolox_nano --unit ms --out p.yaml", "--unit"),

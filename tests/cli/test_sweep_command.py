@@ -66,7 +66,7 @@ def test_a_sweep_file_takes_settings_too(capsys):
         (["--axis", "seed=1,2"], "--axis seed=1,2: write --seeds 1,2"),
         (["--axis", "cars[0].lnk=lte"], "cars[0].lnk: unknown field; did you mean 'link'?"),
         (["--axis", "link=lte"], "link: unknown field; did you mean 'fleet.link' or"),
-        (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: expected"),
+        (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: while parsing"),
         (["--axis", "cars[0].link=lte,let"], "unknown link 'let' (did you mean 'lte'?); known: "),
         (["--axis", "spread=a", "--axis", "spread=b"], "--axis spread=b: spread is varied already"),
         ([], "street_1car_homo is a scenario: say what varies, such as --axis "),

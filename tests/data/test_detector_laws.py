@@ -134,8 +134,7 @@ def test_published_detections_give_the_shipped_laws(detector):
         kitti_folder(None)
     except Exception as error:
         pytest.skip(str(error))
-    for drive in ("tracking/0000", "tracking/0017"):
-        counts = measuring.recorded(detector, drive, ("02",))[drive]
+    for drive, counts in measuring.tracked(detector, ("0000", "0017")).items():
         assert counts == SHIPPED["counts"][detector][drive]
 
 

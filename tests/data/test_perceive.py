@@ -260,11 +260,6 @@ def test_threads_make_the_same_trace(street):
     assert other.provenance["parameters"] == plain.provenance["parameters"] | {"threads": 2}
 
 
-def test_published_detections_have_no_threads(street):
-    with pytest.raises(UserError, match="published"):
-        perceive(street[0], DriveFrames("tracking/0000"), DetectorSettings("rrc", threads=2))
-
-
 def test_provenance_says_what_the_trace_was_made_of(street):
     root, weights = street
     provenance = perceived(root, weights, min_score=0.4, size=(416, 416)).provenance

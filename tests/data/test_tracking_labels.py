@@ -15,10 +15,11 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.classes import MOVING_MPS
 from genie_sim.core.geometry import inverse, project, transform
 from genie_sim.data.labels import tracking_labels
-from genie_sim.data.tracking import POINTRCNN_SCORES, open_sequence, sequences, tracking_trace
+from genie_sim.data.tracking import open_sequence, sequences
 from genie_sim.data.truth import read_truth
 from genie_sim.data.truth_table import make_truth
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
+from tools.make.published import POINTRCNN_SCORES, tracking_trace
 
 
 @pytest.fixture

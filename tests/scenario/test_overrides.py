@@ -19,7 +19,7 @@ def settings() -> dict[str, Any]:
         "genie": {"capacity": "5 entries"},
         "edges": None,
         "seed": 3,
-        "methods": ["local", {"name": "x", "method": "genie", "genie": "recommended"}],
+        "methods": ["local", {"name": "x", "method": "genie", "genie": "literal"}],
         "fleet": {"devices": "jetson_tx2"},
     }
 
@@ -46,8 +46,12 @@ WIFI = {"like": "wifi", "rate": "1 Mbit/s"}
         ("fleet.devices.orin=0.5", ["fleet", "devices"], {"jetson_tx2": 1.0, "orin": 0.5}),
         ("fleet.link.delay=1 ms", ["fleet", "link"], {"like": "nr5g", "delay": "1 ms"}),
         ("methods[0].title=Own", ["methods", 0], {"method": "local", "title": "Own"}),
-        ("methods[1].genie.looks.every=50 ms", ["methods", 1, "genie", "algorithm"], "recommended"),
-        ("methods[1].genie.looks.every=50 ms", ["methods", 1, "genie", "looks", "every"], "50 ms"),
+        ("methods[1].genie.object_map.gate=3 m", ["methods", 1, "genie", "algorithm"], "literal"),
+        (
+            "methods[1].genie.object_map.gate=3 m",
+            ["methods", 1, "genie", "object_map", "gate"],
+            "3 m",
+        ),
         (
             "genie.similarity.cell=1 m",
             ["genie", "similarity"],
@@ -76,21 +80,24 @@ def test_a_value_goes_where_its_path_leads(override: str, path: list[Any], value
     assert data == value
 
 
-@pytest.mark.parametrize("method", ["[5]", "[*]"])
-def test_a_field_below_a_short_form_changes_and_the_rest_stays(method: str):
-    override = f"methods{method}.genie.looks.every=50 ms"
-    if method == "[*]":
-        overrides = ["methods=[{name: genie_recommended, method: genie, genie: recommended}]"]
-        plain = load_scenario("3car_recommended", overrides)
-        changed = load_scenario("3car_recommended", [*overrides, override])
-    else:
-        plain = load_scenario("3car_recommended")
-        changed = load_scenario("3car_recommended", [override])
-    before, after = (
-        scenario.method_settings["genie_recommended"].genie for scenario in (plain, changed)
+@pytest.mark.parametrize("entry", ["[0]", "[*]"])
+def test_a_field_below_a_short_form_changes_and_the_rest_stays(entry: str):
+    overrides = ["methods=[{name: exact, method: genie, genie: literal}]"]
+    plain = load_scenario("3car_hetero", overrides)
+    changed = load_scenario(
+        "3car_hetero", [*overrides, f"methods{entry}.genie.object_map.gate=3 m"]
     )
-    assert before.looks is not None and before.looks.every_ns != 50_000_000
-    assert after == replace(before, looks=replace(before.looks, every_ns=50_000_000))
+    before, after = (scenario.method_settings["exact"].genie for scenario in (plain, changed))
+    assert before.object_map.gate_m != 3.0
+    assert after == replace(before, object_map=replace(before.object_map, gate_m=3.0))
+
+
+def test_a_setting_of_a_method_itself_changes_and_the_rest_stays():
+    before, after = (
+        load_scenario("3car_recommended", overrides).methods[5].method.parameters
+        for overrides in ([], ["methods[5].every=50 ms"])
+    )
+    assert after == {**before, "every_ns": 50_000_000} != before
 
 
 def test_of_two_the_last_counts_and_is_named_first():

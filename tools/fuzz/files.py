@@ -14,7 +14,7 @@ from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.kitti import open_drive, read_image
 from genie_sim.data.labels import label_file, tracking_labels, tracklets
 from genie_sim.data.trace import read_trace, write_trace
-from genie_sim.data.tracking import open_sequence, tracking_trace
+from genie_sim.data.tracking import open_sequence
 from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
 from tests.checkout import REPOSITORY
@@ -25,6 +25,7 @@ from tests.kitti_folder import DATE, make_drive, make_network
 from tests.made_up_networks import make_nanodet, make_yolov8
 from tools.fuzz.harness import Case, Target
 from tools.fuzz.mutation import broken, changed
+from tools.make.published import tracking_trace
 
 
 def with_one_broken(folder: Path, read: Callable[[], object], patterns: str = "*") -> Case:

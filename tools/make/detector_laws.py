@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -34,7 +34,8 @@ import pandas as pd
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.detector_laws import detector_laws
-from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.perceive import DriveFrames, kitti_folder, perceive
+from genie_sim.data.tracking import CAMERA
 from genie_sim.runs.folder import finished
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -43,6 +44,7 @@ from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.version import PACKAGE_FOLDER
 from genie_sim.worlds.town.town import drive_name
 from tools.make.count_looks import counted
+from tools.make.published import tracking_trace
 
 OUT = PACKAGE_FOLDER / "data" / "detector_laws.json"
 DRIVE, TOWN_SEED, TOWN_CARS = "2011_09_26/0005", 11, 10
@@ -81,12 +83,11 @@ def recorded(detector: str, drive: str, cameras: tuple[str, ...]) -> dict[str, A
     return {drive: counts([trace], cameras)}
 
 
-def tracked(detector: str) -> dict[str, Any]:
+def tracked(detector: str, sequences: Iterable[str] = SEQUENCES) -> dict[str, Any]:
     """Of published detections, on each sequence."""
-    known: dict[str, Any] = {}
-    for sequence in SEQUENCES:
-        known |= recorded(detector, f"tracking/{sequence}", ("02",))
-    return known
+    root = kitti_folder(None) / "tracking"
+    traces = {name: tracking_trace(root, name, detector) for name in sequences}
+    return {f"tracking/{name}": counts([trace], (CAMERA,)) for name, trace in traces.items()}
 
 
 def main() -> None:

@@ -1,9 +1,9 @@
 """How PointRCNN's logits become scores: logistic regression on the labels of the tracking
 sequences.
 
-    GENIE_SIM_KITTI=... python tools/make/pointrcnn_scores.py
+    GENIE_SIM_KITTI=... python -m tools.make.pointrcnn_scores
 
-Prints the constants of ``genie_sim.data.tracking.POINTRCNN_SCORES`` (fitted on all
+Prints the constants of ``tools.make.published.POINTRCNN_SCORES`` (fitted on all
 sequences), and how well such a fit holds on sequences that it has not seen: fitted on every other
 sequence, judged on the rest.
 """
@@ -20,6 +20,7 @@ from genie_sim.data import tracking
 from genie_sim.data.evaluation import evaluate
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.truth import read_truth
+from tools.make import published
 
 GROUPS = {"car": "vehicles", "person": "persons"}
 
@@ -27,10 +28,10 @@ GROUPS = {"car": "vehicles", "person": "persons"}
 def judged(sequence: str) -> dict[str, np.ndarray]:
     """Logit, and 1 for right or 0 for wrong, of each detection that counts."""
     root = kitti_folder(None)
-    trace = tracking.tracking_trace(root / "tracking", sequence, "pointrcnn", min_score=0.0)
+    trace = published.tracking_trace(root / "tracking", sequence, "pointrcnn", min_score=0.0)
     evaluation = evaluate(trace, read_truth(root, f"tracking/{sequence}", trace), 0.0)
     found = {}
-    for label, (a, b) in tracking.POINTRCNN_SCORES.items():
+    for label, (a, b) in published.POINTRCNN_SCORES.items():
         rows = []
         for one in evaluation.groups[GROUPS[label]].detections:
             # scores are kept with four decimals
