@@ -364,8 +364,8 @@ def compare(
     allow_changed: bool = False,
 ) -> "Comparison":
     """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
-    where there are several of a setting, else by blocks of one second. They are paired where both
-    sides saw the same frames; those of other cars or drives are not.
+    where there are several of a setting, else by blocks of one second. Only seeds that all have are
+    compared.
 
     ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in

@@ -77,7 +77,7 @@ def tells_of_low_memory(error: BaseException) -> bool:
 
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
-    """``unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl, unlimited``."""
+    """``unknown eviction 'lruu' (did you mean 'lru'?); known: fifo, lfu, lru, ttl``."""
     names = [one_line(choice) for choice in sorted(choices)]
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""

@@ -42,10 +42,10 @@ def compare(
     out: Path | None,
     allow_changed: bool,
 ) -> None:
-    """Compare results, frame by frame where both saw the same.
+    """Compare results, seed by seed.
 
-    Of one result alone, its methods are compared. Differences of results with other cars or drives
-    are not paired; a line says so.
+    Of one result alone, its methods are compared. Seeds that not all results have are left out; a
+    line says so.
     """
     from genie_sim.analysis import compare_tables, registry, renderers
     from genie_sim.analysis.compare import compare as compare_runs

@@ -101,7 +101,7 @@ class TTL(Eviction):
 
 
 EVICTIONS: dict[str, Callable[..., Eviction]] = {
-    "unlimited": Eviction,
+    "fifo": Eviction,
     "lru": LRU,
     "lfu": LFU,
     "ttl": TTL,

@@ -139,9 +139,10 @@ class GenieRules:
     """When two images are the same. The paper does not say; `pose_grid` is its "arrives at the same
     spot"."""
 
-    eviction: Annotated[str, EVICTION] = "unlimited"
-    """Which answer is evicted when the cache is full, or a class of your own. The paper's cache
-    only grows."""
+    eviction: Annotated[str, EVICTION] = "fifo"
+    """Which answer is evicted when the cache is full: the oldest (`fifo`), that used least recently
+    or least often, what is older than `ttl`; or a class of your own. The paper's cache only
+    grows: without a capacity nothing is evicted."""
 
     capacity: CapacityField = None
     """Largest size of a Genie's cache, in entries or bytes; unlimited by default, as in the
@@ -217,7 +218,7 @@ class GenieRules:
     def __post_init__(self) -> None:
         if self.eviction == "ttl" and self.ttl_ns is None:
             raise ValueError("ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'")
-        if self.eviction in ("unlimited", "lru", "lfu") and self.ttl_ns is not None:
+        if self.eviction in ("fifo", "lru", "lfu") and self.ttl_ns is not None:
             raise ValueError(
                 f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
             )

@@ -13,14 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Detections, Image
-from genie_sim.judge.ages import NOT_YET_NS, FirstSeen, Given
 from genie_sim.judge.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.judge.held import Held, held
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
 from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
-from genie_sim.judge.objects import UNKNOWN, Objects, ShownColumns
+from genie_sim.judge.objects import UNKNOWN, Objects
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
 from genie_sim.record.columns import Codes, Columns, Text
@@ -37,15 +35,13 @@ RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS
 class _Compared(NamedTuple):
     """The objects that are held in view, and how each of them is judged.
 
-    What they are, the code of the label, the judgement, the age [s] and whether another car saw it
-    last; then the pairs with visible objects, scene by scene and nearest first, and which of them
-    match.
+    What they are, the code of the label, the judgement and whether another car saw it last; then
+    the pairs with visible objects, scene by scene and nearest first, and which of them match.
     """
 
     held: Held
     label: Array
     judgement: Array
-    age_s: Array
     is_shared: Array
     pairs: Pairs
     is_match: Array
@@ -105,24 +101,20 @@ class MapAccuracy:
         self.objects = Objects()
         self._cars, self._labels = self.objects.cars, self.objects.labels
         self._cars.update((car, number) for number, car in enumerate(truths))
-        self._first_seen = FirstSeen()
         self._recent_places = RecentPlaces()
         self._spans: HeldSpans | None = None
         if objects is not None:
             self._spans = HeldSpans(
                 method, objects, cars=self._cars, labels=self._labels, judgements=JUDGEMENTS
             )
-        # of this window: scenes, and answers in the consumers' hands
+        # of this window
         self._scenes: list[JudgedScene] = []
-        self._given: list[Given] = []
 
     def answered(self, answer: Detections, now_ns: int) -> None:
         """An answer is in the consumer's hands."""
         consumer = self._consumers.get(answer.header.origin)
         if consumer is not None:
             consumer.on_answer(answer, now_ns)
-            car = self._cars[answer.header.origin]
-            self._given.append(Given(len(self._scenes), car, answer))
 
     def published(self, image: Image) -> None:
         """A camera took a frame; the car is judged unless only its first camera's frames count."""
@@ -158,7 +150,7 @@ class MapAccuracy:
         self._count(views, visible, compared)
         if self._spans is not None:
             self._follow(self._spans, views, visible, compared)
-        self._scenes, self._given = [], []
+        self._scenes = []
 
     def _compare(self, views: SceneViews, visible: Visible) -> _Compared:
         """Judges each object in view, of a class that the truth knows."""
@@ -166,10 +158,9 @@ class MapAccuracy:
         shown = (scene.shown for scene in self._scenes)
         items = held(objects, zip(views.now_ns.tolist(), shown, strict=True))
         known = objects.columns().rows(items.number)
-        age_s = self._age_s(objects, views, items, known)
         counts = views.see(items.scene, items.east_m, items.north_m)
         counts &= self._knows(views.car[items.scene], known.label)
-        items, known, age_s = items.rows(counts), known.rows(counts), age_s[counts]
+        items, known = items.rows(counts), known.rows(counts)
 
         classes, reach_m = len(self._labels), views.reach_m[items.scene]
         pairs = near(
@@ -200,36 +191,10 @@ class MapAccuracy:
             items,
             label=known.label,
             judgement=judgement,
-            age_s=age_s,
             is_shared=is_shared,
             pairs=pairs,
             is_match=is_match,
         )
-
-    def _age_s(
-        self, objects: Objects, views: SceneViews, items: Held, known: ShownColumns
-    ) -> Array:
-        """The time since the frame in which an object was seen: as a map that tracks says, else the
-        first one whose answer had an object of its label at exactly its place. What the detector
-        finds without delay has no age.
-        """
-        of_consumer = views.is_consumer[items.scene]
-        # An object that has moved on is at a place of no answer.
-        stays = (items.east_m == known.east_m) & (items.north_m == known.north_m)
-        rows = np.flatnonzero(of_consumer & stays)
-        scenes = np.flatnonzero(views.is_consumer)
-        of_scene = np.searchsorted(scenes, items.scene[rows])
-        seen_ns = np.full(len(items.scene), NOT_YET_NS)
-        seen_ns[rows] = self._first_seen.seen_ns(
-            objects,
-            self._given,
-            scenes=(scenes, views.car[scenes]),
-            held=(of_scene, items.number[rows]),
-        )
-        seen_ns = np.where(known.seen_by == UNKNOWN, seen_ns, known.seen_ns)
-        age_s: Array = np.maximum(views.now_ns[items.scene] - seen_ns, 0) / NS_PER_S
-        age_s[~of_consumer] = 0.0
-        return age_s
 
     def _knows(self, car: Array, label: Array) -> Array:
         """Which labels the truths of the cars know."""
@@ -291,10 +256,6 @@ class MapAccuracy:
         errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
         right = judged[RIGHT]
         with np.errstate(invalid="ignore"):
-            age_s = (
-                np.bincount(items.scene[is_held], weights=compared.age_s[is_held], minlength=scenes)
-                / held_
-            )
             error_m = (
                 np.bincount(of_pairs[compared.is_match], weights=errors_m, minlength=scenes) / right
             )
@@ -320,7 +281,6 @@ class MapAccuracy:
                 of_pairs[compares],
                 held_ + _counts(visible.scene, moving | True, scenes),
             ),
-            "age_s": age_s,
             "error_m": error_m,
         }
         self._table.extend_columns(Columns(columns))

@@ -22,7 +22,7 @@ _motion = attrgetter("motion")
 
 class ShownColumns(NamedTuple):
     """One row per object: codes of its label and of its class, where it is [m], and of a track its
-    velocity [m/s] and the car and the time [ns] that saw it last (``UNKNOWN`` if it is no track).
+    velocity [m/s] and the car that saw it last (``UNKNOWN`` if it is no track).
     """
 
     label: Array
@@ -33,14 +33,13 @@ class ShownColumns(NamedTuple):
     velocity_east_mps: Array
     velocity_north_mps: Array
     seen_by: Array
-    seen_ns: Array
 
     def rows(self, selection: Array) -> "ShownColumns":
         """Those of a mask or of indices."""
         return ShownColumns(*(column[selection] for column in self))
 
 
-_NONE = ShownColumns(*(np.zeros(0, dtype=code) for code in "qqdddddqq"))
+_NONE = ShownColumns(*(np.zeros(0, dtype=code) for code in "qqdddddq"))
 
 
 class _Classes(dict[str, tuple[int, int]]):
@@ -116,18 +115,18 @@ class Objects:
         codes = array("q", chain.from_iterable([classes[label] for label in map(_label, placed)]))
         places = array("d", chain.from_iterable(map(_location, placed)))
         velocities_mps = np.zeros((len(placed), 2))
-        seen = np.full((len(placed), 2), UNKNOWN)
+        seen_by = np.full(len(placed), UNKNOWN)
         motions = list(map(_motion, placed))
         if any(motions):
             for place, motion in enumerate(motions):
                 if motion is not None:
                     velocities_mps[place] = motion.velocity_mps
-                    seen[place] = self.cars[motion.seen.origin], motion.seen.stamp_ns
+                    seen_by[place] = self.cars[motion.seen.origin]
         self._parts.append(
             ShownColumns(
                 *np.frombuffer(codes, dtype=np.int64).reshape(-1, 2).T,
                 *np.frombuffer(places).reshape(-1, 3).T,
                 *velocities_mps.T,
-                *seen.T,
+                *seen_by[np.newaxis],
             )
         )

@@ -264,9 +264,6 @@ class HeldRow(NamedTuple):
     visible_moving: Annotated[Int32, "objects", "visible and moving"]
     found_moving: Annotated[Int32, "objects", "of those: held"]
     gospa_m: Annotated[float, "m", "GOSPA, p = 2, c = 5 m, alpha = 2"]
-    age_s: Annotated[
-        float | None, "s", "mean over those held: time since it was seen; a lower bound"
-    ]
     error_m: Annotated[float | None, "m", "mean over those right: distance from what is there"]
 
 

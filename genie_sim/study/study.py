@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 log = logging.getLogger(__name__)
-FORMAT = 2
+FORMAT = 3
 ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts

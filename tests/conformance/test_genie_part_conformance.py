@@ -31,8 +31,6 @@ class TestSimilarities(GeniePartConformance):
 class TestEvictions(GeniePartConformance):
     @pytest.fixture
     def genie(self, eviction: str):
-        if eviction == "unlimited":
-            return {"eviction": eviction}
         return {"eviction": eviction, **FEW, **(TTL if eviction == "ttl" else {})}
 
 

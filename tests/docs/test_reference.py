@@ -44,4 +44,4 @@ def test_every_setting_is_explained_once(written: dict[str, str]):
         assert pages.count(f"### `{path}` {{#") == 1, path
     assert "### `name` {#name}\n\ntext\n\nThe name of the results;" in pages
     assert "{#genie.request_expiry}\n\nduration such as `30 ms` or `null`; default `2 s`\n" in pages
-    assert "{#genie.eviction}\n\n`unlimited` · `lru` · `lfu` · `ttl` or" in pages
+    assert "{#genie.eviction}\n\n`fifo` · `lru` · `lfu` · `ttl` or" in pages

@@ -81,17 +81,12 @@ class ScalarJudge:
         self.earlier_cars, self.all_streams = earlier_cars, all_streams
         self.consumers = {car: make_consumer() for car in truths}
         self.first_streams: dict[str, str] = {}
-        self.first_ns: dict[str, dict[tuple[str, Location], int]] = {car: {} for car in truths}
         self.visible: list[tuple[int, str, float, float]] = []
         self.open: dict[str, dict[str, dict[tuple[Any, ...], int]]] = {car: {} for car in truths}
 
     def answered(self, answer: Detections, now_ns: int) -> None:
         if answer.header.origin in self.truths:
             self.consumers[answer.header.origin].on_answer(answer, now_ns)
-            for it in answer.objects:
-                if it.location is not None:
-                    first_ns = self.first_ns[answer.header.origin]
-                    first_ns.setdefault((it.label, it.location), answer.header.stamp_ns)
 
     def published(self, image: Image) -> None:
         now_ns, stream, car = image.header
@@ -104,9 +99,6 @@ class ScalarJudge:
         real = [it for it in truth.visible(image.content) if _sees(image, it.location, truth)]
         objects = held(self.consumers[car].shown(now_ns), now_ns)
         self.judge("consumer", image, objects, real)
-        first_ns = self.first_ns[car]
-        keys = [(it.label, it.location) for it in objects if it.location is not None]
-        self.first_ns[car] = {key: first_ns[key] for key in keys if key in first_ns}
         if car not in self.earlier_cars:
             detections = [it for it in image.content.detections if it.location is not None]
             self.judge("zero_delay", image, detections, real)
@@ -140,7 +132,6 @@ class ScalarJudge:
         counted = [i for i, word in enumerate(words) if word != "hidden"]
         shared = [i for i in counted if ours[i].motion and ours[i].motion.seen.origin != car]
         found = {j for _, _, j in matched}
-        ages_s = [self.age_s(ours[i], car, now_ns) * (what == "consumer") for i in counted]
         errors_m = [math.sqrt(d2) for d2, _, _ in matched]
         row = HeldRow(
             method=self.method,
@@ -160,7 +151,6 @@ class ScalarJudge:
             visible_moving=sum(it.moving for it in real),
             found_moving=sum(real[j].moving for j in found),
             gospa_m=gospa_m([it for it in candidates if it[1] in counted], len(counted), len(real)),
-            age_s=sum(ages_s) / len(ages_s) if ages_s else None,
             error_m=sum(errors_m) / len(errors_m) if errors_m else None,
         )
         self.table.append(row)
@@ -185,10 +175,6 @@ class ScalarJudge:
         for car, streams in self.open.items():
             for begins_ns in streams.values():
                 self.end(car, begins_ns, None)
-
-    def age_s(self, it: Any, car: str, now_ns: int) -> float:
-        seen_ns = self.first_ns[car].get((it.label, it.location), now_ns)
-        return max(now_ns - (it.motion.seen.stamp_ns if it.motion else seen_ns), 0) / S
 
 
 def _sees(image: Image, location: Location | None, truth: DriveTruth) -> bool:

@@ -39,20 +39,6 @@ from tests.judge.scalar_judge import ScalarJudge
 NOTHING = Frame([])
 
 
-def test_a_parked_car_that_is_answered_again_ages_since_its_first_answer():
-    frame = Frame([thing("car", 20.0)])
-    rows = judged((frame, [one("car", 21.0)]), (frame, [one("car", 21.0)]), (frame, None))
-    assert [row["age_s"] for row in rows[1:]] == [pytest.approx(0.1), pytest.approx(0.2)]
-
-
-def test_the_age_is_a_mean_over_ghosts_too():
-    """The ghost at 35 m is 0.2 s old, the car at 20 m 0.1 s."""
-    frame = Frame([thing("car", 20.0)])
-    ghost = one("car", 35.0)
-    row = last((frame, [ghost]), (frame, [ghost, one("car", 20.0)]), (frame, None))
-    assert (row["held"], row["right"], row["age_s"]) == (2, 1, pytest.approx(0.15))
-
-
 def test_what_is_hidden_makes_no_pair_in_gospa():
     """A hidden car is held where it is, 3 m from a visible one that is missed."""
     frame = Frame([thing("car", 33.5)], hidden=[thing("car", 30.0)])

@@ -91,7 +91,7 @@ def test_the_resolved_scenario_reads_back(settings: dict[str, Any]) -> None:
 def test_an_entry_overrides_the_settings_of_the_scenario() -> None:
     setting = scenario(methods=["genie", SMALL], genie={"view_range": "30 m"}, queue_length=2)
     usual, small = setting.method_settings.values()
-    assert (usual.genie.eviction, small.genie.eviction) == ("unlimited", "lru")
+    assert (usual.genie.eviction, small.genie.eviction) == ("fifo", "lru")
     assert (usual.genie.view_range_m, small.genie.view_range_m) == (30.0, 30.0)
     assert small.queue_length == 2
     assert method_facts(setting, new_methods(setting)) == [

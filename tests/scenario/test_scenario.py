@@ -299,7 +299,7 @@ choices = st.fixed_dictionaries(
                 }
             )
         ),
-        "eviction": st.sampled_from(["unlimited", "lru", "lfu"]),
+        "eviction": st.sampled_from(["fifo", "lru", "lfu"]),
         "capacity": st.sampled_from([None, "7 entries", "1.5 kB"]),
         "miss_policy": st.sampled_from(["immediate", "blocking", "hits_only"]),
         "request_expiry": st.none() | st.integers(10**9, 10**12).map(lambda ns: f"{ns} ns"),
@@ -422,8 +422,8 @@ MISTAKES = [
     (
         TWO_CARS + "genie: {eviction: lruu}\n",
         (
-            "genie.eviction: unknown eviction 'lruu' (did you mean 'lru'?); known: lfu, lru, ttl,"
-            " unlimited, or package.module:Class"
+            "genie.eviction: unknown eviction 'lruu' (did you mean 'lru'?); known: fifo, lfu, lru,"
+            " ttl, or package.module:Class"
         ),
     ),
     (
@@ -523,7 +523,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {ttl: 10 s}\n",
-        "genie.ttl: has no effect with eviction 'unlimited'; write 'eviction: ttl'",
+        "genie.ttl: has no effect with eviction 'fifo'; write 'eviction: ttl'",
     ),
     (
         TWO_CARS + "genie: {eviction: ttl}\n",

@@ -302,7 +302,7 @@ def scenarios(draw) -> Scenario:
         "car_learns": draw(st.sampled_from(("all", "own"))),
         "passes": draw(st.sampled_from((1, 2))),
     }
-    eviction = draw(st.sampled_from(("unlimited", "lru", "lfu", "ttl")))
+    eviction = draw(st.sampled_from(("fifo", "lru", "lfu", "ttl")))
     limits = (
         {"ttl": "300 ms"}
         if eviction == "ttl"

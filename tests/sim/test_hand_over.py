@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
 from genie_sim.sim.world import World
 from tests.sim.street import build, drive, fixed_device, scenario, street
@@ -281,3 +282,27 @@ def test_a_car_without_cameras_needs_an_edge_that_nobody_with_cameras_ever_comes
     blind = {"name": "car2", "device": "jetson_tx2", "edge": "edge2", "cameras": False}
     with pytest.raises(UserError, match="serves car1's cameras"):
         scenario([MOVER, blind], edges=TWO_EDGES, faults=[hand_over(500 * MS, "edge2")])
+
+
+class Noting:
+    """A sender that notes whether its link is up."""
+
+    is_up = True
+
+    def set_up(self, is_up: bool) -> None:
+        self.is_up = is_up
+
+
+def test_a_hand_over_that_ends_during_an_outage_does_not_end_the_outage():
+    sender = Noting()
+    link = Link(Clock(), "car1->edge1", sender)  # type: ignore[arg-type]
+    link.connect(False)
+    link.take_down("outage")
+    link.connect(True)
+    assert not sender.is_up
+    link.put_up("outage")
+    assert sender.is_up
+    link.take_down("outage")
+    link.connect(False)
+    link.put_up("outage")
+    assert not sender.is_up, "the hand-over goes on"

@@ -52,7 +52,7 @@ def test_a_sweep_keeps_the_metrics_of_its_page(monkeypatch: pytest.MonkeyPatch, 
         Path("results/studies/batching/table.csv"),
         header,
         "0,in fours,streaming_f1,remote,all,,1,0.5,0.4,0.6,5",
-        "0,in fours,held_age,remote,all,,s,1,1,1,5",
+        "0,in fours,look_age_mean,remote,all,,ms,1,1,1,5",
     )
     csv(
         Path("results/studies/batching/differences.csv"),

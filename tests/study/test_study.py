@@ -772,7 +772,7 @@ def test_a_difference_of_shares_may_be_negative_and_has_an_interval():
 
 def test_points_that_say_the_same_share_their_runs(monkeypatch):
     simulated = count_runs(monkeypatch)
-    same = "list: {plain: {}, said: {genie.eviction: unlimited}}"
+    same = "list: {plain: {}, said: {genie.eviction: fifo}}"
     write(SMALL.replace("set: genie.object_map.rate, list: [0.1, 0.5]", same))
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert len(simulated) == 6

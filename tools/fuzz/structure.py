@@ -318,7 +318,7 @@ def result_contents(folder: Path) -> Case:
 QUANTITIES = ("0", "1", "2.5", "30", "0.5", "100", "-1", "1e-9", "1e9", "9" * 30, "nan")
 UNIT_WORDS = ("ns", "ms", "s", "min", "B", "kB", "MB", "Mbit/s", "Gbit/s", "m", "km", "deg", "rad")
 WORDS = (
-    *("exact", "dhash", "pose_grid", "lru", "lfu", "ttl", "unlimited", "default"),
+    *("exact", "dhash", "pose_grid", "lru", "lfu", "ttl", "fifo", "default"),
     *("all", "own", "confident"),
     *("literal", "newest", "tracker", "raw", "jpeg80", "wifi", "ethernet_1g", "car1", "edge1"),
 )
