@@ -20,17 +20,24 @@ _imported: dict[str, dict[Path, str]] = {}  # of each module: the digests of its
 _tokens: dict[int, tuple[object, str]] = {}  # of classes without a file; holds them, or ids recur
 
 
-def digest(made: Any) -> str:
-    """sha256 of the files of a class. A class without a file, made in a notebook, has one of its
-    own, which no other process and no other definition has: its results are never taken for
-    another's.
+def digest(made: Any, module: str) -> str:
+    """sha256 of the files of a class, or of the ``module`` that has an object such as a metric.
+
+    What has no file, as it was made in a notebook, has a digest of its own, which no other process
+    and no other definition has: its results are never taken for another's.
     """
+    thing = inspect.unwrap(made)
     try:
-        inspect.getfile(inspect.unwrap(made))
+        if inspect.isclass(thing) or inspect.isfunction(thing):
+            inspect.getfile(thing)
+            module = thing.__module__
+        digests = _digests(module)
     except (TypeError, OSError):
+        digests = {}
+    if not digests:
         _, token = _tokens.setdefault(id(made), (made, os.urandom(16).hex()))
         return f"in no file: {token}"
-    found = sorted(_digests(inspect.unwrap(made).__module__).values())
+    found = sorted(digests.values())
     return found[0] if len(found) == 1 else hashlib.sha256(" ".join(found).encode()).hexdigest()
 
 

@@ -178,5 +178,5 @@ def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any)
 
 
 def code_digest(what: str, name: str) -> str:
-    """sha256 of the files of a class of the user's own: its code decides the outcome, too."""
-    return own_sources.digest(resolve(what, name, {}))
+    """sha256 of the files of what is the user's own: its code decides the outcome, too."""
+    return own_sources.digest(resolve(what, name, {}), name.partition(":")[0])

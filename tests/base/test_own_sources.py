@@ -101,11 +101,21 @@ def test_packages_beside_an_installed_one_are_not_its_own(folder: Path, monkeypa
     assert digest() != before
 
 
+def test_an_object_such_as_a_metric_is_identified_by_the_module_that_has_it(folder: Path):
+    """In every process: the workers of a study ask for it, too."""
+    (folder / "mine_late.py").write_text("import fractions\n\nlate = fractions.Fraction(1, 2)\n")
+    before = plugins.code_digest("metric", "mine_late:late")
+    del sys.modules["mine_late"]  # another process has another object
+    assert plugins.code_digest("metric", "mine_late:late") == before
+    (folder / "mine_late.py").write_text("import fractions\n\nlate = fractions.Fraction(1, 3)\n")
+    assert plugins.code_digest("metric", "mine_late:late") != before
+
+
 def test_a_class_without_a_file_is_like_no_other():
     """Nobody can tell whether two of them are the same."""
     space: dict[str, type] = {}
     exec("class Link: pass", space)
     first = space["Link"]
     exec("class Link: pass", space)
-    assert own_sources.digest(first) == own_sources.digest(first)
-    assert own_sources.digest(first) != own_sources.digest(space["Link"])
+    assert own_sources.digest(first, "nowhere") == own_sources.digest(first, "nowhere")
+    assert own_sources.digest(first, "nowhere") != own_sources.digest(space["Link"], "nowhere")
