@@ -8,7 +8,8 @@ a page under *Extend it*. The names below stay where they are while the package 
 # Times are whole nanoseconds, sizes bytes, places metres; a setting's unit is in its name.
 from genie_sim.analysis.correctness import HITS, is_wrong
 from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, share
+from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, mean, share
+from genie_sim.analysis.statistics import Measured
 from genie_sim.base.errors import unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds, Share
@@ -112,6 +113,7 @@ __all__ = [
     "LinkModel",
     "LocalAndRemote",
     "Look",
+    "Measured",
     "Medium",
     "Message",
     "MessageRandom",
@@ -144,6 +146,7 @@ __all__ = [
     "frame_key",
     "is_wrong",
     "kind_of",
+    "mean",
     "perceive",
     "response_ms",
     "same",

@@ -70,3 +70,9 @@ def test_every_example_has_a_page():
     pages = [path.read_text(encoding="utf-8") for path in (REPOSITORY / "docs").rglob("*.md")]
     for path in EXAMPLES:
         assert any(f"examples/{path.name}" in page for page in pages), path.name
+
+
+def test_what_a_metric_may_return_is_in_the_facade():
+    page = (REPOSITORY / "docs" / "extend" / "metric.md").read_text(encoding="utf-8")
+    returned = set(re.findall(r"^\| `(\w+)\(", page, re.MULTILINE))
+    assert len(returned) == 4 and returned <= set(extend.__all__)

@@ -21,6 +21,7 @@ from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
+NOT_IMPORTED = (ImportError, AttributeError, SyntaxError, ValueError, OSError)
 _own_code_allowed = True
 _own_modules: dict[str, str] = {}  # what was asked of each
 
@@ -96,8 +97,8 @@ def resolve(
             )
         if "" not in sys.path:
             sys.path.append("")
-    # whatever an own module raises when it is imported
-    with as_user_error(f"{what} {name!r}", Exception), own_faults_told():
+    # whatever an own module raises when it is imported, and what Python says of one that it cannot
+    with as_user_error(f"{what} {name!r}", *NOT_IMPORTED), own_faults_told():
         if entry is None:
             own_sources.forget_edited(module_name)
         made = getattr(importlib.import_module(module_name), class_name)

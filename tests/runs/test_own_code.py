@@ -255,6 +255,15 @@ def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
     assert not list(tmp_path.glob("results/*"))
 
 
+def test_what_a_module_raises_as_it_is_imported_is_told_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "raises.py").write_text("import nowhere_at_all\n")
+    assert main(["run", "street_1car_homo", "--set", "genie.eviction=raises:Keep"]) == 1
+    line = capsys.readouterr().err
+    assert line.count("eviction 'raises:Keep'") == 1 and "(raises.py, line 1" in line
+
+
 def test_a_class_of_ones_own_is_named_from_another_process(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
