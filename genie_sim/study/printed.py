@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 ABOUT = "sweep.json"
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
+NEEDED = ("point", "method", "metric", "placement", "component", "value", "unit", "low", "high")
 MAX_ROWS = 50  # of a table in LaTeX
 
 
@@ -162,10 +164,18 @@ def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]
             raise UserError(
                 f"{path}: missing; the sweep is not finished, run it again for the rest"
             )
-        table, _ = parquet.read(path, "table of a sweep", lambda schema, _: schema.names)
+        table, _ = parquet.read(path, "table of a sweep", partial(_columns_of, path))
         found.append(table.to_pandas())
     learn(about.get("metrics", {}), f"{folder / ABOUT}: metrics")
     return about, found[0], found[1]
+
+
+def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
+    """All columns of a table of a sweep. Raises ``UserError`` where some are missing."""
+    names: list[str] = schema.names
+    if missing := [name for name in NEEDED if name not in names]:
+        raise UserError(f"{path}: is no table of a sweep: it has no column {missing[0]}")
+    return names
 
 
 def page_of(folder: Path, allow_changed: bool = False) -> str:

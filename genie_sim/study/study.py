@@ -5,8 +5,9 @@ there.
 import hashlib
 import json
 import logging
+import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
-from genie_sim.study.design import Design
+from genie_sim.study.design import Design, read_design
 from genie_sim.study.plan import Plan, plan
 from genie_sim.study.work import Parts, Workers
 
@@ -238,6 +239,35 @@ class Study:
         }
         with atomic_write(self.folder / ABOUT) as beside:
             provenance.write_json(beside, about)
+
+
+def run_again(folder: Path, workers: Workers, progress: Progress | None = None) -> dict[str, str]:
+    """Simulates every run of a finished sweep again. Returns, by the run's place in the sweep,
+    whether its metrics are ``identical`` or ``DIFFERENT``. Raises ``UserError``.
+    """
+    about = provenance.read_json(provenance.contained(folder, ABOUT))
+    with provenance.of_this_version(folder):
+        design = read_design(about["sweep"], str(folder / ABOUT))
+        methods = tuple(about["titles"])
+    planned = plan(design, str(folder / ABOUT), methods=methods)
+    known = Parts(folder)
+    if unknown := planned.runs.keys() - known.done(planned.runs):
+        place = planned.runs[min(unknown)].place
+        raise UserError(
+            f"{folder}: {place}: not there: another version or another file than when it was made"
+        )
+    with tempfile.TemporaryDirectory() as scratch:
+        again = Parts(Path(scratch))
+        runs = [replace(run, keep=False) for run in planned.runs.values()]
+        again.run(runs, workers, progress)
+        return {
+            f"{number}. {run.place}": (
+                "identical"
+                if again.metrics(run.run_id) == known.metrics(run.run_id)
+                else "DIFFERENT"
+            )
+            for number, run in enumerate(runs, 1)
+        }
 
 
 def check_folder(folder: Path) -> None:

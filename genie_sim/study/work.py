@@ -185,7 +185,7 @@ class Parts:
 
     def done(self, run_ids: Collection[str]) -> set[str]:
         """Those of the runs that are there. Raises ``UserError``."""
-        return {run_id for run_id in run_ids if self._rows(run_id) is not None}
+        return {run_id for run_id in run_ids if self.metrics(run_id) is not None}
 
     def write(self, run_id: str, metrics_of_run: Sequence[MetricValue]) -> None:
         """Keeps a run's metrics. Raises ``UserError``."""
@@ -263,7 +263,7 @@ class Parts:
         """
         import pandas as pd
 
-        rows = [(run_id, *row) for run_id in sorted(run_ids) for row in self._rows(run_id) or ()]
+        rows = [(run_id, *row) for run_id in sorted(run_ids) for row in self.metrics(run_id) or ()]
         table = pd.DataFrame(rows, columns=["run_id", *METRIC_FIELDS])
         return table.astype(
             dict.fromkeys(("value", "low", "high", "range_low", "range_high"), float)
@@ -280,7 +280,7 @@ class Parts:
         with contextlib.suppress(OSError):  # not there, or somebody's file is in it
             self.failures.rmdir()
 
-    def _rows(self, run_id: str) -> list[list[Any]] | None:
+    def metrics(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.
         Raises ``UserError`` for what is no file of this folder.
         """

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 import genie_sim
@@ -1013,3 +1014,26 @@ def one_line(capsys: pytest.CaptureFixture[str], message: str) -> None:
     assert message in said
     assert said.count("\n") == 1, said
     assert "Traceback" not in said
+
+
+@pytest.mark.slow
+def test_a_sweep_run_again_has_the_same_metrics(uninterrupted, capsys):
+    finished(uninterrupted)
+    assert main(["rerun", "results/s"]) == 0
+    assert "reproduced, the metrics of 12 runs" in capsys.readouterr().out
+    part = min(Path("results/s/parts").glob("*.json"))
+    kept = json.loads(part.read_text())
+    kept["metrics"][0][4] = 0.001
+    kept["digest"] = work._digest(kept["metrics"])
+    part.write_text(json.dumps(kept))
+    assert main(["rerun", "results/s"]) == 1
+    assert "1 of 12 runs do not reproduce" in capsys.readouterr().err
+
+
+def test_a_table_without_the_columns_of_a_sweep_is_refused(uninterrupted, capsys):
+    finished(uninterrupted)
+    pq.write_table(
+        pq.read_table("results/s/table.parquet").select(["point"]), "results/s/table.parquet"
+    )
+    assert main(["table", "results/s", "--allow-changed"]) == 1
+    one_line(capsys, "table.parquet: is no table of a sweep")
