@@ -430,7 +430,7 @@ def test_bold_is_what_is_better_than_all_others_with_intervals_apart(browser, fi
 def test_the_page_of_three_cars_is_short_and_its_folds_open(browser, file):
     browser.size(1400, 900)
     browser.open(file)
-    assert browser.evaluate("document.documentElement.scrollHeight") <= 4000
+    assert browser.evaluate("document.documentElement.scrollHeight") <= 4200
     drawn = "byId('lanes').getContext('2d').getImageData(0, 0, 9, 9).width * byId('lanes').width"
     browser.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     browser.evaluate("new Promise((done) => setTimeout(done, 100))")
