@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.extend import Array
 
 FRAME_S = 0.1  # between two frames
 INLIER_M = 0.4  # an object this near to where it was seen before has not moved

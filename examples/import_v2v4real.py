@@ -27,12 +27,19 @@ import numpy as np
 import pandas as pd
 from ego_motion import in_world
 
-from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes
-from genie_sim.core.geometry import Array
-from genie_sim.data.files import lines, within
-from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
+from genie_sim.extend import (
+    Array,
+    ImportedCar,
+    ImportReport,
+    Sensor,
+    UserError,
+    as_user_error,
+    lines,
+    read_bytes,
+    recordings,
+    within,
+    write_recordings,
+)
 
 LABELS = "AB3DMOT/scripts/KITTI/v2v4real_{split}_label/{number}.txt"
 DETECTIONS = (

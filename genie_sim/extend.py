@@ -10,13 +10,16 @@ from genie_sim.analysis.correctness import HITS, is_wrong
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, mean, share
 from genie_sim.analysis.statistics import Measured
-from genie_sim.base.errors import unknown
+from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.import_report import ImportReport
+from genie_sim.base.paths import read_bytes
 from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.caches.cache import Replay, SimilarityCache, same
 from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU, Eviction
+from genie_sim.core.geometry import Array
 from genie_sim.core.messages import (
     Answer,
     CameraPose,
@@ -36,7 +39,9 @@ from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex, Similarity
 from genie_sim.core.view import ViewSector
 from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
+from genie_sim.data.files import lines, within
 from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
@@ -80,6 +85,7 @@ __all__ = [
     "REMOTE_UPLINK",
     "Air",
     "Answer",
+    "Array",
     "Bend",
     "Bounds",
     "CameraPose",
@@ -107,6 +113,8 @@ __all__ = [
     "HostContext",
     "Image",
     "ImageLookup",
+    "ImportReport",
+    "ImportedCar",
     "Interceptor",
     "KeyIndex",
     "LinkEnds",
@@ -129,6 +137,7 @@ __all__ = [
     "RoundTrip",
     "Sample",
     "Sender",
+    "Sensor",
     "Share",
     "Similarity",
     "SimilarityCache",
@@ -138,20 +147,27 @@ __all__ = [
     "Subscriber",
     "TrackMap",
     "Uplink",
+    "UserError",
     "ViewSector",
     "Viewer",
     "as_share",
+    "as_user_error",
     "at_least",
     "bent",
     "frame_key",
     "is_wrong",
     "kind_of",
+    "lines",
     "mean",
     "perceive",
+    "read_bytes",
+    "recordings",
     "response_ms",
     "same",
     "share",
     "shifted",
     "unknown",
+    "within",
+    "write_recordings",
     "write_trace",
 ]
