@@ -569,7 +569,7 @@ def test_an_axis_may_be_called_as_the_setting_it_varies():
 
 @pytest.mark.slow
 @pytest.mark.drawn
-def test_a_sweep_without_one_of_its_axes_has_figures_and_nothing_is_run_again(uninterrupted, monkeypatch):
+def test_a_sweep_that_loses_an_axis_has_figures_and_runs_nothing(uninterrupted, monkeypatch):
     finished(uninterrupted)
     simulated = count_runs(monkeypatch)
     gate = SMALL.index("  gate:")
