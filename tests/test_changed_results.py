@@ -12,7 +12,6 @@ import pytest
 import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
-from genie_sim.paper import page as evaluation
 from genie_sim.record import provenance, results
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
@@ -221,10 +220,9 @@ def test_a_run_of_every_kind_of_fact_is_of_its_id(finished):
 
 
 def test_the_committed_evaluation_is_what_was_written():
-    """After a change by hand, which needs a reason: ``provenance.digests`` of ``files_of``."""
     folder = REPOSITORY / "results" / "paper"
     known = provenance.read_json(folder / "run.json")["digests"]
-    assert provenance.changed_files(folder, known, evaluation.files_of(folder)) == ()
+    assert provenance.changed_files(folder, known, known) == ()
 
 
 @pytest.mark.slow
@@ -232,11 +230,11 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
     folder = copied(REPOSITORY / "results" / "paper", tmp_path / "paper")
     page = tmp_path / "page.html"
     assert main(["report", str(folder), "--out", str(page)]) == 0
-    (folder / "quality.json").write_text((folder / "quality.json").read_text() + "\n")
+    (folder / "verdicts.json").write_text((folder / "verdicts.json").read_text() + "\n")
     assert main(["report", str(folder), "--out", str(page)]) == 1
-    assert "changed since the results were written: quality.json" in capsys.readouterr().err
+    assert "changed since the results were written: verdicts.json" in capsys.readouterr().err
     assert main(["report", str(folder), "--out", str(page), "--allow-changed"]) == 0
-    assert "CHANGED since the results were written: quality.json" in page.read_text()
+    assert "CHANGED since the results were written: verdicts.json" in page.read_text()
 
     gs.sweep(
         "street_1car_homo",

@@ -55,9 +55,10 @@ def test_methods_that_fit_stand_in_one_block():
 
 
 def test_several_seeds_show_their_mean_and_interval():
-    """10 and 12 have the mean 11 and, by Student's t of one degree of freedom, 11 +- 12.706."""
-    both = SeedRuns([run_of(TEN[:1], seed=3), run_of(TEN[:1], seed=4, shift=2.0)])
-    text = screen.text(both, 80)
-    assert "11 (-1.71 to 23.7)" in text
-    assert "seeds 3, 4" in text.splitlines()[0]
+    """10, 12 and 14 have the mean 12 and, by Student's t of two degrees of freedom, 12 +- 4.97."""
+    three = [run_of(TEN[:1], seed=3 + n, shift=2.0 * n) for n in range(3)]
+    text = screen.text(SeedRuns(three), 80)
+    assert "12 (7.03 to 17)" in text
+    assert "seeds 3 to 5" in " ".join(text.split())
     assert "720 frames" in text.splitlines()[0]
+    assert "11 (" not in screen.text(SeedRuns(three[:2]), 80), "two seeds give no interval"

@@ -290,7 +290,7 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
     assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of other recordings")
     for option, value in (("--fov", "400 deg"), ("--frame-size", "0 B"), ("--range", "40")):
         refused = run_cli(*tables, "--out", "u", option, value)
-        assert refused.returncode == 1 and refused.stderr.startswith(f"genie-sim: {option}: ")
+        assert refused.returncode == 1 and f"{option}: " in refused.stderr
     assert not (tmp_path / "u").exists()
 
 

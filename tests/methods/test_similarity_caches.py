@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.core.messages import Header
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache, RndLRU, SimLRU
-from genie_sim.methods.similarity import LocalAndRemote, at_least, share
+from genie_sim.methods.similarity import LocalAndRemote, at_least
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK
 
 
@@ -56,11 +56,7 @@ def test_a_key_at_no_distance_is_a_hit_even_where_the_radius_is_zero(monkeypatch
 
 
 def test_settings_at_their_borders():
-    assert share("theta", 0) == 0 and share("theta", 1) == 1
     assert at_least("radius", 0.0, 0.0) == 0.0
-    for wrong in (-0.1, 1.1, float("nan")):
-        with pytest.raises(ValueError, match=f"theta: must be from 0 to 1, but is {wrong:g}"):
-            share("theta", wrong)
     for wrong in (-0.1, float("inf"), float("nan")):
         with pytest.raises(ValueError, match=f"radius: must be at least 0, but is {wrong:g}"):
             SimLRU(radius=wrong)

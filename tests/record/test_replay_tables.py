@@ -61,7 +61,7 @@ def test_objects_stay_where_they_were_first_seen(tables):
 
 def test_what_a_map_forgets_has_a_last_row_without_confidence():
     devices = dict.fromkeys(("jetson_tx2", "agx_xavier"), load_profile("jetson_tx2"))
-    setting = scenario(genie={"object_map": {"freshness": {"name": "ttl", "ttl": "500 ms"}}})
+    setting = scenario(genie={"object_map": {"forget_after": "500 ms"}})
     tables = simulate(prepare_with_frames(setting, Recordings(street()), devices))
     objects, lookups = tables["objects"].to_frame(), tables["lookups"].to_frame()
     sightings = lookups[lookups["kind"] == "sighting"]

@@ -35,9 +35,9 @@ def test_one_run_is_a_table_with_a_note_on_its_intervals():
 
 
 def test_several_seeds_have_their_own_note_and_a_warning_is_shown():
-    seeds = SeedRuns([made(1), made(2, shift=2.0)])
+    seeds = SeedRuns([made(1), made(2, shift=2.0), made(3, shift=4.0)])
     html = notebook.run_html(seeds)
     assert f"<p><small>{summary.about_seeds(seeds)}</small></p>" in html
-    assert summary.ABOUT_INTERVALS not in html and "11 (-1.71 to 23.7)" in html
+    assert summary.ABOUT_INTERVALS not in html and "12 (7.03 to 17)" in html
     changed = replace(made(1), changed=("frames.parquet",))
     assert changed.warning and changed.warning in notebook.run_html(changed)

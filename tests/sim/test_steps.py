@@ -192,7 +192,7 @@ def test_a_peer_answers(passes):
 )
 def test_the_steps_of_every_answer_of_every_method_add_up_to_the_nanosecond(settings):
     windows = [f"cars[{i}].route.window=[{3 * i} s, {3 * i + 1.5} s]" for i in range(3)]
-    others = ["methods[11]=paced_remote"]
+    others = ["methods[11]=paced_remote", "methods[12]=recommended"]
     run = run_in_memory(load_scenario("baselines", [*others, *windows, *settings]))
     assert {one.name for one in run.methods} == set(METHODS)
     key = ["method", "car", "stream", "stamp_ns"]
