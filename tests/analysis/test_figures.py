@@ -82,7 +82,7 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
             "lowest and highest running ratio of a Genie",
         ],
         "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
-        "confidence_boost": ["Genies on cars", "Genies on edges", "updates so far"],
+        "confidence_boost": ["Genies on cars", "Genies on edges", "events recorded so far"],
         "resources": [
             "accelerators busy",
             "links busy",

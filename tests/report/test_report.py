@@ -430,7 +430,7 @@ def test_bold_is_what_is_better_than_all_others_with_intervals_apart(browser, fi
 def test_the_page_of_three_cars_is_short_and_its_folds_open(browser, file):
     browser.size(1400, 900)
     browser.open(file)
-    assert browser.evaluate("document.documentElement.scrollHeight") <= 4000
+    assert browser.evaluate("document.documentElement.scrollHeight") <= 4200
     drawn = "byId('lanes').getContext('2d').getImageData(0, 0, 9, 9).width * byId('lanes').width"
     browser.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     browser.evaluate("new Promise((done) => setTimeout(done, 100))")
@@ -540,8 +540,8 @@ def test_a_click_on_a_frame_tells_its_story(browser, file, run):
     )
     story = browser.evaluate("byId('story').textContent")
     assert f"{car}/genie looks into its message cache" in story
-    took_ms = (row["first_answer_ns"] - row["received_ns"]) / 1e6
-    assert f"served by {row['served_by']}, {took_ms:.1f} ms after it was received" in story
+    took_ms = (row["first_answer_ns"] - row["stamp_ns"]) / 1e6
+    assert f"served by {row['served_by']}, {took_ms:.1f} ms after the picture" in story
     if pd.notna(row["objects_fresh"]):
         assert f"{int(row['objects_fresh'])} object" in story
     assert "dropped at" in story or "fresh" in story
@@ -610,8 +610,8 @@ def test_the_strip_stays_in_the_window_beside_the_story(browser, file, width, he
 
 
 def test_the_page_tells_what_each_car_holds_under_each_method(browser, file, run):
-    """The newest answered frame of a car when the replay stands still, with its age since it was
-    received.
+    """The newest answered frame of a car when the replay stands still, with its age since the
+    camera's stamp.
     """
     browser.open(file)
     assert browser.evaluate("[...byId('now').tHead.rows[0].cells].map(one => one.textContent)")[
@@ -635,7 +635,7 @@ def test_the_page_tells_what_each_car_holds_under_each_method(browser, file, run
             result = held["result_answer_ns"] <= now_ns
             newest = "objects_fresh" if fresh else "objects_result" if result else "objects_served"
             objects = int(held[newest])
-            age_ms = (now_ns - held["received_ns"]) / 1e6
+            age_ms = (now_ns - held["stamp_ns"]) / 1e6
             assert told.startswith(f"{objects} object")
             assert abs(float(re.search(r"(\d+) ms old", told)[1]) - age_ms) <= 1
             assert told.endswith(", fresh") == fresh
