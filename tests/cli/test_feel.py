@@ -367,7 +367,7 @@ def test_help_is_there_before_anything_heavy(arguments):
         command_line.remove(late)
     assert ours <= {
         "genie_sim.version",
-        *(f"genie_sim.base{part}" for part in ("", ".errors", ".paths", ".plugins", ".removed")),
+        *(f"genie_sim.base{part}" for part in ("", ".add_ons", ".errors", ".paths", ".plugins")),
         *(f"genie_sim.base.{part}" for part in ("own_sources", "import_report", "text")),
         *(f"genie_sim.core{part}" for part in ("", ".header", ".messages")),
         *(f"genie_sim.analysis{part}" for part in ("", ".style")),  # colours and widths alone

@@ -22,7 +22,7 @@ START_NS = 10**9  # of ROS time, when the simulation begins
 def run() -> Run:
     settings = [
         "cars[0].route.window=[0 s, 2 s]",
-        "genie.object_map.freshness={name: ttl, ttl: 300 ms}",
+        "genie.object_map.forget_after=300 ms",
     ]
     return run_in_memory(load_scenario("street_1car_hetero", settings))
 
