@@ -147,9 +147,12 @@ def test_a_sweep_takes_methods_and_a_label():
         out="lab",
     )
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
-    assert "two links" in Path("lab/sweep/figures/link.svg").read_text(encoding="utf-8")
+    (folder,) = Path("lab").iterdir()
+    assert "two links" in (folder / "figures" / "link.svg").read_text(encoding="utf-8")
     drawn = table.plot.along("link")
-    assert str(drawn.get_label()).endswith("sweep sweep of street_1car_homo, 2 points, seeds 1")
+    assert str(drawn.get_label()).endswith(
+        f"sweep {folder.name} of street_1car_homo, 2 points, seeds 1"
+    )
     with pytest.raises(gs.UserError, match="did you mean 'link'"):
         table.plot.along("links")
     assert type(table[table["link"] == "lte"]) is pd.DataFrame, (

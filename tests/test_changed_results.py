@@ -244,7 +244,7 @@ def test_a_changed_evaluation_and_a_changed_sweep_are_refused(tmp_path, capsys):
         jobs=1,
         out=tmp_path,
     )
-    folder = tmp_path / "sweep"
+    (folder,) = tmp_path.glob("street_1car_homo-*")
     assert main(["table", str(folder)]) == 0
     (folder / "table.parquet").write_bytes((folder / "table.parquet").read_bytes() + b" ")
     assert main(["table", str(folder)]) == 1

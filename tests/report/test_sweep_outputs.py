@@ -55,7 +55,8 @@ def test_values_on_an_axis_can_be_read(town):
         "2000",
     ]
     assert drawn.get_label().split("\n")[0].endswith("one seed, so without intervals")
-    assert {panel.get_xlabel() for panel in drawn.axes} == {"forget [ms], logarithmic"}
+    told = {(panel.get_xlabel(), panel.get_xscale()) for panel in drawn.axes}
+    assert told == {("forget [ms]", "log")}
     assert any("fresh result" in panel.get_ylabel() for panel in drawn.axes), (
         "latencies are of those alone"
     )
