@@ -72,7 +72,7 @@ def placed(metric: str, placement: str) -> Number:
 
 def of_run(run: Run) -> Numbers:
     """All numbers of a run: its metrics, and those that only the evaluation asks for."""
-    return of_metrics(run.measured) | of_tables(run.tables)
+    return of_tables(run.tables) | of_metrics(run.measured)  # a metric of runs is that of the run
 
 
 def of_metrics(measured: Iterable[MetricValue]) -> Numbers:

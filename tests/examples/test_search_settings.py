@@ -15,7 +15,6 @@ import genie_sim as gs
 
 @pytest.mark.slow
 def test_a_search_goes_on_and_reports_seeds_that_it_has_not_seen(tmp_path: Path, monkeypatch):
-    monkeypatch.setitem(search_settings.FIXED, "methods", ["genie"])
     monkeypatch.setattr(search_settings, "TUNING", (1,))
     monkeypatch.setattr(search_settings, "HELD_OUT", (2,))
     front, held_out = search_settings.search(tmp_path, batches=1, batch=2)

@@ -51,13 +51,10 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
     if what == "comparison":
         return gs.compare(run).report(folder)
     few = copied(PAPER, folder / "evaluation")
-    rows, numbers = (
-        json.loads((few / f"{name}.json").read_text()) for name in ("verdicts", "metrics")
-    )
+    rows = json.loads((few / "verdicts.json").read_text())
     (few / "verdicts.json").write_text(
         json.dumps([row for row in rows if row["id"] in ("C1", "C2", "C21")])
     )
-    (few / "metrics.json").write_text(json.dumps(numbers[::100]))
     (folder / "report.html").write_text(evaluation.page(few, allow_changed=True), encoding="utf-8")
     return folder / "report.html"
 
