@@ -97,7 +97,7 @@ def test_another_picture_is_not_shown(run, kitti_root: Path, tmp_path: Path):
             target = root / path.relative_to(kitti_root)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.symlink_to(path)
-    (name,) = root.glob("*/*/image_02/data/0000000003.jpg")
+    (name,) = root.glob("*/2011_09_26_drive_0005_sync/image_02/data/0000000003.jpg")
     name.unlink()
     shutil.copy(name.with_name("0000000004.jpg"), name)
     with pytest.raises(UserError, match=r"0000000003\.jpg: is not the picture that the trace"):
