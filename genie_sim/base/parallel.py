@@ -90,7 +90,8 @@ def in_processes(
         workers, batch_size=1, return_as="generator" if ordered else "generator_unordered"
     )
     with _deaf_to_ctrl_c():
-        results = pool(joblib.delayed(_run)(run, job, os.getpid()) for job in jobs)
+        here = os.getpid(), Path.cwd(), list(sys.path)
+        results = pool(joblib.delayed(_run)(run, job, *here) for job in jobs)
     try:
         yield from results
     except TerminatedWorkerError as error:
@@ -128,8 +129,12 @@ def _deaf_to_ctrl_c() -> Generator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _run(run: Callable[[Job], Done], job: Job, parent: int) -> Done:
+def _run(
+    run: Callable[[Job], Done], job: Job, parent: int, folder: Path, module_folders: list[str]
+) -> Done:
     _become_worker(parent)
+    os.chdir(folder)  # workers outlive a call, and their parent may have gone elsewhere since
+    sys.path[:] = module_folders
     with own_faults_told():  # the traceback stays in this process
         return run(job)
 
