@@ -15,7 +15,7 @@ from genie_sim.analysis.figures import save
 from genie_sim.paper import claims, curves, numbers, page, printed, table1
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.reproduce import Reproduction, write
+from genie_sim.paper.reproduce import Reproduction, show, write
 from genie_sim.record import provenance
 from tools.page_tables import filled
 
@@ -56,7 +56,9 @@ def main() -> None:
     claims.full_run.cache_clear()
     rows = judge(Evidence(table))
     made = Reproduction(rows, table, curves.read(PAPER / curves.FILE))
-    write(PAPER, made, provenance.read_json(PAPER / "run.json"))
+    about = provenance.read_json(PAPER / "run.json")
+    write(PAPER, made, about)
+    show(PAPER, made, about)
     for name, figure in made.figures.items():
         save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
     for document in DOCUMENTS:
