@@ -25,14 +25,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import CANONICAL, MOVING_MPS
+from genie_sim.base.classes import GROUPS as CLASSES
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array, Geodetic, project, rotation_from_rpy, transform
 from genie_sim.base.import_report import ImportReport
+from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import read_bytes, remembered, sha256_of
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import CANONICAL, MOVING_MPS
-from genie_sim.core.classes import GROUPS as CLASSES
-from genie_sim.core.geometry import Array, Geodetic, project, rotation_from_rpy, transform
-from genie_sim.core.matching import SAME_M
 from genie_sim.core.messages import Box, Frame, Location
 from genie_sim.data import world_table
 from genie_sim.data.files import lines, within

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import style
+from genie_sim.base.classes import SIZES
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.classes import SIZES
 from genie_sim.record.columns import NO_TEXT, Columns, Text
 from genie_sim.report.packing import UNKNOWN, US, deltas, integers, scaled
 from genie_sim.report.replay_hosts import hosts_over_time, shown_hosts

@@ -9,10 +9,8 @@ from typing import Annotated, Literal
 from genie_sim.base import units
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import (
-    FRAME_RATE,
     Bounds,
     Count,
-    IfGiven,
     Name,
     NotEmpty,
     OneOf,
@@ -68,7 +66,7 @@ class Camera:
     """Bytes of an image; by default those of a raw `sensor_msgs/Image` of the recorded
     resolution."""
 
-    rate: Annotated[float, FRAME_RATE] | None = None
+    rate: Annotated[float, units.FRAME_RATE, Bounds(above=0)] | None = None
     """How many pictures a second it takes: of the recorded ones those nearest to its times. By
     default all are taken; more than were recorded cannot be."""
 
@@ -191,7 +189,7 @@ class Car:
     route: Route = Route()
     """Which part of a drive it replays, and when."""
 
-    further_uplinks: Annotated[tuple[FurtherUplink, ...], IfGiven()] = ()
+    further_uplinks: tuple[FurtherUplink, ...] = ()
     """Links to further edges, such as `[{edge: edge2, link: lte}]`. Only a method that asks for
     them uses them."""
 

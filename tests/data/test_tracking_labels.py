@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
-from genie_sim.core.classes import MOVING_MPS
-from genie_sim.core.geometry import inverse, project, transform
+from genie_sim.base.geometry import inverse, project, transform
 from genie_sim.data.tracking import open_sequence, sequences
 from genie_sim.data.truth import make_truth, read_truth, tracking_labels
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
@@ -231,7 +231,7 @@ def test_unknown_names_list_the_known(root):
 
 
 def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
-    """KITTI's own relation: the middle of each vehicle's box, projected by our camera 2, lies inside
+    """KITTI's own relation: the middle of a vehicle's box, projected by our camera 2, lies inside
     its labelled box.
     """
     training = kitti_root / "tracking" / "training"
@@ -243,7 +243,7 @@ def test_a_labelled_box_projects_to_its_place_in_the_image(kitti_root):
             if label is None or not label.counts or label.group != "vehicles":
                 continue
             x1, y1, x2, y2 = label.box
-            if 1 < x1 and x2 < drive.size[0] - 2 and y2 < drive.size[1] - 2:  # all in the picture
+            if x1 > 1 and x2 < drive.size[0] - 2 and y2 < drive.size[1] - 2:  # all in the picture
                 in_camera = transform(inverse(drive.world_SE3_camera2(frame)), label.centre)
                 x, y = project(drive.intrinsics, in_camera[None])[0]
                 inside.append(x1 < x < x2 and y1 < y < y2)
