@@ -36,6 +36,7 @@ from benchmarks.plain_simpy import Answer, Fleet, Frame
 from benchmarks.speed_page import DOCS, filled, table
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
+from genie_sim.links.wire import Wire
 from genie_sim.record import provenance
 from genie_sim.runs import build
 from genie_sim.runs.prepare import Prepared, prepare
@@ -44,7 +45,6 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
-from genie_sim.sim.link_models.wire import Wire
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 CARS_AN_EDGE = 10
@@ -280,7 +280,7 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     """
     setup = build.setup(prepared, prepared.scenario.methods[0])
     car = setup.cars[0]
-    wire = setup.links[car.name, car.edge]
+    wire = setup.links[car.name]
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}
