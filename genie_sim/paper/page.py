@@ -50,7 +50,7 @@ def page_data(
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was
     made.
     """
-    about = provenance.read_json(folder / "run.json")
+    about = printed.read_about(folder)
     changed = provenance.changed_files(folder, about.get("digests"), FILES)
     provenance.refuse_changed(folder, changed, allow_changed)
     evidence = Evidence(numbers.read(folder))

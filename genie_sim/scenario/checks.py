@@ -15,7 +15,7 @@ from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.features import feature_of
 from genie_sim.base.settings import SettingError, join, own_arguments
-from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text, frame_rate_text
+from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 # The longest time that a scenario may simulate. The frames of one car over that time fill a
 # computer's memory; more is almost certainly a unit error and would be noticed only after hours.
 MAX_DAYS = 30
-DAY_NS = 24 * DURATIONS["h"]
+DAY_NS = 24 * 3600 * NS_PER_S
 SAME_RATE = 1e-6  # times as many pictures as were recorded are as many
 
 

@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from genie_sim.base import units
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import (
-    FRAME_RATE,
     Bounds,
     Count,
     Name,
@@ -67,7 +66,7 @@ class Camera:
     """Bytes of an image; by default those of a raw `sensor_msgs/Image` of the recorded
     resolution."""
 
-    rate: Annotated[float, FRAME_RATE] | None = None
+    rate: Annotated[float, units.FRAME_RATE, Bounds(above=0)] | None = None
     """How many pictures a second it takes: of the recorded ones those nearest to its times. By
     default all are taken; more than were recorded cannot be."""
 

@@ -158,7 +158,7 @@ def test_the_file_of_all_settings_names_every_choice() -> None:
     of_sections = (
         *keys_of(Fleet),
         *keys_of(FaultEntry),
-        *METHOD.beside,
+        *METHOD.keys_beside,
     )
     registries = (
         SIMILARITIES,
