@@ -2,17 +2,18 @@
 
     python -m studies.pages
 
-A table stands between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``. Nothing is simulated.
+Nothing is simulated.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+
+from tools.page_tables import filled, markdown
 
 RESULTS, PAGE = Path("results"), Path("docs/results.md")
 METHODS = {
@@ -38,12 +39,6 @@ class Shown(NamedTuple):
     title: str
     metric: str
     factor: float = 1
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
-    """A table whose first ``texts`` columns are texts and the others numbers."""
-    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
 
 
 def points_of(study: str) -> pd.DataFrame:
@@ -279,15 +274,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-def with_tables(text: str) -> str:
-    """The page's text with the tables in their places."""
-    for name, table in TABLES.items():
-        begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-        place = re.compile(f"{begin}.*?{end}", re.DOTALL)
-        assert len(place.findall(text)) == 1, name
-        text = place.sub(f"{begin}\n{table()}\n{end}", text)
-    return text
-
-
 if __name__ == "__main__":
-    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(filled(page, {name: made() for name, made in TABLES.items()}), encoding="utf-8")
