@@ -35,6 +35,7 @@ from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
+from genie_sim.links.wire import Wire
 from genie_sim.record import provenance
 from genie_sim.runs import build
 from genie_sim.runs.prepare import Prepared, prepare
@@ -43,7 +44,6 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
-from genie_sim.sim.link_models.wire import Wire
 from tools.page_tables import filled, markdown
 
 REPOSITORY = Path(__file__).resolve().parent.parent
@@ -281,7 +281,7 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     """
     setup = build.setup(prepared, prepared.scenario.methods[0])
     car = setup.cars[0]
-    wire = setup.links[car.name, car.edge]
+    wire = setup.links[car.name]
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}

@@ -14,6 +14,7 @@ import ast
 import dataclasses
 import difflib
 import functools
+import importlib
 import inspect
 import itertools
 import math
@@ -559,11 +560,20 @@ def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
 
 
 class Presets(NamedTuple):
-    """Whole choices of a plug-in by name, such as links; the ``usual`` one completes others."""
+    """Whole choices of a plug-in by name, such as links; the ``usual`` one completes others. They
+    stand at ``place``, ``package.module:NAME``, and are imported when they are asked for.
+    """
 
     what: str
-    choices: Mapping[str, Choice]
+    place: str
     usual: str
+
+    @property
+    def choices(self) -> Mapping[str, Choice]:
+        """All of them, by name."""
+        module, _, name = self.place.partition(":")
+        choices: Mapping[str, Choice] = getattr(importlib.import_module(module), name)
+        return choices
 
     def get(self, name: object) -> Choice:
         """The choice of this name. Raises ``SettingError``."""
@@ -646,8 +656,10 @@ class PlugIn:
         before = {} if base is None else dict(base.parameters)
         if name not in self.registry:
             for key, item in given.items():
-                if not isinstance(item, Parameter):
-                    raise wrong(item, "be a number, true or false, or text").below(quoted(key))
+                if not isinstance(item, Parameter | list | Mapping):
+                    raise wrong(
+                        item, "be a number, true or false, text, a list or a mapping"
+                    ).below(quoted(key))
             return Choice(name, before | given)
         cls = self.resolve(name)
         values = _arguments(cls, name, given, before=before, beside=self.keys_beside)

@@ -216,9 +216,6 @@ class Scenario(MethodSettings):
         own are left out: their code runs only where a scenario does.
         """
         named = [(f"cars[{index}].link", car.link) for index, car in enumerate(self.cars)]
-        for index, car in enumerate(self.cars):
-            for place, further in enumerate(car.further_uplinks):
-                named.append((f"cars[{index}].further_uplinks[{place}].link", further.link))
         if self.fleet is not None:
             named.append(("fleet.link", self.fleet.link))
         for index, entry in enumerate(self.methods):
