@@ -2,6 +2,9 @@
 
 import math
 import re
+from typing import TypeGuard
+
+MAX_LABEL = 60  # characters
 
 
 def number_text(value: float, digits: int = 3, sign: str = "") -> str:
@@ -35,6 +38,11 @@ def finite(value: float | None) -> float | None:
 def natural_key(name: str) -> list[tuple[str, int]]:
     """A key to sort names by, in which ``car2`` comes before ``car10``."""
     return [(word, int(digits or 0)) for word, digits in re.findall(r"(\D*)(\d*)", name)]
+
+
+def is_label(value: object) -> TypeGuard[str]:
+    """Whether it can name something in a figure or a table: a printable line that is not long."""
+    return isinstance(value, str) and value.isprintable() and len(value) <= MAX_LABEL
 
 
 def one_line(text: str) -> str:

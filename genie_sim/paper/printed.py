@@ -98,7 +98,7 @@ def _markdown(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return renderers.markdown(ResultTable.of_texts(HEADINGS, lines)).rstrip()
+    return renderers.markdown_rows([HEADINGS, *lines], [False] * 6)
 
 
 def in_short(rows: Sequence[Row]) -> str:
@@ -108,8 +108,8 @@ def in_short(rows: Sequence[Row]) -> str:
         for row in rows
         if row["id"] in IN_SHORT
     ]
-    table = ResultTable.of_texts(["the paper says", "paper", "here", "", "why"], lines)
-    return renderers.markdown(table).rstrip()
+    headings = ["the paper says", "paper", "here", "", "why"]
+    return renderers.markdown_rows([headings, *lines], [False] * 4)
 
 
 def notes(rows: Sequence[Row]) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Beside, Name, PlugIn, SettingError, keys_of
+from genie_sim.base.text import MAX_LABEL, is_label
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.sim.settings import MethodSettings
 
@@ -34,8 +35,9 @@ class MethodEntry:
     """Settings of the scenario that this entry has otherwise, as they are written."""
 
     def __post_init__(self) -> None:
-        if self.title is not None and (not isinstance(self.title, str) or not self.title.strip()):
-            raise SettingError("title", f"must be text, not {short_repr(self.title)}")
+        if self.title is not None and not (is_label(self.title) and self.title.strip()):
+            text = f"one line of at most {MAX_LABEL} characters, not {short_repr(self.title)}"
+            raise SettingError("title", f"must be {text}")
 
     @classmethod
     def expand(cls, value: object) -> object:
