@@ -71,7 +71,6 @@ RESOURCE_KINDS = {
     "cpu": "CPUs busy",
     "link": "links busy",
     "cell": "cells busy",
-    "channel": "channel busy ratio",
     "queue": "messages waiting",
 }
 # Of each format: the metadata keys of a figure's title and description, and those to suppress.

@@ -18,7 +18,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns, Floats
 
 # What follows the host in the name of a resource.
-AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|\.channel|/.*)$")
+AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|/.*)$")
 
 
 class Use(NamedTuple):
@@ -103,7 +103,7 @@ METRICS = {
         "%",
         LOWER,
         meaning="Share of the time in which a device or link works; on a car, of the time in which "
-        "it drives. That of a channel is the channel busy ratio where the host is.",
+        "it drives.",
         formula=_utilization,
         rows="resources",
         tier=MAIN,

@@ -2,9 +2,8 @@
 
 import math
 import re
-from typing import TypeGuard
 
-MAX_LABEL = 60  # characters
+MAX_LABEL = 60  # characters of what names something in tables and figures
 
 
 def number_text(value: float, digits: int = 3, sign: str = "") -> str:
@@ -38,11 +37,6 @@ def finite(value: float | None) -> float | None:
 def natural_key(name: str) -> list[tuple[str, int]]:
     """A key to sort names by, in which ``car2`` comes before ``car10``."""
     return [(word, int(digits or 0)) for word, digits in re.findall(r"(\D*)(\d*)", name)]
-
-
-def is_label(value: object) -> TypeGuard[str]:
-    """Whether it can name something in a figure or a table: a printable line that is not long."""
-    return isinstance(value, str) and value.isprintable() and len(value) <= MAX_LABEL
 
 
 def one_line(text: str) -> str:

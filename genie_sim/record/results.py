@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base.errors import UserError, no_attribute, short_repr
 from genie_sim.base.paths import expanded, read_text
-from genie_sim.base.text import MAX_LABEL, is_label, one_line
+from genie_sim.base.text import MAX_LABEL, one_line
 from genie_sim.base.units import duration_ns, duration_text
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
@@ -199,7 +199,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
 
 def checked_label(label: object, where: str = "label") -> str:
     """A label, which may be empty; ``where`` it stands begins errors. Raises ``UserError``."""
-    if not is_label(label):
+    if not isinstance(label, str) or not label.isprintable() or len(label) > MAX_LABEL:
         raise UserError(
             f"{where}: must be one line of at most {MAX_LABEL} characters, not {short_repr(label)}"
         )

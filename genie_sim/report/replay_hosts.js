@@ -15,13 +15,13 @@ function hostsView(run, canvas, options) {
     const texts = names.map((name, place) => {
       const host = options.method().hosts.get(name), sample = host ? lastUpTo(host.t, t) : -1;
       drawHost(pen, look, { name, left: place * column + 4, column, busy: 0, waiting: 0, lost: 0,
-        ...(sample < 0 ? {} : { busy: host.busy[sample] / 1000, waiting: host.waiting[sample], lost: host.lost[sample], channel: host.channel?.[sample] }) });
-      return sample < 0 ? "" : `${name} busy ${percent(host.busy[sample] / 1000)}, ${host.waiting[sample]} waiting, ${host.lost[sample]} lost${host.channel ? `, channel busy ${percent(host.channel[sample] / 1000)}` : ""}`;
+        ...(sample < 0 ? {} : { busy: host.busy[sample] / 1000, waiting: host.waiting[sample], lost: host.lost[sample] }) });
+      return sample < 0 ? "" : `${name} busy ${percent(host.busy[sample] / 1000)}, ${host.waiting[sample]} waiting, ${host.lost[sample]} lost`;
     });
     canvas.setAttribute("aria-label", `Under ${options.method().title}: ${texts.filter(Boolean).join("; ")}`);
   }
 
-  function drawHost(pen, look, { name, left, column, busy, waiting, lost, channel }) {
+  function drawHost(pen, look, { name, left, column, busy, waiting, lost }) {
     const breadth = column - 12;
     pen.fillStyle = look.ink;
     pen.fillText(name, left, 12, breadth);
@@ -37,11 +37,6 @@ function hostsView(run, canvas, options) {
     if (!waiting) pen.strokeRect(left + 0.5, 29.5, BLOCK_PX - 1, BLOCK_PX - 1);
     pen.fillStyle = lost ? look.ghost : look.muted;
     pen.fillText(column < LOST_PX ? `${lost}` : `lost ${lost}`, left, 51, breadth);
-    if (channel === undefined) return;
-    pen.fillStyle = look.muted;
-    pen.textAlign = "right";
-    pen.fillText(`air ${percent(channel / 1000)}`, left + breadth, 12, breadth / 2);
-    pen.textAlign = "left";
   }
   return paint;
 }

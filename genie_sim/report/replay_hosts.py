@@ -28,8 +28,7 @@ def hosts_over_time(
 ) -> Iterator[tuple[str, dict[str, list[int]]]]:
     """What each host has to do under one method, sample by sample: how busy its accelerator was
     since the sample before [per mille], how many messages wait in its queues and for its links,
-    and how many it has lost so far. ``channel`` is how busy the channel was for broadcasts [per
-    mille], of hosts that are on one.
+    and how many it has lost so far.
     """
     by_host: dict[str, list[tuple[str, Columns]]] = {host: [] for host in hosts}
     for resource, rows in samples.groups("resource"):
@@ -40,16 +39,13 @@ def hosts_over_time(
         if not resources:
             continue
         t_ns = np.unique(np.concatenate([rows["t_ns"] for _, rows in resources]))
-        waiting, lost = (np.zeros(len(t_ns), dtype=np.int64) for _ in range(2))
-        busy = {"accelerator": np.zeros(len(t_ns), dtype=np.int64)}
+        busy, waiting, lost = (np.zeros(len(t_ns), dtype=np.int64) for _ in range(3))
         for kind, rows in resources:
             places = np.searchsorted(t_ns, rows["t_ns"])
-            if kind in ("accelerator", "channel"):
+            if kind == "accelerator":
                 took_ns = np.diff(rows["t_ns"], prepend=rows["t_ns"][0]) * rows["capacity"]
                 worked_ns = np.diff(rows["busy_ns"], prepend=rows["busy_ns"][0])
-                share = np.zeros(len(t_ns), dtype=np.int64)
-                share[places] = scaled(worked_ns / np.maximum(took_ns, 1), 1000)
-                busy[kind] = share
+                busy[places] = scaled(worked_ns / np.maximum(took_ns, 1), 1000)
             elif kind in ("queue", "link"):
                 waiting[places] += rows["queue"]
                 lost[places] += rows["dropped"]
@@ -57,9 +53,8 @@ def hosts_over_time(
             host,
             {
                 "t_us": deltas(t_ns // US),
-                "busy": busy["accelerator"].tolist(),
+                "busy": busy.tolist(),
                 "waiting": waiting.tolist(),
                 "lost": deltas(lost),
-                **({"channel": busy["channel"].tolist()} if "channel" in busy else {}),
             },
         )

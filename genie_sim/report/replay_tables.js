@@ -53,8 +53,7 @@ function showLegend(run, method, mapped) {
     ...(mapped ? [sign("object of high confidence; square: vehicle", box(solid("sure"))), sign("of low confidence; disc: person or cycle", disc(solid("unsure"))),
       sign("below C_T, not shared; diamond: other", draw("path", { d: "M8 2L13 7L8 12L3 7Z", ...stroke("unsure") }))] : []));
   byId("hosts-about").textContent = run.methods.some((entry) => entry.hosts.size) ? "Below each street: the hosts. Bar: share of the last 0.1 s in which the accelerator " +
-    "worked; squares: messages that wait in its queues and for its links; lost: messages pushed out or lost so far" +
-    (run.methods.some((entry) => [...entry.hosts.values()].some((host) => host.channel)) ? "; air: share of it in which the host heard the channel busy." : ".") : "";
+    "worked; squares: messages that wait in its queues and for its links; lost: messages pushed out or lost so far." : "";
   byId("lanes-about").textContent = "A lane for each method, a row for each car. Height: age of the newest answer since its picture, " +
     `logarithmic, ${AGES_US[0] / 1000} ms or less to ${AGES_US[1] / 1e6} s or more; empty: no answer yet. Vertical line: now. Click to go there.` +
     (run.cars.length > MOST_CARS ? ` The first ${MOST_CARS} of ${run.cars.length} cars.` : "");

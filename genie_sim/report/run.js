@@ -179,12 +179,12 @@ function showOverTime() {
 function showUse() {
   const hostOf = (name) => name.split(/[./]|->/)[0], dashes = [null, "7 3", "2 3"];
   const hosts = [...new Set(DATA.use.map((one) => hostOf(one.name)))].sort((one, other) => one.localeCompare(other, "en", { numeric: true }));
-  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", cell: "Utilization of radio cells", channel: "Channel busy ratio", queue: "Messages waiting" };
+  const kinds = { accelerator: "Utilization of accelerators", cpu: "Utilization of CPUs", link: "Utilization of links", cell: "Utilization of radio cells", queue: "Messages waiting" };
   chooseMethod("use-of", (method) => DATA.use.some((one) => one.method === method), () => {
     byId("use-charts").replaceChildren();
     for (const [kind, title] of Object.entries(kinds)) {
       const series = DATA.use.filter((one) => one.method === byId("use-of").value && one.kind === kind)
-        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu|channel)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.hosts}`, marker: hosts.indexOf(hostOf(one.name)),
+        .map((one, i, all) => ({ ...one, name: one.name.replace(/\.(accelerator|cpu)$/, ""), color: `h${hosts.indexOf(hostOf(one.name)) % DATA.hosts}`, marker: hosts.indexOf(hostOf(one.name)),
           dash: dashes[Math.min(all.slice(0, i).filter((other) => hostOf(other.name) === hostOf(one.name)).length, 2)] }));
       if (!series.length) continue;
       const queue = kind === "queue";

@@ -49,8 +49,6 @@ def test_a_host_s_accelerator_queues_and_links_at_each_sample():
         (100, "car10.accelerator", "accelerator", 1, 0, 0, 0),
         (100, "edge1.accelerator", "accelerator", 1, 0, 0, 0),
         (200, "edge1.accelerator", "accelerator", 1, 40, 0, 0),
-        (100, "edge1.channel", "channel", 1, 5, 0, 7),
-        (200, "edge1.channel", "channel", 1, 30, 1, 9),
     )
     shown = dict(hosts_over_time(rows, ["car1", "edge1", "car2"]))
     assert shown == {
@@ -65,7 +63,6 @@ def test_a_host_s_accelerator_queues_and_links_at_each_sample():
             "busy": [0, 400],
             "waiting": [0, 0],
             "lost": [0, 0],
-            "channel": [0, 250],
         },
     }, "a host without resources is not shown"
 
