@@ -47,11 +47,10 @@ Tags: **P** from the paper, **S** a public source, **M** measured, **D** derived
 service time is median × (loc + (1 − loc) exp(sigma × Z)), Z standard normal. [Add a
 device](../extend/device.md).
 """
+API = ("run", "run_seeds", "sweep", "load", "compare", "differences", "reproduce", "load_scenario")
+API += ("Run", "Runs", "Plots")
 PYTHON = """\
 [Python](api.md) shows how to use these, [Extend it](../extend/method.md) how to add to them.
-
-::: genie_sim.api
-    options: {members: [run, sweep, load, compare, differences, load_scenario, Run, Runs, Plots]}
 """
 
 NULL = "A column holds measurements. Null means unknown or never, not zero.\n"
@@ -119,8 +118,10 @@ def _text(lines: Iterable[str]) -> str:
 
 
 def own_code() -> Lines:
-    """The names that code of one's own imports."""
-    yield "## `genie_sim.extend`\n\nFor a class of your own; constants stand first.\n"
+    """What ``genie_sim`` offers, and the names that code of one's own imports."""
+    yield "## `genie_sim`"
+    yield from (f"\n::: genie_sim.api.{name}" for name in API)
+    yield "\n## `genie_sim.extend`\n\nFor a class of your own; constants stand first.\n"
     documented = {}
     for name in extend.__all__:
         value = getattr(extend, name)
