@@ -21,7 +21,7 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, atomic_write, read_text, usable
+from genie_sim.base.paths import PARTIAL, atomic_write, read_text, regular, usable
 from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.record import provenance
@@ -281,11 +281,12 @@ class Parts:
 
     def metrics(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.
-        Raises ``UserError`` for what is no file of this folder.
+        Raises ``UserError`` for what is no file of this folder, or was not written by genie-sim.
         """
         path = provenance.contained(self.folder, f"parts/{run_id}.json")
         if not path.exists():
             return None
+        _check_own(path, run_id)
         try:
             part = provenance.read_json(path)
             if part["run_id"] == run_id and part["digest"] == _digest(part["metrics"]):
@@ -299,6 +300,15 @@ class Parts:
     def _failure(self, run_id: str) -> Path:
         """The file that tells why a run failed."""
         return self.failures / f"{run_id}.txt"
+
+
+def _check_own(path: Path, run_id: str) -> None:
+    """Raises ``UserError`` for what no ``Parts`` wrote, damaged or not: it would be lost."""
+    begins = json.dumps({"run_id": run_id}).removesuffix("}").encode()
+    with regular(path) as file:
+        if begins.startswith(file.read(len(begins))):
+            return
+    raise UserError(f"{path}: not written by genie-sim, which would replace it: move it away")
 
 
 def _digest(rows: Sequence[Sequence[Any]]) -> str:

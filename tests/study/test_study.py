@@ -877,6 +877,22 @@ def test_files_of_others_in_the_folder_of_the_parts_stay(uninterrupted, caplog):
 
 
 @pytest.mark.unix
+@pytest.mark.parametrize("what", ["another program's file", "a pipe"])
+def test_what_others_put_in_place_of_a_part_stays(what, uninterrupted, capsys):
+    finished(uninterrupted)
+    part = min(Path("results/s/parts").iterdir())
+    part.unlink()
+    if what == "a pipe":
+        os.mkfifo(part)
+    else:
+        part.write_text('{"mine": 1}')
+    before = part.lstat().st_ino, part.lstat().st_mtime_ns
+    assert main(["sweep", "s.yaml", "--jobs", "1"]) == 1
+    one_line(capsys, f"{part}: ")
+    assert (part.lstat().st_ino, part.lstat().st_mtime_ns) == before
+
+
+@pytest.mark.unix
 @pytest.mark.parametrize("what", ["parts", "a part"])
 def test_a_link_in_place_of_parts_is_not_followed(what, uninterrupted, tmp_path, capsys):
     finished(uninterrupted)
