@@ -5,12 +5,11 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError
-from genie_sim.cli import terminal
 from genie_sim.cli.arguments import PATH, changed_option, own_code_option
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run' or 'reproduce'.")
+@click.argument("folder", type=PATH, help="A result folder of any kind.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
@@ -42,32 +41,23 @@ def report(
         raise UserError(f"--start: {error}") from error
     if copy_pictures and pictures is None:
         raise UserError("--copy-pictures: --pictures says where they are")
-    from genie_sim.analysis.seed_runs import is_seeds_folder
-    from genie_sim.paper import page as evaluation
-    from genie_sim.record import results
-    from genie_sim.report import comparison, html_page
+    from genie_sim import kinds
+    from genie_sim.report import html_page
     from genie_sim.report.run_pictures import kitti_pictures
-    from genie_sim.study import printed
 
-    path = out if out is not None else folder / terminal.PAGE
-    page = None
-    if (folder / "verdicts.json").is_file():
-        page = evaluation.page
-    elif is_seeds_folder(folder):
-        page = comparison.seeds_page_of
-    elif (folder / "sweep.json").is_file():
-        page = printed.page_of
-    if page is None:
-        run = results.load(folder, allow_changed=allow_changed)
+    result = kinds.load(folder, allow_changed=allow_changed)
+    if isinstance(result, kinds.Run):
         frames = None
         if pictures is not None:
-            frames = kitti_pictures(run, pictures, copied=copy_pictures)
-        html_page.write(path, run, start_ns, frames)
+            frames = kitti_pictures(result, pictures, copied=copy_pictures)
+        page = result.page(start_ns, frames)
     elif start_ns or pictures is not None:
         option = "--start" if start_ns else "--pictures"
         raise UserError(
             f"{option}: {folder} holds no single run; only the page of a run has a replay"
         )
     else:
-        html_page.write_text(path, page(folder, allow_changed))
+        page = result.page()
+    path = out if out is not None else folder / html_page.NAME
+    html_page.write_text(path, page)
     click.echo(f"Report: {path}")

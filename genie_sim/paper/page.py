@@ -1,23 +1,26 @@
 """The page of an evaluation: verdicts with their evidence, the paper's figures, and all numbers."""
 
 import base64
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.paper import claims, curves, numbers, printed
+from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.paper.evidence import MIN_SEEDS, Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.record import provenance
 from genie_sim.report import html_page
 
-FILES = (numbers.FILE, curves.FILE, printed.VERDICTS)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from genie_sim.paper.reproduce import Reproduction
+
 TITLE = "The paper's evaluation, simulated"
 ACCURACY = (
     "object_precision",
@@ -30,36 +33,28 @@ ACCURACY = (
 )
 
 
-def page(folder: Path, allow_changed: bool = False) -> str:
-    """The page about the evaluation in ``folder``. Raises ``UserError`` for a folder that is not
-    whole, and, unless they are allowed, for files that were changed since they were written.
-    """
-    rows = printed.read_rows(folder)
-    with provenance.of_this_version(folder):
-        elsewhere = "The verdicts are also in verdicts.md beside it."
-        data = page_data(folder, rows, allow_changed)
-        scripts = ("evaluation.js",)
+def page(made: "Reproduction") -> str:
+    """The page about an evaluation. Raises ``UserError``."""
+    with provenance.of_this_version(made.folder):
+        elsewhere = "The verdicts are also in verdicts.json beside it."
+        data, scripts = page_data(made), ("evaluation.js",)
         return html_page.assemble(
             "evaluation.html", scripts, TITLE, data, elsewhere=elsewhere, pictures="data:"
         )
 
 
-def page_data(
-    folder: Path, rows: list[dict[str, Any]], allow_changed: bool = False
-) -> dict[str, Any]:
+def page_data(made: "Reproduction") -> dict[str, Any]:
     """Everything on the page, as plain JSON values; nothing of when, where and how fast it was
     made.
     """
-    about = provenance.read_json(folder / "run.json")
-    changed = provenance.changed_files(folder, about.get("digests"), FILES)
-    provenance.refuse_changed(folder, changed, allow_changed)
-    evidence = Evidence(numbers.read(folder))
+    about, rows = made.about, made.rows
+    evidence = Evidence(made.numbers)
     judged = accuracy(evidence)
     return {
         "about": {
             "name": TITLE,
             "description": "",
-            "warning": provenance.warning(changed),
+            "warning": provenance.warning(made.changed),
             **{name: about[name] for name in ("genie_sim", "quick", "seeds")},
         },
         "methods": [],
@@ -76,7 +71,7 @@ def page_data(
             }
             for row in rows
         ],
-        "figures": list(_figures(folder, allow_changed)),
+        "figures": list(_figures(made.figures())),
         "accuracy": [judged.headings, *judged.texts()],
         "numbers": list(_means(evidence)),
     }
@@ -108,12 +103,11 @@ def _with_interval(values: np.ndarray) -> str:
     return f"{mean:.3g} ({low:.3g} to {high:.3g})"
 
 
-def _figures(folder: Path, allow_changed: bool) -> Iterator[dict[str, str]]:
+def _figures(drawn: "Mapping[str, Figure]") -> Iterator[dict[str, str]]:
     """The figures, as text for the source of a picture, where scripts in them would not run."""
     from genie_sim.analysis.figures import svg
-    from genie_sim.paper import figures
 
-    for name, figure in figures.of_evaluation(folder, allow_changed=allow_changed).items():
+    for name, figure in drawn.items():
         title = str(figure.get_label()).partition("\n")[0]
         source = f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"
         yield {"name": name, "title": title, "source": source}
