@@ -16,7 +16,7 @@ from genie_sim.analysis.resource_metrics import running_use
 from genie_sim.analysis.screen import simulated_s
 from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PARTS, PLACEMENTS, method_styles
-from genie_sim.analysis.summary import about_boxes, about_laws, energy_note, overload
+from genie_sim.analysis.summary import about_boxes, about_laws, energy_note, no_repeats, overload
 from genie_sim.base import units
 from genie_sim.base.text import finite, natural_key
 from genie_sim.base.units import NS_PER_S
@@ -70,7 +70,12 @@ def page_data(run: "Run", start_ns: int = 0, pictures: Pictures | None = None) -
             [run.tables], {method.name: method.title for method in run.methods}
         ),
         "notes": [
-            *filter(None, dict.fromkeys([overload(run), *notes, about_boxes(run), about_laws(run)]))
+            *filter(
+                None,
+                dict.fromkeys(
+                    [overload(run), no_repeats(run), *notes, about_boxes(run), about_laws(run)]
+                ),
+            )
         ],
     }
 
