@@ -40,7 +40,8 @@ class PlaceIndex(Generic[Item]):
         """Puts an item at a place."""
         cell = self._grid.cell(east_m, north_m)
         self._grid.add(cell, (east_m, north_m, item))
-        self._places.pop(cell, None)
+        if cell in self._places:
+            self._places[cell] = np.concatenate((self._places[cell], [(east_m, north_m)]))
         for cell in self._cells(east_m, north_m):
             self._within_reach.add(cell, (east_m, north_m, kind, item))
 
