@@ -54,9 +54,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
-PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask"}
+FROM_EXTRAS = {"distributed": "dask", "pooch": "fetch", "requests": "fetch"}
 LATE = (
     "pandas",
     "matplotlib",

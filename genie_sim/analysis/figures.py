@@ -9,6 +9,7 @@ matplotlib.
 
 import io
 import re
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -53,6 +54,7 @@ from genie_sim.analysis.style import (
     COLUMN_IN,
     PAGE_IN,
     PLACEMENTS,
+    TITLE_CHARACTERS,
     percent_tick,
 )
 from genie_sim.base.paths import atomic_write, usable
@@ -389,6 +391,10 @@ def _reuse_bars(
         labels = list(panels)
     width_in = width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN)
     room_in = (width_in - 0.7) / len(groups)  # of a group of two bars
+    labels = [
+        "\n".join(textwrap.fill(line, TITLE_CHARACTERS) for line in label.split("\n"))
+        for label in labels
+    ]
     longest_in = max(len(line) for label in labels for line in label.split("\n")) * CHARACTER_IN
     tilted = longest_in > 1.05 * room_in
     figure, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)

@@ -1,6 +1,5 @@
 """The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -376,7 +375,7 @@ def markdown(run: Run | SeedRuns) -> str:
         about_boxes(run),
         about_laws(run),
     )
-    parts += [textwrap.fill(about, 120) for about in abouts if about]
+    parts += [renderers.markdown_paragraph(about) for about in abouts if about]
     parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
     return "\n\n".join(parts) + "\n"
 
