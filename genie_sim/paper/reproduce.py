@@ -20,7 +20,7 @@ from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
-from genie_sim.report import html_page
+from genie_sim.report import template
 from genie_sim.scenario.yaml_input import read_mapping
 
 if TYPE_CHECKING:
@@ -154,4 +154,4 @@ def write(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
     document = printed.document(made.rows, accuracy, about["edited"])
     (folder / "verdicts.md").write_text(document, encoding="utf-8")
     save_all(made.figures, folder / "figures", ["svg"])
-    html_page.write_text(folder / html_page.NAME, page.page(folder))
+    template.write(folder / template.NAME, page.page(folder, drawn=made.figures))
