@@ -38,7 +38,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "data": ("core", "tracks"),
     "worlds": ("core", "data"),
     "scenario": (*_SIMULATED, "data"),
-    "record": ("core",),
+    "record": ("core", "sim"),
     "judge": ("core", "tracks", "record"),
     "analysis": ("core", "record"),
     "report": ("core", "data", "record", "analysis"),

@@ -56,11 +56,10 @@ class Results:
             return comparison.figures(self._compared(), width_in)
         (folder,) = self.folders
         if self._is_evaluation:
-            from genie_sim.paper import figures, printed
+            from genie_sim.paper import figures
 
             self._refuse("--methods", self.methods, IS_EVALUATION)
             self._refuse("--label", self.labels, IS_EVALUATION)
-            printed.read_rows(folder)  # refuses another version's
             return figures.of_evaluation(folder, width_in, self.allow_changed)
         if self._is_sweep:
             self._refuse("--label", self.labels, IS_SWEEP)

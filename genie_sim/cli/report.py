@@ -1,5 +1,6 @@
 """The command ``report``. Everything heavy is imported after the arguments are parsed."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -38,7 +39,7 @@ def report(
     from genie_sim.study import printed
 
     path = out if out is not None else folder / terminal.PAGE
-    page = None
+    page: Callable[[Path, bool], str] | None = None
     if (folder / "verdicts.json").is_file():
         page = evaluation.page
     elif is_seeds_folder(folder):

@@ -20,9 +20,9 @@ import numpy as np
 import pykitti
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.data.files import numbers, picture_size, size_of, within
 from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.base.paths import read_bytes
-from genie_sim.core.geometry import Array, project, rotation_from_rpy, transform
 from genie_sim.core.messages import Box, Location
 from genie_sim.data.files import lines, within
 from genie_sim.data.kitti import TRACKLETS, drive_folders, open_drive

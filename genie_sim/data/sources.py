@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
-from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding
 from genie_sim.data.source import Frames, FrameSource
 

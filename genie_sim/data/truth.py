@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import MOVING_MPS
 from genie_sim.core.messages import Box, Location
 from genie_sim.data.labels import KittiLabel, labelled_cameras, read_labels
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import CANONICAL, GROUPS
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Array, Geodetic, transform
+from genie_sim.base.matching import SAME_M
 from genie_sim.base.paths import remembered, sha256_of
-from genie_sim.core.classes import CANONICAL, GROUPS
-from genie_sim.core.geometry import Array, Geodetic, transform
-from genie_sim.core.matching import SAME_M
 from genie_sim.core.messages import Frame, Location
 from genie_sim.data import world_table
 from genie_sim.data.trace import POSITION_DECIMALS, Trace

@@ -21,7 +21,7 @@ from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base.text import percent_text
-from genie_sim.paper import curves, numbers, sources
+from genie_sim.paper import curves, numbers, printed, sources
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.claims import load_claims
 from genie_sim.paper.curves import Curves, Key
@@ -56,7 +56,7 @@ def of_evaluation(
     ``UserError``, also for files that were changed since they were written, unless they are
     allowed.
     """
-    about = provenance.read_json(evaluation / "run.json")
+    about = printed.read_about(evaluation)
     changed = provenance.changed_files(
         evaluation, about.get("digests"), [numbers.FILE, curves.FILE]
     )

@@ -47,15 +47,15 @@ ACCURACY = (
 def page(
     folder: Path, allow_changed: bool = False, drawn: "Mapping[str, Figure] | None" = None
 ) -> str:
-    """The page about the evaluation in ``folder``, with its figures: they are drawn if they were not
-    yet. Raises ``UserError`` for a folder that is not whole, and, unless they are allowed, for files
+    """The page about the evaluation in ``folder``; figures that were ``drawn`` are not drawn again.
+    Raises ``UserError`` for a folder that is not whole, and, unless they are allowed, for files
     that were changed since they were written.
     """
     from genie_sim.paper import figures
 
     rows = printed.read_rows(folder)
     with provenance.of_this_version(folder):
-        about = provenance.read_json(folder / "run.json")
+        about = printed.read_about(folder)
         changed = provenance.changed_files(folder, about.get("digests"), FILES)
         provenance.refuse_changed(folder, changed, allow_changed)
         evidence = Evidence(numbers.read(folder))

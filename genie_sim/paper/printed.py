@@ -14,7 +14,7 @@ from genie_sim.paper.evidence import MIN_SEEDS
 from genie_sim.record import provenance
 
 FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
-VERDICTS = "verdicts.json"
+VERDICTS, DOCUMENT = "verdicts.json", "verdicts.md"
 HEADINGS = ["", "the paper says", "paper", "here", "", "why", "shown by"]
 IN_SHORT = ("C1", "C3", "C11", "C12", "C14")  # the rows of the README
 
@@ -23,14 +23,20 @@ Row = Mapping[str, Any]
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
     """The verdicts of a result folder. Raises ``UserError``, also for an earlier version's."""
-    about = provenance.read_json(folder / "run.json")
-    rows: list[dict[str, Any]] = provenance.read_json(folder / VERDICTS)
+    read_about(folder)
+    rows: list[dict[str, Any]] = provenance.read_json(provenance.contained(folder, VERDICTS))
+    return rows
+
+
+def read_about(folder: Path) -> dict[str, Any]:
+    """What an evaluation says of itself. Raises ``UserError``, also for an earlier version's."""
+    about = provenance.read_json(provenance.contained(folder, "run.json"))
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise UserError(
             f"{folder}: an evaluation by another version, whose numbers mean other things; "
             "genie-sim reproduce makes it again"
         )
-    return rows
+    return about
 
 
 def number(row: Row) -> str:

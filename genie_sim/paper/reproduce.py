@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 QUICK_SEEDS = 2
+FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
+# what is derived from the numbers
+SHOWN = (printed.DOCUMENT, template.NAME, *(f"figures/{name}.svg" for name in FIGURES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +131,9 @@ def reproduce(
             # the sources say which code it was; a commit is lost where it is rewritten
             **{name: one for name, one in provenance.environment().items() if name != "commit"},
         }
-        with provenance.result_folder(out) as folder:
+        with provenance.result_folder(out, SHOWN) as folder:
             write(folder, made, about)
+        show(out, made, about)
     return made
 
 
@@ -139,19 +143,25 @@ def declared_seeds() -> tuple[int, ...]:
 
 
 def write(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
-    """Writes numbers first, then what is derived from them; ``about``: how they came about. Raises
-    ``UserError``.
-    """
-    from genie_sim.analysis.figures import save_all
-
+    """Writes the numbers; ``about``: how they came about. Raises ``UserError``."""
     numbers.write(folder, made.numbers)
     curves.write(folder / curves.FILE, made.curves)
     provenance.write_json(folder / printed.VERDICTS, made.rows)
     inputs = {path.name: sha256_of(path) for path in sources.INPUTS}
     digests = provenance.digests(folder, page.FILES)
     provenance.write_json(folder / "run.json", {**about, "inputs": inputs, "digests": digests})
-    accuracy = page.accuracy(Evidence(made.numbers))
-    document = printed.document(made.rows, accuracy, about["edited"])
-    (folder / "verdicts.md").write_text(document, encoding="utf-8")
-    save_all(made.figures, folder / "figures", ["svg"])
-    template.write(folder / template.NAME, page.page(folder, drawn=made.figures))
+
+
+def show(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
+    """Writes what is derived from the numbers in the folder. Raises ``NotDerivedError``."""
+    from genie_sim.analysis.figures import save_all
+
+    with provenance.derived(folder) as attempt:
+        with attempt(printed.DOCUMENT):
+            accuracy = page.accuracy(Evidence(made.numbers))
+            document = printed.document(made.rows, accuracy, about["edited"])
+            template.write(folder / printed.DOCUMENT, document)
+        with attempt("figures"):
+            save_all(made.figures, provenance.contained(folder, "figures"), ["svg"])
+        with attempt(template.NAME):
+            template.write(folder / template.NAME, page.page(folder, drawn=made.figures))

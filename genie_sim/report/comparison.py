@@ -10,7 +10,7 @@ from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
 from genie_sim.analysis.verdict import verdicts
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import usable
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns, concat
 from genie_sim.report import html_page, template
@@ -151,17 +151,20 @@ def page_of_table(
 
 
 def write(comparison: ComparedRuns, folder: Path) -> Path:
-    """Writes the page, the table in all formats and the figures into a folder; returns the page's
-    path.
+    """Writes the table in all formats into a folder, then the figures and the page; returns the
+    page's path. Raises ``UserError``, ``NotDerivedError`` where the table is there.
     """
-    from genie_sim.analysis.figures import save
+    from genie_sim.analysis.figures import save_all
 
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    with usable(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     for name, suffix in renderers.FORMATS.items():
-        with atomic_write(folder / f"table{suffix}") as beside:
-            beside.write_text(compare_tables.text(comparison, name), encoding="utf-8")
-    drawn = figures(comparison)
-    for name, figure in drawn.items():
-        save(figure, folder / "figures", name)
-    template.write(folder / PAGE, page(comparison, drawn))
+        template.write(folder / f"table{suffix}", compare_tables.text(comparison, name))
+    drawn: "dict[str, Figure]" = {}
+    with provenance.derived(folder) as attempt:
+        with attempt("figures"):
+            drawn = figures(comparison)
+            save_all(drawn, provenance.contained(folder, "figures"), ("svg", "png"))
+        with attempt(PAGE):
+            template.write(folder / PAGE, page(comparison, drawn))
     return folder / PAGE

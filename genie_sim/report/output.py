@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import RUN_FIGURES
-from genie_sim.base.paths import atomic_write
 from genie_sim.record.provenance import Attempt, contained, derived
 from genie_sim.report import comparison, html_page, template
 
@@ -40,8 +39,8 @@ class Output:
 
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
-        with attempt("summary.md"), atomic_write(folder / "summary.md") as beside:
-            beside.write_text(summary.markdown(results), encoding="utf-8")
+        with attempt("summary.md"):
+            template.write(folder / "summary.md", summary.markdown(results))
         drawn = None
         if self.figures:
             from genie_sim.analysis import figures  # imports matplotlib

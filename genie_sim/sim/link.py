@@ -6,13 +6,13 @@ from typing import Any, Protocol
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
-from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link_models import Sender
 from genie_sim.sim.link_models.message_random import MessageRandom
+from genie_sim.sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]

@@ -5,8 +5,8 @@ from.
 from collections.abc import Sequence
 
 from genie_sim.core.messages import Detections, Message
-from genie_sim.core.monitor import Monitor
 from genie_sim.sim.method import IMAGES, OBJECTS
+from genie_sim.sim.monitor import Monitor
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.uplinks import CarUplink
 

@@ -12,7 +12,6 @@ import numpy as np
 from genie_sim.base import seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
-from genie_sim.core.monitor import Monitor, Part, Resource
 from genie_sim.sim.bends import Bend, Border, Sense
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
@@ -21,6 +20,7 @@ from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, Sender
 from genie_sim.sim.link_models.channels import make_radio
+from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
 from genie_sim.sim.service import Device

@@ -12,13 +12,13 @@ from genie_sim.base import seeds
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
+from genie_sim.sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph

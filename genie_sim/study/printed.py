@@ -10,6 +10,7 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import checked, definition, learn, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.seed_runs import ABOUT, read_about
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance
@@ -18,7 +19,6 @@ from genie_sim.study.design import Design, read_design
 if TYPE_CHECKING:
     import pandas as pd
 
-ABOUT = "sweep.json"
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
 NEEDED = ("point", "method", "metric", "placement", "component", "value", "unit", "low", "high")
 MAX_ROWS = 50  # of a table in LaTeX
@@ -153,11 +153,7 @@ def _read(folder: Path, allow_changed: bool) -> "tuple[dict[str, Any], pd.DataFr
 
 def _results(folder: Path) -> "tuple[dict[str, Any], pd.DataFrame, pd.DataFrame]":
     """What ``sweep.json``, ``runs.parquet`` and ``table.parquet`` say."""
-    path = provenance.contained(folder, ABOUT)
-    about = provenance.read_json(path)
-    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
-        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    found = []
+    about, found = read_about(folder), []
     for name in READ:
         path = provenance.contained(folder, name)
         if not path.exists():

@@ -9,10 +9,10 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from genie_sim.analysis import registry
-from genie_sim.analysis.seed_runs import load
+from genie_sim.analysis.seed_runs import ABOUT, load, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 FORMAT = 3
-ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
@@ -245,7 +244,7 @@ def run_again(folder: Path, workers: Workers, progress: Progress | None = None) 
     """Simulates every run of a finished sweep again. Returns, by the run's place in the sweep,
     whether its metrics are ``identical`` or ``DIFFERENT``. Raises ``UserError``.
     """
-    about = provenance.read_json(provenance.contained(folder, ABOUT))
+    about = read_about(folder)
     with provenance.of_this_version(folder):
         design = read_design(about["sweep"], str(folder / ABOUT))
         methods = tuple(about["titles"])
@@ -300,14 +299,3 @@ def folder_of(folder: Path, planned: Plan) -> Path:
     check_folder(other)
     log.warning("%s: holds another sweep; this one is in %s", folder, other)
     return other
-
-
-def read_about(folder: Path) -> dict[str, Any]:
-    """What the sweep in a folder says of itself. Raises ``UserError``."""
-    path = provenance.contained(folder, ABOUT)
-    about = provenance.read_json(path)
-    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
-        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    if not isinstance(about.setdefault("run_ids", []), list):
-        raise UserError(f"{path}: run_ids: not a list")
-    return about

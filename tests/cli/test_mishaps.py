@@ -307,8 +307,7 @@ def test_a_share_of_a_fleet_that_is_no_car_is_left_out_of_the_page():
     assert "NVIDIA Jetson TX2" in run.report("page.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("seeds", [()])
-def test_what_cannot_be_drawn_or_written_leaves_the_tables(seeds, monkeypatch, capsys, caplog):
+def test_what_cannot_be_drawn_or_written_leaves_the_tables(monkeypatch, capsys, caplog):
     """A library's exception, and a disk that is full when the page is written."""
 
     def full(*_):
@@ -318,9 +317,8 @@ def test_what_cannot_be_drawn_or_written_leaves_the_tables(seeds, monkeypatch, c
         raise ZeroDivisionError("of a library")
 
     monkeypatch.setattr("genie_sim.report.html_page.page", full)
-    monkeypatch.setattr("genie_sim.report.comparison.seeds_page", full)
     monkeypatch.setattr("genie_sim.analysis.figures.of_run", broken)
-    line = ["run", "street_1car_homo", "--figures", "--jobs", "1", *seeds]
+    line = ["run", "street_1car_homo", "--figures"]
     assert main([*line, "--set", "cars[0].route.window=[0 s, 1 s]"]) == 1
     (folder,) = Path("results").iterdir()
     said = capsys.readouterr().err.splitlines()
@@ -330,6 +328,13 @@ def test_what_cannot_be_drawn_or_written_leaves_the_tables(seeds, monkeypatch, c
     assert "figures: ZeroDivisionError: of a library" in told
     assert f"report.html: OSError: {OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))}" in told
     assert (folder / "summary.md").exists() and not (folder / "report.html").exists()
+    monkeypatch.setattr("genie_sim.report.comparison.figures", broken)
+    assert main(["compare", str(folder), "--out", "compared"]) == 1
+    kept = "genie-sim: compared: the results are kept, but without figures, compare.html\n"
+    assert capsys.readouterr().err == kept
+    assert {path.name for path in Path("compared").iterdir()} == {
+        *("table.md", "table.csv", "table.tex")
+    }
 
 
 def test_a_title_is_text_whatever_it_holds(capsys):

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
-from genie_sim.core.classes import MOVING_MPS
-from genie_sim.core.geometry import inverse, project, transform
+from genie_sim.base.geometry import inverse, project, transform
 from genie_sim.data.labels import tracking_labels
 from genie_sim.data.tracking import open_sequence, sequences
 from genie_sim.data.truth import read_truth

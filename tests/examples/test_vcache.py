@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
+from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.base.seeds import Draws, stream
-from genie_sim.core.caches.features import DIMENSION, UNIT
-from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import FeatureKey
 from tests.conformance.methods import MethodConformance
 
 

@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from genie_sim.core.classes import class_of
-from genie_sim.core.matching import near, pairs
+from genie_sim.base.classes import class_of
+from genie_sim.base.matching import near, pairs
 from genie_sim.core.messages import Detection, Detections, Image, Location
 from genie_sim.core.view import ViewSector
 from genie_sim.judge.scenes import DriveTruth

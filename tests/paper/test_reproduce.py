@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,14 @@ from genie_sim.cli.main import main
 from genie_sim.paper import claims, curves, numbers, page, printed, table1
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.reproduce import Reproduction, declared_seeds, reproduce, write
+from genie_sim.paper.reproduce import (
+    FIGURES,
+    Reproduction,
+    declared_seeds,
+    reproduce,
+    show,
+    write,
+)
 from genie_sim.paper.sources import ASSUMPTIONS, edited_set_ups, set_ups
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
@@ -25,7 +34,6 @@ from tests.checkout import copied
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAPER = REPOSITORY / "results" / "paper"
 FULL_RUN = REPOSITORY / "genie_sim" / "paper" / "full_run.json"
-FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
 DOCUMENTS = {  # their generated parts
     "README.md": ("in short",),
     "docs/paper.md": ("table", "accuracy", "table I"),
@@ -165,6 +173,46 @@ def test_nothing_is_overwritten_that_is_no_result(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
+def test_an_evaluation_that_cannot_be_shown_keeps_its_numbers(tmp_path, capsys, monkeypatch):
+    """Then it is shown, and what somebody has put beside it stays."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    known = numbers.read(PAPER), curves.read(PAPER / curves.FILE)
+    monkeypatch.setattr("genie_sim.paper.runs.simulate", lambda *_: known)
+    line, out = ["reproduce", "--seeds", "1", "--out", str(tmp_path / "out")], tmp_path / "out"
+    with monkeypatch.context() as patched:
+        patched.setattr("genie_sim.report.html_page.assemble", full)
+        assert main(line) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"genie-sim: {out}: the results are kept, but without report.html"
+    )
+    assert printed.read_rows(out) and not (out / "report.html").exists()
+    assert len([*(out / "figures").glob("*.svg")]) == len(FIGURES)
+    (out / "mine.txt").write_text("mine")
+    assert main(line) == 0
+    assert (out / "report.html").exists() and (out / "mine.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        *(("report", name) for name in page.FILES),
+        *((command, "run.json") for command in ("report", "table", "figures")),
+        ("table", "verdicts.json"),
+        ("figures", curves.FILE),
+    ],
+)
+def test_no_file_of_an_evaluation_is_read_outside_of_it(command, name, tmp_path, capsys):
+    folder = copied(PAPER, tmp_path / "out")
+    (folder / name).rename(tmp_path / "outside")
+    (folder / name).symlink_to(tmp_path / "outside")
+    assert main([command, str(folder), "--allow-changed"]) == 1
+    assert f"out/{name}: a link out of" in capsys.readouterr().err
+
+
 def test_the_table_is_printed_in_markdown_csv_and_for_a_notebook():
     rows = printed.read_rows(PAPER)
     csv = printed.table(rows, "csv").splitlines()
@@ -188,7 +236,9 @@ def refresh() -> None:
     claims.full_run.cache_clear()
     rows = judge(Evidence(table))
     made = Reproduction(rows, table, curves.read(PAPER / curves.FILE))
-    write(PAPER, made, provenance.read_json(PAPER / "run.json"))
+    about = provenance.read_json(PAPER / "run.json")
+    write(PAPER, made, about)
+    show(PAPER, made, about)
     for name, figure in made.figures.items():
         save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
     parts = generated()

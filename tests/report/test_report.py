@@ -18,9 +18,9 @@ import pytest
 import genie_sim as gs
 from genie_sim.analysis import screen
 from genie_sim.analysis.registry import METRICS
+from genie_sim.base.classes import SIZES
 from genie_sim.base.text import number_text
 from genie_sim.cli.main import main
-from genie_sim.core.classes import SIZES
 from genie_sim.record.columns import Text
 from genie_sim.report import data, html_page, replay
 from tests.browser import Browser

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol
 import numpy as np
 
 from genie_sim.base.seeds import Draws
-from genie_sim.core.monitor import Resource
+from genie_sim.sim.monitor import Resource
 
 if TYPE_CHECKING:
     import simpy

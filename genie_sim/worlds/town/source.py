@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.data.source import FrameSource
 from genie_sim.worlds.town.frames import SceneFrames
 from genie_sim.worlds.town.objects import TownObject

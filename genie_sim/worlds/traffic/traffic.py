@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.worlds.town.detector import SyntheticDetector
 from genie_sim.worlds.town.frames import BATCH_FRAMES, SceneDrive, SceneFrames
 from genie_sim.worlds.town.laws import detector_laws

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import VEHICLES
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import VEHICLES
 from genie_sim.worlds.town import Town, TownRules
 from genie_sim.worlds.town.routes import CYCLE_S, LEFT_MPS, Commuting, green_at
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M

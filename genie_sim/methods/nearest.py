@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.core.caches.features import DIMENSION, UNIT, Vector, feature_of, unpacked
+from genie_sim.base.features import DIMENSION, UNIT, Vector, feature_of, unpacked
 from genie_sim.core.messages import CameraPose, Header, Image
 
 Slots = npt.NDArray[np.intp]

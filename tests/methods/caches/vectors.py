@@ -6,9 +6,9 @@ from itertools import count
 
 import numpy as np
 
-from genie_sim.core.caches.features import DIMENSION, UNIT
-from genie_sim.core.caches.nearest import FeatureKey
+from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header
+from genie_sim.methods.nearest import FeatureKey
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 TOPIC = "/objects"

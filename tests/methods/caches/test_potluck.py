@@ -8,7 +8,7 @@ import pytest
 from genie_sim.base.seeds import Draws
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.potluck import AdaptiveThresholdCache
-from tests.core.caches.vectors import TOPIC, answer, at
+from tests.methods.caches.vectors import TOPIC, answer, at
 
 BOUNDARY = 0.2
 

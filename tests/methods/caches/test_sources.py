@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.sim_lru import NearestCache
-from tests.core.caches.vectors import TOPIC, answer, at, key
+from tests.methods.caches.vectors import TOPIC, answer, at, key
 
 
 def requests(items: int, count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from genie_sim.methods.foggycache import VotingCache
-from tests.core.caches.vectors import TOPIC, answer, at
+from tests.methods.caches.vectors import TOPIC, answer, at
 
 
 def reuse_and_accuracy(theta: float, seed: int) -> tuple[float, float]:

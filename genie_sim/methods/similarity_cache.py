@@ -6,14 +6,14 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from genie_sim.core.caches.nearest import NONE, FeatureKey, Nearest
+from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.matching import Placed, f1, placed
 from genie_sim.core.message_cache import Answers, MessageCache
 from genie_sim.core.messages import Answer, CameraPose, Detection
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact, KeyIndex
+from genie_sim.methods.nearest import NONE, FeatureKey, Nearest
 
 Replay = Literal["world", "camera"]
 ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)

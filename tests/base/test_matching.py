@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from genie_sim.core.matching import SAME_M, f1, near, pairs, placed
+from genie_sim.base.matching import SAME_M, f1, near, pairs, placed
 from genie_sim.core.messages import Detection
 
 

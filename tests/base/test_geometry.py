@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.core.geometry import (
+from genie_sim.base.geometry import (
     heading_of,
     horizontal_fov_rad,
     inverse,

@@ -4,9 +4,9 @@ Cars, trucks and buses are one class: a detector that confuses them has still fo
 """
 
 from collections.abc import Iterable, Sequence
+from typing import Protocol
 
-from genie_sim.core.classes import class_of
-from genie_sim.core.messages import Detection
+from genie_sim.base.classes import class_of
 
 SAME_M = 2.0  # half of what separates parked cars
 
@@ -15,12 +15,20 @@ Near = tuple[float, int, int]  # squared distance [m2] of a pair, and its indice
 Placed = tuple[str, float, float]
 
 
-def placed(objects: Iterable[Detection]) -> list[Placed]:
+class Labelled(Protocol):
+    """An object of a class, such as a detection; ``location``: east, north and up [m], if known."""
+
+    @property
+    def label(self) -> str: ...
+
+    @property
+    def location(self) -> tuple[float, float, float] | None: ...
+
+
+def placed(objects: Iterable[Labelled]) -> list[Placed]:
     """Those that have a place in the world."""
     return [
-        (class_of(detection.label), *detection.location[:2])
-        for detection in objects
-        if detection.location is not None
+        (class_of(item.label), *item.location[:2]) for item in objects if item.location is not None
     ]
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.matching import f1, placed
+from genie_sim.base.matching import f1, placed
 from genie_sim.core.messages import Header
 from genie_sim.methods.deadline import LinearEstimate, Scheduler
 from genie_sim.methods.oracle import AnswerHistory
-from tests.core.caches.vectors import answer
+from tests.methods.caches.vectors import answer
 
 MS = 10**6
 

@@ -1,6 +1,6 @@
 """Classes of road objects: groups, and sizes that a street knows."""
 
-from genie_sim.core.classes import CANONICAL, PERSONS, ROAD_LABELS, SIZES, VEHICLES, class_of
+from genie_sim.base.classes import CANONICAL, PERSONS, ROAD_LABELS, SIZES, VEHICLES, class_of
 
 
 def test_what_a_detector_confuses_is_one_class():

@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from genie_sim.base.features import UNIT
 from genie_sim.base.seeds import Draws
-from genie_sim.core.caches.cache import moved
-from genie_sim.core.caches.features import UNIT
-from genie_sim.core.caches.nearest import Nearest
 from genie_sim.core.messages import CameraPose
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import Nearest
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache
-from tests.core.caches.vectors import HERE, TOPIC, answer, at, key
+from genie_sim.methods.similarity_cache import moved
+from tests.methods.caches.vectors import HERE, TOPIC, answer, at, key
 
 
 def test_near_keys_are_those_of_the_definition_through_growth_and_removal():

@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.cachier import PopularityCache, best_size
-from tests.core.caches.vectors import TOPIC, answer, at
+from tests.methods.caches.vectors import TOPIC, answer, at
 
 MS, S = 10**6, 10**9
 COUNTS = (1.0, 5.0, 2.0, 2.0)  # P(1) = 0.5, P(2) = 0.7, P(3) = 0.9, P(4) = 1
