@@ -293,7 +293,7 @@ def resource_use(
     method; of several seeds with its 95 % interval.
     """
     names = sorted(busiest(metrics)[:MAX_RESOURCES], key=natural_key)
-    height_in = 0.6 + 0.2 * max(len(names), 1)
+    height_in = 0.6 + 0.18 * max(len(names), 1)
     figure, axis = one_panel(width_in or COLUMN_IN, height_in, ax=None)
     styles = style.method_styles([method.name for method in methods])
     for place, (number, method) in enumerate(zip(styles, methods, strict=True)):

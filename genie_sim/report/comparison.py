@@ -160,7 +160,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     for name, suffix in renderers.FORMATS.items():
         template.write(folder / f"table{suffix}", compare_tables.text(comparison, name))
-    drawn: "dict[str, Figure]" = {}
+    drawn: dict[str, Figure] = {}
     with provenance.derived(folder) as attempt:
         with attempt("figures"):
             drawn = figures(comparison)

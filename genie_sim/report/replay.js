@@ -143,4 +143,4 @@ function showLegend(run, method) {
     "framed: the chosen one. Click one, or use the arrow keys.";
 }
 
-unpacked(byId("data").textContent).then((replay) => showReplay(decode(replay)), () => { byId("moment").textContent = OLD_BROWSER; });
+const shown = unpacked(byId("data").textContent).then((replay) => showReplay(decode(replay)), () => { byId("moment").textContent = OLD_BROWSER; });
