@@ -33,7 +33,7 @@ def run() -> gs.Run:
 @pytest.fixture(scope="module")
 def runs() -> gs.Runs:
     settings = {**SHORT, "methods": ["remote", "genie"]}
-    return gs.run("street_3car_hetero", settings, seeds=[4, 5], jobs=1)
+    return gs.run_seeds("street_3car_hetero", settings, seeds=[4, 5], jobs=1)
 
 
 def test_a_run_in_memory_writes_nothing(run):
@@ -107,7 +107,7 @@ def test_seeds_give_means_and_each_run(runs):
     assert set(runs.runs[0].frames["method"]) == {"remote", "genie"}
     (sentence,) = runs.compare().verdicts
     assert sentence.startswith("Genie (DG) is ") and "without an interval" in sentence
-    with pytest.raises(gs.UserError, match="seed and seeds: give one of them"):
+    with pytest.raises(gs.UserError, match="unknown argument of run"):
         gs.run("street_1car_homo", seed=1, seeds=2)
 
 
@@ -118,7 +118,9 @@ def test_a_comparison_has_figures(runs):
 @pytest.mark.slow
 def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
     settings = {**SHORT, "methods": ["remote", "genie"]}
-    kept = gs.run("street_3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab")
+    kept = gs.run_seeds(
+        "street_3car_hetero", settings, seeds=[4, 5], label="two", jobs=1, out="lab"
+    )
     again = gs.load(kept.folder)
     assert isinstance(again, gs.Runs) and again.title == "two"
     for other in (kept, again):
@@ -224,8 +226,10 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
 @pytest.mark.parametrize("seeds", [None, 1])
 def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
     settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}
-    bare = gs.run("street_1car_homo", settings, seeds=seeds, jobs=1, out="bare", report=False)
-    drawn = gs.run("street_1car_homo", settings, seeds=seeds, jobs=1, out="drawn", figures=True)
+    bare = gs.run_seeds("street_1car_homo", settings, seeds=seeds, jobs=1, out="bare", report=False)
+    drawn = gs.run_seeds(
+        "street_1car_homo", settings, seeds=seeds, jobs=1, out="drawn", figures=True
+    )
     assert not list(bare.folder.rglob("report.html")) + list(bare.folder.rglob("figures"))
     assert (drawn.folder / "report.html").is_file()
     assert (drawn.folder / "figures/latency_cdf.svg").is_file()

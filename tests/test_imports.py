@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
 # Each room, and which others it may import besides ``base``; ``version`` is anybody's.
-_SIMULATED = ("core", "tracks", "sim", "methods", "recommended", "faults")
+_SIMULATED = ("core", "tracks", "sim", "links", "methods", "recommended", "faults")
 _READ = (*_SIMULATED, "data", "worlds", "scenario")
 _RESULTS = ("record", "judge", "analysis", "report")
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -32,6 +32,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
     "tracks": ("core",),
     "sim": ("core", "tracks"),
+    "links": ("core", "sim"),
     "methods": ("core", "sim"),
     "recommended": ("core", "tracks", "sim", "methods"),
     "faults": ("core", "sim"),
@@ -53,9 +54,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
-PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask"}
+FROM_EXTRAS = {"distributed": "dask", "pooch": "fetch", "requests": "fetch"}
 LATE = (
     "pandas",
     "matplotlib",
@@ -212,7 +213,7 @@ def test_only_the_simulation_knows_simpy():
         if within(one.name, ("simpy",))
     }
     assert users, "nothing imports simpy any more: this test checks nothing"
-    assert {package_of(module) for module in users} == {"sim"}
+    assert {package_of(module) for module in users} == {"sim", "links"}
 
 
 @pytest.mark.process

@@ -22,7 +22,7 @@ MAX_RESOURCES = 12  # that a table or a figure shows
 MIN_USE = 0.01  # a resource that is used less is idle
 
 # What follows the host in the name of a resource.
-AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|\.channel|/.*)$")
+AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|/.*)$")
 
 
 class Use(NamedTuple):
@@ -105,7 +105,7 @@ METRICS = {
         "%",
         LOWER,
         meaning="Share of the time in which a device or link works; on a car, of the time in which "
-        "it drives. That of a channel is the channel busy ratio where the host is.",
+        "it drives.",
         formula=_utilization,
         rows="resources",
         tier=MAIN,

@@ -51,7 +51,7 @@ def import_tables(
         of_all = ("poses", "detections", "out", "fov", "frame_size", "origin", "classes", "accept")
         arguments.only("without --truth", *of_all)
     place = arguments.geodetic("--origin", origin)
-    fov_rad = arguments.quantity("--fov", fov, units.angle_rad)
+    fov_rad = arguments.quantity("--fov", fov, units.ANGLE.read)
     if fov_rad > math.tau:
         raise UserError(f"--fov: must be at most 360 deg, but is {fov}")
     size_bytes = arguments.quantity("--frame-size", frame_size, units.size_bytes)

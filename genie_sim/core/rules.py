@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from genie_sim.base import units
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
+from genie_sim.base.settings import Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
@@ -95,7 +95,7 @@ class Capacity:
     entries: Count | None = None
     """Largest number of stored answers."""
 
-    bytes: Annotated[int, SIZE, Bounds(above=0)] | None = None
+    bytes: Annotated[int, units.SIZE, Bounds(above=0)] | None = None
     """Largest size of all stored answers together."""
 
     def __post_init__(self) -> None:

@@ -37,7 +37,7 @@ from genie_sim.data.trace import (
     write_trace,
 )
 from genie_sim.data.trace_report import tell_distances
-from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 if TYPE_CHECKING:
     import pandas

@@ -1,6 +1,7 @@
 """The one table of the paper as text: in Markdown, for a terminal, as CSV, for a notebook."""
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,14 +10,14 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
-from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences
+from genie_sim.paper.claims import HOLDS, KINDS, NO, PARTLY, SECTIONS, differing, sentences
 from genie_sim.paper.evidence import MIN_SEEDS
 from genie_sim.record import provenance
 
 FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
 VERDICTS, DOCUMENT = "verdicts.json", "verdicts.md"
-HEADINGS = ["", "the paper says", "paper", "here", "", "why", "shown by"]
-IN_SHORT = ("C1", "C3", "C11", "C12", "C14")  # the rows of the README
+HEADINGS = ["", "the paper says", "paper", "here", "verdict", "why", "shown by"]
+IN_SHORT = ("C1", "C3", "C11", "C12", "C26")  # the rows of the README
 
 Row = Mapping[str, Any]
 
@@ -40,18 +41,22 @@ def read_about(folder: Path) -> dict[str, Any]:
 
 
 def number(row: Row) -> str:
-    """The number with its unit and interval: ``85.0 % (84.9 to 85.1)``."""
+    """The number with its unit and interval: ``85.3 % (84.9 to 85.7)``; an interval whose ends
+    round to the number is left out.
+    """
     if row["value"] is None:
         return "not run"
     unit = f" {row['unit']}" if row["unit"] else ""
-    if row["low"] is None or row["low"] == row["high"]:
-        return f"{_digits(row['value'])}{unit}"
-    ends = f"{_digits(row['low'])} to {_digits(row['high'])}"
-    return f"{_digits(row['value'])}{unit} ({ends})"
+    sign = "+" if row["unit"] == "points" else ""
+    value = _digits(row["value"], sign)
+    if row["low"] is None:
+        return f"{value}{unit}"
+    low, high = _digits(row["low"], sign), _digits(row["high"], sign)
+    return f"{value}{unit}" if low == value == high else f"{value}{unit} ({low} to {high})"
 
 
-def _digits(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+def _digits(value: float, sign: str) -> str:
+    return f"{value:{sign}.3g}" if abs(value) < 1000 else f"{value:{sign},.0f}"
 
 
 def verdict(row: Row) -> str:
@@ -102,14 +107,16 @@ def _markdown(rows: Sequence[Row]) -> str:
 
 
 def in_short(rows: Sequence[Row]) -> str:
-    """The five rows of the README."""
+    """The five rows of the README, and how many of all claims hold."""
     lines = [
-        [row["claim"], row["paper"], number(row), f"**{verdict(row)}**", row["why"]]
+        [_says(row), row["paper"], number(row), f"**{verdict(row)}**", row["why"]]
         for row in rows
         if row["id"] in IN_SHORT
     ]
-    table = ResultTable.of_texts(["the paper says", "paper", "here", "", "why"], lines)
-    return renderers.markdown(table).rstrip()
+    table = ResultTable.of_texts(HEADINGS[1:-1], lines)
+    counts = Counter(row["verdict"] for row in rows)
+    held = f"{counts[HOLDS]} hold, {counts[PARTLY]} partly, {counts[NO]} do not"
+    return f"{renderers.markdown(table).rstrip()}\n\nOf all {len(rows)} claims {held}."
 
 
 def notes(rows: Sequence[Row]) -> list[str]:

@@ -227,7 +227,7 @@ def _unit_of(title: str) -> str:
     """The unit of time that a title says, up to seconds: ``latency_min`` is a minimum."""
     unit = title_of(title).unit
     kind, factor_ns = UNITS.get(unit, ("", 0.0))
-    return unit if kind == "time" and factor_ns <= units.NS_PER_S else ""
+    return unit if kind == units.DURATION.name and factor_ns <= units.NS_PER_S else ""
 
 
 def _words(title: str) -> list[str]:

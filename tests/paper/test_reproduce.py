@@ -12,52 +12,20 @@ import numpy as np
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import renderers
-from genie_sim.analysis.figures import save
 from genie_sim.cli.main import main
-from genie_sim.paper import claims, curves, numbers, page, printed, table1
+from genie_sim.paper import claims, curves, numbers, page, printed
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.reproduce import (
-    FIGURES,
-    Reproduction,
-    declared_seeds,
-    reproduce,
-    show,
-    write,
-)
+from genie_sim.paper.reproduce import FIGURES, declared_seeds, reproduce
 from genie_sim.paper.sources import ASSUMPTIONS, edited_set_ups, set_ups
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
+from studies import paper_pages
 from tests.checkout import copied
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAPER = REPOSITORY / "results" / "paper"
-FULL_RUN = REPOSITORY / "genie_sim" / "paper" / "full_run.json"
-DOCUMENTS = {  # their generated parts
-    "README.md": ("in short",),
-    "docs/paper.md": ("table", "accuracy", "table I"),
-}
 ASSUMED = read_mapping(ASSUMPTIONS)
-
-
-def generated() -> dict[str, str]:
-    """What documents show of the committed evaluation, by the name of the part."""
-    rows = printed.read_rows(PAPER)
-    accuracy = page.accuracy(Evidence(numbers.read(PAPER)))
-    return {
-        "table": printed.in_markdown(rows),
-        "in short": printed.in_short(rows),
-        "accuracy": renderers.markdown(accuracy).rstrip(),
-        "table I": table1.markdown(),
-    }
-
-
-def refreshed(text: str, name: str, part: str) -> str:
-    """The document with a part made anew, which stands between two marks."""
-    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    before, rest = text.split(begin, 1)
-    return f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
 
 
 def test_everything_fixed_has_a_reason():
@@ -102,7 +70,7 @@ def test_the_committed_verdicts_follow_from_the_committed_numbers():
     assert json.loads(json.dumps(judge(Evidence(numbers.read(PAPER))))) == rows, (
         "the claims changed: evaluate anew"
     )
-    assert provenance.read_json(FULL_RUN) == {row["id"]: row["verdict"] for row in rows}
+    assert provenance.read_json(paper_pages.FULL_RUN) == {row["id"]: row["verdict"] for row in rows}
 
 
 def test_the_committed_results_are_small():
@@ -110,14 +78,10 @@ def test_the_committed_results_are_small():
     assert sum(path.stat().st_size for path in paths) < 1_000_000
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", paper_pages.DOCUMENTS)
 def test_the_documents_show_the_committed_verdicts(document):
     text = (REPOSITORY / document).read_text(encoding="utf-8")
-    parts = generated()
-    for name in DOCUMENTS[document]:
-        assert refreshed(text, name, parts[name]) == text, (
-            f"{document} shows other {name}: python -m tests.paper.test_reproduce"
-        )
+    assert paper_pages.with_parts(text, document) == text, "python -m studies.paper_pages"
 
 
 def test_the_set_ups_are_the_declared_ones():
@@ -224,31 +188,3 @@ def test_the_table_is_printed_in_markdown_csv_and_for_a_notebook():
     narrow = printed.text(rows, 60)
     assert max(map(len, narrow.splitlines())) <= 60
     assert not np.isnan([row["value"] for row in rows]).any()
-
-
-def refresh() -> None:
-    """Judges the committed numbers anew, and writes what follows from them: the rest of
-    ``results/paper``, the verdicts in the package, the documents, their pictures.
-    """
-    table = numbers.read(PAPER)
-    rows = judge(Evidence(table))
-    provenance.write_json(FULL_RUN, {row["id"]: row["verdict"] for row in rows})
-    claims.full_run.cache_clear()
-    rows = judge(Evidence(table))
-    made = Reproduction(rows, table, curves.read(PAPER / curves.FILE))
-    about = provenance.read_json(PAPER / "run.json")
-    write(PAPER, made, about)
-    show(PAPER, made, about)
-    for name, figure in made.figures.items():
-        save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
-    parts = generated()
-    for document, names in DOCUMENTS.items():
-        path = REPOSITORY / document
-        text = path.read_text(encoding="utf-8")
-        for name in names:
-            text = refreshed(text, name, parts[name])
-        path.write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    refresh()

@@ -43,7 +43,7 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
         )
     if what == "seeds":
         short = {"cars[0].route.window": ["0 s", "1 s"]}
-        seeds = gs.run("street_1car_homo", short, seeds=2, jobs=1, out=folder)
+        seeds = gs.run_seeds("street_1car_homo", short, seeds=2, jobs=1, out=folder)
         return Path(str(seeds.folder)) / "report.html"
     if what == "comparison":
         return gs.compare(run).report(folder)

@@ -20,6 +20,7 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
+import numpy as np
 import yaml
 
 from genie_sim.base.errors import UserError
@@ -27,7 +28,7 @@ from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data import fetch
 from genie_sim.data.trace import Trace, read_trace, write_trace
-from genie_sim.data.truth_table import (
+from genie_sim.data.truth import (
     RecordedTruth,
     TruthRow,
     TruthTable,
@@ -158,9 +159,10 @@ def truth_tables(folder: Path) -> Case:
         table = truth_beside(path, whole)
         assert table is not None
         truth = RecordedTruth(table.rebased((48.0, 9.0, 0.0)))
+        place = np.array([5.0]), np.array([17.5])
         for seen in whole.frames["02"]:
             truth.visible(seen)  # type: ignore[arg-type]
-            truth.is_there(seen, "car", 5.0, 17.5)  # type: ignore[arg-type]
+            truth.are_there([seen], ["car"], *place)  # type: ignore[arg-type]
 
     return case
 

@@ -187,7 +187,6 @@ def test_one_truth_is_asked_about_all_cars():
     east_m, north_m, _ = np.array([item.location for item in items]).T
     assert truth.are_there(of_frames, labels, east_m, north_m).all()
     assert not truth.are_there(of_frames, labels, east_m, north_m + 1e5).any()
-    assert truth.is_there(of_frames[0], labels[0], east_m[0], north_m[0])
 
 
 def test_nobody_has_the_number_of_another(town):

@@ -1,12 +1,14 @@
 """Random numbers of messages on a link: a message has the same ones under every method."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.core.messages import Message
 from genie_sim.sim.draw_keys import message_key
-from genie_sim.sim.link_models import Air
+
+if TYPE_CHECKING:
+    from genie_sim.sim.network import Network
 
 REMEMBERED = 1000  # at least so many messages, of which it is known how often they were sent
 
@@ -20,14 +22,14 @@ class MessageRandom:
 
     Parameters
     ----------
-    air : Air
+    network : Network
         Gives the random numbers.
     name : str
         The link's.
     """
 
-    def __init__(self, air: Air, name: str) -> None:
-        self._draws = air.draws(name)
+    def __init__(self, network: "Network", name: str) -> None:
+        self._draws = network.draws(name)
         self._message: Message | None = None
         self._host = ""
         self._key = "link"  # of the message; empty: not known yet

@@ -1,7 +1,6 @@
 """A radio cell: one antenna at each edge, whose capacity is shared by the cars that send."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -9,9 +8,10 @@ import simpy
 
 from genie_sim.base.settings import Bounds, Count
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.links.path_loss import StreetCanyon
 from genie_sim.sim.clock import Occupancy, Steps
-from genie_sim.sim.link_models import Air, LinkEnds
-from genie_sim.sim.link_models.path_loss import StreetCanyon
+from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.network import Network
 
 PLACES_NS = 100 * NS_PER_MS  # how often the rates follow the cars' places
 # A message whose car has no coverage for so long is lost: 3GPP's T310, after which a radio link has
@@ -60,7 +60,7 @@ class Power:
     """By the antenna: that of a micro cell in 3GPP TR 38.901, table 7.8-1."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class RadioCell:
     """A radio cell at every edge. Its cars share each direction: of n that send now, each has the
     n-th part of the time (proportional fairness with full buffers).
@@ -100,6 +100,10 @@ class RadioCell:
     delay_ns: int = 10 * NS_PER_MS
     """From the last bit sent until the message arrives. Assumed."""
 
+    def __post_init__(self) -> None:
+        self._losses: dict[str, StreetCanyon] = {}  # by the edge
+        self._directions: dict[tuple[str, bool], CellDirection] = {}  # of each up and down
+
     @property
     def needs_sites(self) -> bool:
         """Whether every edge must have a place."""
@@ -107,8 +111,25 @@ class RadioCell:
 
     needs_cars = True  # it cannot be the network between edges
 
-    def radio(self, air: Air) -> "CellRadio":
-        return CellRadio(self, air)
+    def sender(self, network: Network, ends: LinkEnds) -> "CellSender":
+        if not self._directions:
+            for edge in network.edges:
+                self._add_cell(network, edge)
+        direction, loss = self._directions[ends.edge, ends.up], self._losses.get(ends.edge)
+        return CellSender(network, ends, cell=self, direction=direction, loss=loss)
+
+    def _add_cell(self, network: Network, edge: str) -> None:
+        """The cell of an edge: one direction up and one down."""
+        site = network.site(edge) if self.needs_sites else None
+        if site is not None:
+            self._losses[edge] = StreetCanyon(
+                network, edge, site, carrier_hz=self.carrier_hz, shadowing=self.shadowing
+            )
+        for up in (True, False):
+            name = f"{edge}.cell_{'up' if up else 'down'}"
+            direction = CellDirection(network, name, follows_places=self.needs_sites)
+            self._directions[edge, up] = direction
+            network.add_resource(direction)
 
     def sinr_db(self, up: bool, loss_db: float) -> float:
         """Signal to interference and noise at a path loss, with the power over the whole band."""
@@ -135,72 +156,60 @@ class RadioCell:
         return int(used_hz * band.layers * efficiency)
 
 
-class CellRadio:
-    """The cells of one run: at each edge one direction up and one down."""
-
-    def __init__(self, cell: RadioCell, air: Air) -> None:
-        self._cell = cell
-        self._air = air
-        self._losses: dict[str, StreetCanyon] = {}
-        self._directions: dict[tuple[str, bool], CellDirection] = {}
-        for edge in air.edges:
-            site = air.site(edge) if cell.needs_sites else None
-            if site is not None:
-                self._losses[edge] = StreetCanyon(
-                    air, edge, site, carrier_hz=cell.carrier_hz, shadowing=cell.shadowing
-                )
-            for up in (True, False):
-                direction = CellDirection(air, f"{edge}.cell_{'up' if up else 'down'}", cell)
-                self._directions[edge, up] = direction
-                air.add_resource(direction)
-
-    def sender(self, ends: LinkEnds) -> "CellSender":
-        assert ends.car is not None, "a cell has cars"
-        car, cell, air = ends.car, self._cell, self._air
-        loss = self._losses.get(ends.edge)
-
-        def rate_bps() -> int:
-            if loss is None:
-                return cell.rate_bps(ends.up)
-            return cell.rate_bps(ends.up, loss.db(*air.place(car)))
-
-        return CellSender(self._directions[ends.edge, ends.up], rate_bps, cell.delay_ns)
-
-
-class CellSender:
+class CellSender(Sender):
     """One direction of one car's link.
 
     Parameters
     ----------
+    network : Network
+        Where the link is.
+    ends : LinkEnds
+        Which direction of which car's link.
+    cell : RadioCell
+        How fast it would be alone.
     direction : CellDirection
         The direction of the cell that it shares.
-    rate_bps : callable
-        The rate that it would have alone, where its car is now.
-    delay_ns : int
-        From the last bit until a message arrives.
+    loss : StreetCanyon or None
+        The path loss to the edge; ``None``: there is none.
     """
 
     def __init__(
-        self, direction: "CellDirection", rate_bps: Callable[[], int], delay_ns: int
+        self,
+        network: Network,
+        ends: LinkEnds,
+        *,
+        cell: RadioCell,
+        direction: "CellDirection",
+        loss: StreetCanyon | None,
     ) -> None:
-        self.alone_bps = rate_bps
+        super().__init__(network, ends)
+        self._network = network
+        self._ends = ends
+        self._cell = cell
         self._direction = direction
-        self._delay_ns = delay_ns
+        self._loss = loss
         self._sent: simpy.Event | None = None  # happens when the present message has left
         self._is_up = True
         self._is_lost = False
 
+    def alone_bps(self) -> int:
+        """The rate that it would have alone, where its car is now."""
+        car, up = self._ends.car, self._ends.up
+        assert car is not None, "a cell has cars"
+        if self._loss is None:
+            return self._cell.rate_bps(up)
+        return self._cell.rate_bps(up, self._loss.db(*self._network.place(car)))
+
     def sent(self, size_bytes: int) -> simpy.Event:
-        clock = self._direction.clock
         self._is_lost = False
         if not self._is_up:  # lost by what took the link down
-            return clock.timeout(0)
-        self._sent = clock.event()
+            return self.clock.timeout(0)
+        self._sent = self.clock.event()
         self._direction.begin(self, size_bytes)
         return self._sent
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
-        return None if self._is_lost else self._delay_ns
+        return None if self._is_lost else self._cell.delay_ns
 
     def set_up(self, is_up: bool) -> None:
         """Bits that were still to be sent when the link goes down take nothing of the cell."""
@@ -238,15 +247,15 @@ class CellDirection:
     kind = "cell"
     capacity = 1
 
-    def __init__(self, air: Air, name: str, cell: RadioCell) -> None:
-        self.clock = air.clock
+    def __init__(self, network: Network, name: str, *, follows_places: bool) -> None:
+        self.clock = network.clock
         self.name = name
         self.completed = 0
         self.drops = 0  # by lack of coverage
         self.sent_bytes = 0
-        self._follows_places = cell.needs_sites
+        self._follows_places = follows_places
         self._sent_by: list[Transmission] = []
-        self.occupancy = Occupancy(air.clock)  # of the cars that send
+        self.occupancy = Occupancy(self.clock)  # of the cars that send
         self._served = 0  # how many of them have a rate
         self._since_ns = 0  # until when what was sent is subtracted
         self._busy_ns = 0

@@ -3,8 +3,8 @@
 import math
 from statistics import NormalDist
 
-from genie_sim.sim.link_models import Air
-from genie_sim.sim.link_models.fields import NormalField
+from genie_sim.links.fields import NormalField
+from genie_sim.sim.network import Network
 
 # TR 38.901, table 7.4.1-1 (UMi): standard deviations of the shadowing; table 7.5-6: correlation
 # distances of the shadowing with and without line of sight; table 7.6.3.1-2: of the state.
@@ -41,7 +41,7 @@ class StreetCanyon:
 
     Parameters
     ----------
-    air : Air
+    network : Network
         Gives the random numbers.
     edge : str
         The edge at the site, also in the names of the random numbers.
@@ -54,14 +54,20 @@ class StreetCanyon:
     """
 
     def __init__(
-        self, air: Air, edge: str, site: tuple[float, float], *, carrier_hz: int, shadowing: bool
+        self,
+        network: Network,
+        edge: str,
+        site: tuple[float, float],
+        *,
+        carrier_hz: int,
+        shadowing: bool,
     ) -> None:
         self._site = site
         self._carrier_ghz = carrier_hz / HZ_PER_GHZ
         self._shadowing = shadowing
 
         def field(name: str, spacing_m: float) -> NormalField:
-            draws = air.draws("path loss", edge, name)
+            draws = network.draws("path loss", edge, name)
             return NormalField(lambda column, row: draws.normal(f"{column} {row}"), spacing_m)
 
         self._state = field("line of sight", STATE_SPACING_M)

@@ -13,7 +13,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.data.sources import Recordings, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
-from genie_sim.data.truth_table import (
+from genie_sim.data.truth import (
     RecordedTruth,
     TruthRow,
     TruthTable,
@@ -23,6 +23,7 @@ from genie_sim.data.truth_table import (
     truth_beside,
     write_truth,
 )
+from tests.judge.judging import is_there
 
 
 @pytest.fixture(scope="module")
@@ -116,8 +117,8 @@ def test_a_table_says_how_far_its_labels_reach(trace, tmp_path):
     assert again.rebased((49.0, 8.0, 100.0)).range_m == 100.0
     truth, frame = RecordedTruth(again), trace.frames["02"][0]
     assert (truth.reach_m, truth.range_m) == (3.5, 100.0)
-    assert truth.is_there(frame, "car", 13.0, 2.0) and not truth.is_there(frame, "car", 13.6, 2.0)
-    assert not RecordedTruth(usual).is_there(frame, "car", 13.0, 2.0)
+    assert is_there(truth, frame, "car", 13.0, 2.0) and not is_there(truth, frame, "car", 13.6, 2.0)
+    assert not is_there(RecordedTruth(usual), frame, "car", 13.0, 2.0)
 
 
 @pytest.mark.parametrize("changes", [{"range_m": 0}, {"reach_m": "2 m"}, {"range_m": 1e9}])

@@ -4,14 +4,12 @@ Tags: [S] a public source, named; [D] derived from one, formula given; [A] assum
 """
 
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import PlugIn, Presets, complete
+from genie_sim.base.settings import complete
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.sim.link_models import LINK_MODELS
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.links.wire import Wire
 
 KBIT = 10**3
 MBIT = 10**6
-USUAL_LINK = "ethernet_1g"
 
 
 def _wire(up_bps: int | None, down_bps: int | None, delay_ns: int, **others: int) -> Choice:
@@ -51,13 +49,3 @@ LINKS: dict[str, Choice] = {
         overhead_bytes=0,
     ),
 }
-# Marks a setting that is a link: a name; a mapping, with ``like`` for what it leaves out; or a
-# mapping with a ``model`` and its settings.
-LINK = PlugIn(
-    "link model",
-    LINK_MODELS,
-    ("channel or radio",),
-    key="model",
-    default="wire",
-    presets=Presets("link", LINKS, USUAL_LINK),
-)

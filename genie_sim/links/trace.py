@@ -2,14 +2,16 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.sim.link_models import Air, LinkEnds
-from genie_sim.sim.link_models.channels import ChannelSender
-from genie_sim.sim.link_models.recording import LinkRecording, Steps, read
+from genie_sim.links.recording import LinkRecording, Steps, read
+from genie_sim.sim.link_model import LinkEnds, Sender
+
+if TYPE_CHECKING:
+    from genie_sim.sim.network import Network
 
 MBIT = 10**6
 
@@ -76,53 +78,41 @@ class RecordedLink:
         """What decides the outcome: a digest of each file."""
         return {f"link {recording.path.stem}": recording.digest for recording in self.recordings()}
 
-    def radio(self, air: Air) -> "TraceRadio":
-        return TraceRadio(self, air)
-
-
-class TraceRadio:
-    """The recordings in one run."""
-
-    def __init__(self, trace: RecordedLink, air: Air) -> None:
-        self._trace = trace
-        self._air = air
-
-    def sender(self, ends: LinkEnds) -> ChannelSender:
-        trace = self._trace
-        column, constant_bps = ("up_bps", trace.up_bps) if ends.up else ("down_bps", trace.down_bps)
+    def sender(self, network: "Network", ends: LinkEnds) -> "RecordedSender":
+        column, constant_bps = ("up_bps", self.up_bps) if ends.up else ("down_bps", self.down_bps)
         rates = Steps([0], [constant_bps], True)
-        rates_at, rtts_at = (self._position(ends, None, rates),) * 2
-        if trace.rate is not None and column in (recording := read(trace.rate)).columns:
-            rates = recording.steps(column, trace.loop)
-            rates_at = self._position(ends, recording, rates)
-        rtts = Steps([0], [2 * trace.delay_ns], True)
-        if trace.rtt is not None:
-            recording = read(trace.rtt)
-            rtts = recording.steps("rtt_ns", trace.loop)
-            rtts_at = self._position(ends, recording, rtts)
-        channel = RecordedChannel(rates, rates_at, rtts=rtts, rtts_at=rtts_at)
-        return ChannelSender(self._air.clock, channel)
+        rates_at, rtts_at = (self._position(network, ends, None, rates),) * 2
+        if self.rate is not None and column in (recording := read(self.rate)).columns:
+            rates = recording.steps(column, self.loop)
+            rates_at = self._position(network, ends, recording, rates)
+        rtts = Steps([0], [2 * self.delay_ns], True)
+        if self.rtt is not None:
+            recording = read(self.rtt)
+            rtts = recording.steps("rtt_ns", self.loop)
+            rtts_at = self._position(network, ends, recording, rtts)
+        return RecordedSender(
+            network, ends, rates=rates, rates_at=rates_at, rtts=rtts, rtts_at=rtts_at
+        )
 
     def _position(
-        self, ends: LinkEnds, recording: LinkRecording | None, steps: Steps
+        self, network: "Network", ends: LinkEnds, recording: LinkRecording | None, steps: Steps
     ) -> Callable[[int], int]:
         """Where in a recording a link is at a time [ns]."""
-        trace, air = self._trace, self._air
-        if trace.offset == "begin" or recording is None:
-            return lambda now_ns: now_ns + trace.begin_ns
-        if trace.offset == "position" and ends.car is not None:
-            return _nearest(recording, air, ends.car)
+        if self.offset == "begin" or recording is None:
+            return lambda now_ns: now_ns + self.begin_ns
+        if self.offset == "position" and ends.car is not None:
+            return _nearest(recording, network, ends.car)
         name = ends.name if ends.car is None else ends.car  # both directions begin together
-        offset_ns = int(air.draws("trace").uniform(name) * steps.period_ns)
+        offset_ns = int(network.draws("trace").uniform(name) * steps.period_ns)
         return lambda now_ns: now_ns + offset_ns
 
 
-def _nearest(recording: LinkRecording, air: Air, car: str) -> Callable[[int], int]:
+def _nearest(recording: LinkRecording, network: "Network", car: str) -> Callable[[int], int]:
     """The time of the row that is nearest to where the car is."""
     east_m, north_m = (np.array(recording.columns[name]) for name in ("east_m", "north_m"))
 
     def at_ns(now_ns: int) -> int:
-        car_east_m, car_north_m = air.place(car)
+        car_east_m, car_north_m = network.place(car)
         row = int(np.argmin((east_m - car_east_m) ** 2 + (north_m - car_north_m) ** 2))
         t_ns: int = recording.columns["t_ns"][row]
         return t_ns
@@ -130,11 +120,15 @@ def _nearest(recording: LinkRecording, air: Air, car: str) -> Callable[[int], in
     return at_ns
 
 
-class RecordedChannel:
+class RecordedSender(Sender):
     """One direction of a recorded link.
 
     Parameters
     ----------
+    network : Network
+        Where the link is.
+    ends : LinkEnds
+        Which direction of which link.
     rates, rtts : Steps
         The rate [bit/s] and the round trip [ns] over the recordings' time.
     rates_at, rtts_at : callable
@@ -143,12 +137,15 @@ class RecordedChannel:
 
     def __init__(
         self,
+        network: "Network",
+        ends: LinkEnds,
+        *,
         rates: Steps,
         rates_at: Callable[[int], int],
-        *,
         rtts: Steps,
         rtts_at: Callable[[int], int],
     ) -> None:
+        super().__init__(network, ends)
         self._rates, self._rates_at = rates, rates_at
         self._rtts, self._rtts_at = rtts, rtts_at
 
