@@ -8,6 +8,7 @@ matplotlib.
 """
 
 import io
+import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -51,6 +52,7 @@ from genie_sim.analysis.style import (
     COLUMN_IN,
     PAGE_IN,
     PLACEMENTS,
+    TITLE_CHARACTERS,
     percent_tick,
 )
 from genie_sim.base.paths import atomic_write, usable
@@ -319,7 +321,8 @@ def resource_use(
         ]
         x, y = [value for value, *_ in points], [row for _, row, *_ in points]
         axis.errorbar(x, y, xerr=reach if any(map(any, reach)) else None, **drawing)
-    axis.set_yticks(range(len(names)), names)
+    labels = [textwrap.fill(name, TITLE_CHARACTERS) for name in names]
+    axis.set_yticks(range(len(names)), labels)
     axis.set_ylim(max(len(names), 1) - 0.5, -0.5)
     axis.set_xlim(0, 1.02)
     axis.xaxis.set_major_formatter(FuncFormatter(percent_tick))
@@ -369,6 +372,10 @@ def _reuse_bars(
         labels = list(panels)
     width_in = width_in or (COLUMN_IN if len(groups) <= 3 else PAGE_IN)
     room_in = (width_in - 0.7) / len(groups)  # of a group of two bars
+    labels = [
+        "\n".join(textwrap.fill(line, TITLE_CHARACTERS) for line in label.split("\n"))
+        for label in labels
+    ]
     longest_in = max(len(line) for label in labels for line in label.split("\n")) * CHARACTER_IN
     tilted = longest_in > 1.05 * room_in
     figure, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)

@@ -48,6 +48,7 @@ RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {
     "pdf.fonttype": 42,  # fonts are inside, as TrueType
     "svg.hashsalt": "genie-sim",
 }
+TITLE_CHARACTERS = 24  # in a line beside or below an axis
 RUN_FIGURES = (  # of a run or several seeds, by the names of their files
     "latency_accuracy",
     "latency_cdf",

@@ -1,6 +1,5 @@
 """The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,7 +8,7 @@ from genie_sim.analysis import compare_tables, correctness, prices, renderers
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
-from genie_sim.analysis.genie_metrics import GENIES
+from genie_sim.analysis.genie_metrics import GENIES, of_clients
 from genie_sim.analysis.metric import (
     MAIN,
     RECENT_MS,
@@ -296,6 +295,30 @@ def overload(run: Run | SeedRuns) -> str:
     return f"Overloaded: {'; '.join(which)}." if which else ""
 
 
+def no_repeats(run: Run | SeedRuns) -> str:
+    """Says under which method no key of the message cache or of the object map came twice, so that
+    nothing could be reused; empty where each did, or nobody looked one up.
+    """
+    which = []
+    for method in run.methods:
+        requests = equal = sightings = updates = 0
+        for tables in tables_of_runs(run):
+            if "lookups" not in tables:
+                continue
+            lookups = tables["lookups"].where(method=method.name)
+            images, seen = of_clients(lookups), lookups.where(kind="sighting")
+            requests += len(images)
+            equal += len(images) - len(images.where(outcome="miss"))
+            sightings += int(seen["requests"].sum())
+            updates += int(seen["updates"].sum())
+        if requests and not equal:
+            which.append(f"none of {requests:,} requests under {method.title} equals another")
+        if sightings and not updates:
+            text = f"none of {sightings:,} sightings under {method.title} is of a stored object"
+            which.append(text)
+    return f"No key repeats: {'; '.join(which)}." if which else ""
+
+
 def about_laws(run: Run | SeedRuns) -> str:
     """What the laws of the detector rest on, which maps and trackers go by; empty where that is not
     known.
@@ -347,7 +370,7 @@ def markdown(run: Run | SeedRuns) -> str:
         about_boxes(run),
         about_laws(run),
     )
-    parts += [textwrap.fill(about, 120) for about in abouts if about]
+    parts += [renderers.markdown_paragraph(about) for about in abouts if about]
     parts += [renderers.markdown(table).rstrip() for table in tables(run)]
     return "\n\n".join(parts) + "\n"
 
@@ -366,7 +389,9 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
     told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
-    notes = [] if metrics else list(filter(None, [overload(run), about_boxes(run)]))
+    notes = (
+        [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
+    )
     notes += _main_notes(told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:

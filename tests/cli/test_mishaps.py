@@ -326,19 +326,6 @@ def test_what_cannot_be_drawn_or_written_leaves_the_tables(monkeypatch, capsys, 
     }
 
 
-def test_a_title_is_text_whatever_it_holds(capsys):
-    title = r"$\\frac$ & <b>|`x`"
-    methods = f'methods=[{{name: m, method: genie, title: "{title}"}}]'
-    line = ["run", "street_1car_homo", "--set", "cars[0].route.window=[0 s, 1 s]", "--figures"]
-    assert main([*line, "--set", methods]) == 0
-    (folder,) = Path("results").iterdir()
-    assert r"$\frac$ &amp; &lt;b&gt;|`x`" in (folder / "figures" / "latency_cdf.svg").read_text()
-    capsys.readouterr()
-    assert main(["table", str(folder), "--format", "latex"]) == 0
-    assert r"\$\textbackslash{}frac\$ \&" in capsys.readouterr().out
-    assert "<b>" not in (folder / "report.html").read_text()
-
-
 def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, capsys):
     class Interrupting:
         def find_spec(self, name: str, *_: object) -> None:
