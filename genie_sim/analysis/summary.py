@@ -25,6 +25,7 @@ from genie_sim.analysis.registry import (
     definition,
     shown,
 )
+from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.statistics import MIN_SEEDS
@@ -33,8 +34,6 @@ from genie_sim.base.text import one_line
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
 
-MAX_RESOURCES = 12
-MIN_USE = 0.01  # a resource that is used less is idle
 OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (
@@ -212,11 +211,7 @@ class _Numbers:
         for metric in self.metrics:
             if metric.metric == "utilization":
                 by_resource.setdefault(metric.component, {})[metric.method] = metric
-        highest = {name: max(map(_use, uses.values())) for name, uses in by_resource.items()}
-        used = sorted(
-            (name for name in highest if highest[name] >= MIN_USE),
-            key=lambda name: (-highest[name], name),
-        )
+        used = busiest(self.metrics)
         rows = [
             Row(name, [cell(by_resource[name].get(method)) for method in self.titles])
             for name in sorted(used[:MAX_RESOURCES])
@@ -376,7 +371,7 @@ def markdown(run: Run | SeedRuns) -> str:
         about_laws(run),
     )
     parts += [renderers.markdown_paragraph(about) for about in abouts if about]
-    parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
+    parts += [renderers.markdown(table).rstrip() for table in tables(run)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -430,13 +425,16 @@ def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
         yield NO_LOOKUPS
 
 
-def _tables(numbers: _Numbers) -> Iterator[ResultTable]:
-    """All tables, of methods in the order in which they ran."""
+def tables(run: Run | SeedRuns) -> Iterator[ResultTable]:
+    """All tables that have a row, of methods in the order in which they ran."""
+    numbers = _Numbers(run)
     for title in SECTIONS:
         table = numbers.section(title)
         if table.rows:
             yield replace(table, notes=list(_notes(title, numbers)))
-    yield numbers.utilization()
+    use = numbers.utilization()
+    if use.rows:
+        yield use
 
 
 def _notes(section: str, numbers: _Numbers) -> Iterator[str]:

@@ -95,8 +95,8 @@ def test_frames_that_wait_for_the_own_detector_make_it_later():
 
 
 def test_the_service_time_is_without_the_wait_for_the_detector():
-    """100 ms each, whether a frame has waited for the one before or not: two have time until 200 ms.
-    The edge never answers.
+    """100 ms each, whether a frame has waited for another or not: two have time until 200 ms. The
+    edge never answers.
     """
     scheduler = Scheduler(200 * MS, (1.0,), 10**18)
 
