@@ -33,9 +33,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from benchmarks import plain_simpy
 from benchmarks.peers import PEERS, run_peer
 from benchmarks.plain_simpy import Answer, Fleet, Frame
-from benchmarks.speed_page import DOCS, filled, table
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header
+from genie_sim.links.wire import Wire
 from genie_sim.record import provenance
 from genie_sim.runs import build
 from genie_sim.runs.prepare import Prepared, prepare
@@ -44,9 +44,10 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
-from genie_sim.sim.link_models.wire import Wire
+from tools.page_tables import filled, markdown
 
 REPOSITORY = Path(__file__).resolve().parent.parent
+PAGE = REPOSITORY / "docs" / "speed.md"
 CARS_AN_EDGE = 10
 DRIVE_S = 2.0  # of a fleet's car, on each lap
 STARTS_S = 12  # of the 15.4 s long drive; where on it a fleet's cars may start
@@ -158,7 +159,7 @@ def waits(rounds: int, also: Sequence[str]) -> Block:
         else:
             rows.append((text, failed.get(text, NOT_MEASURED), "", ""))
     header = ("command", "wall time [s]", "processor time [s]", "most memory of a process [MB]")
-    return table(header, rows)
+    return markdown(header, rows)
 
 
 def sweep(jobs: int) -> tuple[str, ...]:
@@ -171,9 +172,9 @@ def sweep(jobs: int) -> tuple[str, ...]:
 
 def laps(method: str, count: int, **changes: Any) -> Scenario:
     """``street_3car_hetero`` with one method, driven so often."""
-    of_cars = (f"cars[{car}].route.laps={count}" for car in range(3))
     return replace(
-        load_scenario("street_3car_hetero", [f"methods=[{method}]", *of_cars]), **changes
+        load_scenario("street_3car_hetero", [f"methods=[{method}]", f"cars[*].route.laps={count}"]),
+        **changes,
     )
 
 
@@ -268,7 +269,7 @@ def costs(sizes: Sizes) -> Block:
         for name, scenario in cases.items()
     }
     rows = [(name, f"{us:.0f}") for name, (us, _) in in_turn(sizes.rounds, measures).items()]
-    return table(("run", "processor time of a frame [µs]"), rows)
+    return markdown(("run", "processor time of a frame [µs]"), rows)
 
 
 # Like for like
@@ -280,7 +281,7 @@ def plain_fleet(prepared: Prepared) -> Fleet:
     """
     setup = build.setup(prepared, prepared.scenario.methods[0])
     car = setup.cars[0]
-    wire = setup.links[car.name, car.edge]
+    wire = setup.links[car.name]
     assert isinstance(wire, Wire) and not (wire.jitter_ns or wire.loss) and wire.rate_up_bps
     cameras = [list(_frames(setup, car, camera)) for car in setup.cars for camera in setup.cameras]
     edge_of = {car.name: str(car.edge) for car in setup.cars}
@@ -348,7 +349,7 @@ def like_for_like(sizes: Sizes, peers_python: str) -> Block:
         "frames answered",
         "of plain SimPy's answers",
     )
-    return table(header, rows, left=2)
+    return markdown(header, rows, texts=2)
 
 
 def compared(cars: int, times: int, rounds: int, peers_python: str) -> list[tuple[str, ...]]:
@@ -405,7 +406,7 @@ def growth(sizes: Sizes) -> Block:
         us, ratio = in_turn(min(sizes.rounds, 3), cases)["this"]
         rows.append((f"{cars:,}", f"{us:.0f}", f"{ratio:.2f}"))
     header = ("cars", "processor time of a frame [µs]", f"over that with {sizes.growth[0]} cars")
-    return table(header, rows, left=0)
+    return markdown(header, rows, texts=0)
 
 
 # The page
@@ -441,15 +442,6 @@ def about(command: str) -> Block:
     return "\n".join(f"- {what}: {text}" for what, text in lines.items())
 
 
-def write(blocks: Mapping[str, Block], docs: Path = DOCS) -> None:
-    """Writes the tables into their places in docs/speed.md. Raises ``UserError``."""
-    page = docs / "speed.md"
-    text = page.read_text(encoding="utf-8")
-    for name, block in blocks.items():
-        text = filled(text, name, block, str(page))
-    page.write_text(text, encoding="utf-8")
-
-
 def measure(
     sizes: Sizes, command: str, peers_python: str, also: Sequence[str]
 ) -> Iterator[tuple[str, Block]]:
@@ -479,10 +471,7 @@ def main() -> None:
         blocks[name] = block
         print(f"\n{name}\n\n{block}", flush=True)
     if given.markdown:
-        try:
-            write(blocks)
-        except UserError as error:
-            sys.exit(str(error))
+        PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), blocks), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -8,15 +8,19 @@ object detection by 2.0 under slow networks and contended servers, PLR by up to 
 provider.
 
 What differs: PLR chooses interfaces and servers so that the fewest deadlines are missed; here the
-scenario's order chooses them, the car's own edge first. Nobody cancels the other copies.
+scenario names them. Nobody cancels the other copies.
 """
 
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 from genie_sim.extend import (
+    LINK,
     LOWER,
     REMOTE,
     REMOTE_UPLINK,
+    Choice,
     Effect,
     Header,
     HostConfig,
@@ -25,6 +29,7 @@ from genie_sim.extend import (
     Message,
     Method,
     Metric,
+    Network,
     Publish,
     response_ms,
     share,
@@ -34,29 +39,43 @@ DEADLINE_MS = 200.0
 REMEMBERED = 100  # answered frames of which later copies are known
 
 
+@dataclass(frozen=True)
+class FurtherUplink:
+    """A link of every car to an edge besides its own."""
+
+    edge: str
+    """The edge."""
+
+    link: Annotated[Choice, LINK]
+    """The link to it, with the settings of `edge_network`."""
+
+
 class Replicated(Method):
     """Every frame goes to several edges; the consumer gets the first answer."""
 
     title = "replicated"
 
-    def __init__(self, copies: int = 2) -> None:
-        """``copies``: to how many edges each frame goes, if the car has links to so many."""
-        if copies < 1:
-            raise ValueError(f"copies: must be at least 1, but is {copies}")
-        self._copies = copies
+    def __init__(self, further: tuple[FurtherUplink, ...] = ()) -> None:
+        """``further``: links to further edges, over which each frame goes, too."""
+        self._further = further
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
             return None
         if not host.has_edge:
             return HostConfig()
-        further = host.further_edges[: self._copies - 1]
         return HostConfig(
             interceptor=partial(FirstAnswer, f"{host.name}/replicator"),
             uplink=REMOTE_UPLINK,
-            further_uplinks=dict.fromkeys(further, REMOTE_UPLINK),
             costs_nothing=True,
         )
+
+    def wire(self, network: Network) -> None:
+        for further in self._further:
+            model = LINK.make(further.link)
+            for car, uplink in network.uplinks.items():
+                upwards, _ = uplink.connect(further.edge, model, network.interface(car))
+                uplink.bridge(upwards)
 
 
 class FirstAnswer(Interceptor):

@@ -17,7 +17,7 @@ import pandas as pd
 import genie_sim as gs
 
 SCENARIO = "street_2car_homo"
-FIXED = {f"cars[{car}].route.window": ["0 s", "2 s"] for car in range(2)} | {"record": ["held"]}
+FIXED = {"cars[*].route.window": ["0 s", "2 s"], "record": ["held"]}
 METRICS: dict[str, Literal["maximize", "minimize"]] = {
     "streaming_f1": "maximize",
     "bytes_up_per_frame": "minimize",

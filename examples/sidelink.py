@@ -9,7 +9,7 @@ def wire(self, network):
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import simpy
@@ -17,7 +17,6 @@ import simpy
 from genie_sim.extend import (
     NS_PER_MS,
     NS_PER_S,
-    Air,
     Bounds,
     Graph,
     LinkEnds,
@@ -25,6 +24,7 @@ from genie_sim.extend import (
     MessageRandom,
     Network,
     Occupancy,
+    Sender,
     Steps,
     Subscriber,
 )
@@ -39,7 +39,7 @@ SYMBOL_NS = 8_000  # of OFDM in 10 MHz
 SERVICE_AND_TAIL_BITS = 22
 
 
-@dataclass(frozen=True)
+@dataclass
 class Sidelink:
     """One channel for the broadcasts of all cars, and of edges that have a place.
 
@@ -61,14 +61,43 @@ class Sidelink:
     loss: Annotated[float, Bounds(minimum=0, maximum=1)] = 0.0
     """The share of receptions that are lost otherwise, each by itself."""
 
-    def radio(self, air: Air) -> "SidelinkChannel":
-        return SidelinkChannel(self, air)
+    def __post_init__(self) -> None:
+        self._stations: list[Station] = []
+        self._near: dict[Station, list[Station]] = {}
+        self._places: list[tuple[float, float]] = []  # of the stations, in their order
+        self._places_of = -1  # the tenth of a second
+
+    def sender(self, network: Network, ends: LinkEnds) -> "Station":
+        """The station of a host: a car, or an edge that has a place."""
+        station = Station(network, ends, self)
+        self._stations.append(station)
+        network.add_resource(station)
+        return station
 
     def airtime_ns(self, size_bytes: int) -> int:
         """How long a message of so many bytes keeps the channel busy [ns]."""
         bits = (size_bytes + self.overhead_bytes) * 8 + SERVICE_AND_TAIL_BITS
         symbols = -(-bits * NS_PER_S // (self.rate_bps * SYMBOL_NS))
         return PREAMBLE_NS + symbols * SYMBOL_NS
+
+    def near(self, station: "Station") -> list["Station"]:
+        """The other stations in range now. Ranges follow the places of the cars every tenth of a
+        second.
+        """
+        tenth = station.clock.now // PLACES_NS
+        if tenth != self._places_of:
+            self._places_of = tenth
+            self._places = [other.place() for other in self._stations]
+            self._near.clear()
+        near = self._near.get(station)
+        if near is None:
+            here = self._places[self._stations.index(station)]
+            near = self._near[station] = [
+                other
+                for other, place in zip(self._stations, self._places, strict=True)
+                if other is not station and math.dist(here, place) <= self.range_m
+            ]
+        return near
 
 
 @dataclass(slots=True, eq=False)
@@ -81,52 +110,7 @@ class Broadcasting:
     lost_at: set["Station"] = field(default_factory=set)
 
 
-class SidelinkChannel:
-    """The channel in one run: who is near whom. Ranges follow the places of the cars every tenth of
-    a second.
-    """
-
-    def __init__(self, sidelink: Sidelink, air: Air) -> None:
-        self.sidelink = sidelink
-        self.air = air
-        self._stations: list[Station] = []
-        self._near: dict[Station, list[Station]] = {}
-        self._places: list[tuple[float, float]] = []  # of the stations, in their order
-        self._places_of = -1  # the tenth of a second
-
-    def sender(self, ends: LinkEnds) -> "Station":
-        """The station of a host: a car, or an edge that has a place."""
-        station = Station(ends.car or ends.edge, self)
-        self._stations.append(station)
-        self.air.add_resource(station)
-        return station
-
-    def near(self, station: "Station") -> list["Station"]:
-        """The other stations in range now."""
-        tenth = self.air.clock.now // PLACES_NS
-        if tenth != self._places_of:
-            self._places_of = tenth
-            self._places = [self._place(other.host) for other in self._stations]
-            self._near.clear()
-        near = self._near.get(station)
-        if near is None:
-            here = self._places[self._stations.index(station)]
-            near = self._near[station] = [
-                other
-                for other, place in zip(self._stations, self._places, strict=True)
-                if other is not station and math.dist(here, place) <= self.sidelink.range_m
-            ]
-        return near
-
-    def _place(self, host: str) -> tuple[float, float]:
-        if host not in self.air.edges:
-            return self.air.place(host)
-        site = self.air.site(host)
-        assert site is not None, "an edge that broadcasts has a place"
-        return site
-
-
-class Station:
+class Station(Sender):
     """A host on the channel. It sends one message at a time.
 
     As a resource it is the channel as the host senses it: its utilization is the channel busy
@@ -134,21 +118,22 @@ class Station:
     ``drops`` those in range that it did not.
     """
 
-    kind = "channel"
+    kind = "cell"
     capacity = 1
     sent_bytes = None
 
-    def __init__(self, host: str, channel: SidelinkChannel) -> None:
-        self.host = host
-        self.name = f"{host}.channel"
+    def __init__(self, network: Network, ends: LinkEnds, sidelink: Sidelink) -> None:
+        super().__init__(network, ends)
+        self.host = host = ends.car or ends.edge
+        self.name = f"{host}/channel"
         self.completed = 0
         self.drops = 0
-        self.clock = channel.air.clock
         self.occupancy = Occupancy(self.clock)  # of messages that are heard
-        self.random = MessageRandom(channel.air, f"{host}.broadcast")
+        self.random = MessageRandom(network, f"{host}.broadcast")
         self.heard_by: tuple[str, ...] = ()
-        self._channel = channel
-        self._losses = channel.air.draws(f"{host}.broadcast", "loss")
+        self._network = network
+        self._sidelink = sidelink
+        self._losses = network.draws(f"{host}.broadcast", "loss")
         self._heard: dict[Broadcasting, None] = {}
         self._is_sending = False
         self._is_up = True
@@ -167,6 +152,14 @@ class Station:
         since_ns = self._busy_since_ns
         return self._busy_ns + (0 if since_ns is None else self.clock.now - since_ns)
 
+    def place(self) -> tuple[float, float]:
+        """Where the host is now: east and north [m]."""
+        if self.host not in self._network.edges:
+            return self._network.place(self.host)
+        site = self._network.site(self.host)
+        assert site is not None, "an edge that broadcasts has a place"
+        return site
+
     def sent(self, size_bytes: int) -> simpy.Event:
         """Sends a message, see ``Sender``; then ``heard_by`` says who has received it."""
         self.heard_by = ()
@@ -184,9 +177,9 @@ class Station:
         """Waits for the channel, then occupies it. A backoff that another message interrupts goes
         on after it with the slots that are left.
         """
-        clock, channel = self.clock, self._channel
+        clock, sidelink = self.clock, self._sidelink
         slots = int(self.random.integers(WINDOW + 1))
-        loss_key = str(self.random.random()) if channel.sidelink.loss else ""
+        loss_key = str(self.random.random()) if sidelink.loss else ""
         while True:
             while self._busy_since_ns is not None:
                 yield self._next_change()
@@ -198,9 +191,9 @@ class Station:
             slots -= max(waited_ns - IDLE_NS, 0) // SLOT_NS
         if not self._is_up:  # taken down while it waited
             return
-        broadcasting = Broadcasting(channel.near(self))
+        broadcasting = Broadcasting(sidelink.near(self))
         self._begin(broadcasting)
-        yield clock.timeout(channel.sidelink.airtime_ns(size_bytes))
+        yield clock.timeout(sidelink.airtime_ns(size_bytes))
         self._end(broadcasting, loss_key)
 
     def _next_change(self) -> simpy.Event:
@@ -243,7 +236,7 @@ class Station:
 
     def _is_lost(self, station: "Station", key: str) -> bool:
         """Whether a reception is one of those that ``loss`` takes; ``key`` is the message's."""
-        loss = self._channel.sidelink.loss
+        loss = self._sidelink.loss
         return loss > 0 and self._losses.uniform(f"{station.host}\n{key}") < loss
 
     def _sense(self) -> None:
@@ -341,8 +334,9 @@ def connect(
     """Lets hosts hear each other: what one publishes on the topics reaches the others in range.
     Those on which the method runs nothing, and edges without a place, are left out.
     """
+    of_run = replace(sidelink)  # its state is that of one run
     others: dict[str, Broadcast] = {}
     for host in hosts:
         is_placed = host in network.cars or network.site(host) is not None
         if host in network.graphs and is_placed:
-            Broadcast(network, network.graphs[host], topics, sidelink=sidelink, others=others)
+            Broadcast(network, network.graphs[host], topics, sidelink=of_run, others=others)

@@ -11,15 +11,14 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, mean, share
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
+from genie_sim.base.plugins import Choice
 from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.caches.cache import Replay, SimilarityCache, same
-from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU, Eviction
-from genie_sim.core.geometry import Array
 from genie_sim.core.messages import (
     Answer,
     CameraPose,
@@ -44,15 +43,17 @@ from genie_sim.data.perceive import DriveFrames, perceive
 from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.data.trace import write_trace
+from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache, same
 from genie_sim.recommended.pacing import Pacer, RoundTrip
 from genie_sim.record.columns import Columns
 from genie_sim.sim.bends import Bend, Objects, bent, shifted
 from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.fault import Fault, Strike
-from genie_sim.sim.link_models import Air, Channel, LinkEnds, LinkModel, Medium, Sender
-from genie_sim.sim.link_models.message_random import MessageRandom
+from genie_sim.sim.link_model import LINK, LinkEnds, LinkModel, Sender
+from genie_sim.sim.message_random import MessageRandom
 from genie_sim.sim.method import (
     LOCAL,
     REMOTE,
@@ -75,6 +76,7 @@ __all__ = [
     "DETECTORS",
     "HIGHER",
     "HITS",
+    "LINK",
     "LOCAL",
     "LOWER",
     "LRU",
@@ -83,14 +85,13 @@ __all__ = [
     "PERSON",
     "REMOTE",
     "REMOTE_UPLINK",
-    "Air",
     "Answer",
     "Array",
     "Bend",
     "Bounds",
     "CameraPose",
     "Capacity",
-    "Channel",
+    "Choice",
     "Columns",
     "DetectedBox",
     "Detection",
@@ -122,7 +123,6 @@ __all__ = [
     "LocalAndRemote",
     "Look",
     "Measured",
-    "Medium",
     "Message",
     "MessageRandom",
     "Method",

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from genie_sim.report.replay_pictures import Pictures
     from genie_sim.runs.folder import Compared
     from genie_sim.scenario.scenario import Scenario
 
@@ -126,9 +125,9 @@ class Run(results.Run, _OfRuns):
 
         return run_folder.save(self, expanded(out))
 
-    def page(self, start_ns: int = 0, pictures: "Pictures | None" = None) -> str:
-        """The text of its page, with a replay from ``start_ns`` on, which shows ``pictures``."""
-        return html_page.page(self, start_ns, pictures)
+    def page(self, start_ns: int = 0) -> str:
+        """The text of its page, with a replay from ``start_ns`` on."""
+        return html_page.page(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
         """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""

@@ -32,7 +32,6 @@ FIRST_CASE = "as in the scenario"
 CAPACITY_BYTES = 1_000_000  # of every cache
 CONSUMERS = {"set": "consumer", "list": ["newest", "tracker"]}
 RECORD = ["lookups", "answers", "held", "resources"]
-CARS = 3
 KEPT = (
     "streaming_f1",
     "lap_f1",
@@ -98,7 +97,7 @@ def simulated(start: str, cases: dict[str, Any], laps: int) -> None:
     """Simulates these cases, and prints the main metrics of each method."""
     settings: dict[str, Any] = {"methods": methods(bytes_of_largest_map()), "record": RECORD}
     if laps > 1:
-        settings |= {f"cars[{car}].route.laps": laps for car in range(CARS)}
+        settings["cars[*].route.laps"] = laps
     axes = {"case": {"list": cases}, "consumer": CONSUMERS}
     table = gs.sweep("baselines", axes, settings, seeds=3, out=OUT / start).metrics
     table = table[table["metric"].isin(KEPT) & table["component"].isin(["", "lap 2"])]

@@ -53,7 +53,7 @@ from genie_sim.core.rules import SIMILARITY
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import Trace, write_trace
 from genie_sim.data.tracking import CAMERA, sequences
-from genie_sim.data.truth_table import make_truth, path_beside, write_truth
+from genie_sim.data.truth import make_truth, path_beside, write_truth
 from genie_sim.paper.evidence import interval
 from genie_sim.paper.numbers import METHODS, Number, Numbers, of_run, placed
 from tools.make.published import FRAME_NS, tracking_trace

@@ -2,17 +2,18 @@
 
     python -m studies.pages
 
-A table stands between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``. Nothing is simulated.
+Nothing is simulated.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pandas as pd
+
+from tools.page_tables import filled, markdown
 
 RESULTS, PAGE = Path("results"), Path("docs/results.md")
 METHODS = {
@@ -38,12 +39,6 @@ class Shown(NamedTuple):
     title: str
     metric: str
     factor: float = 1
-
-
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]], texts: int = 1) -> str:
-    """A table whose first ``texts`` columns are texts and the others numbers."""
-    rule = ["---"] * texts + ["---:"] * (len(header) - texts)
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
 
 
 def points_of(study: str) -> pd.DataFrame:
@@ -147,12 +142,12 @@ def gain(row: Mapping[Any, Any]) -> str:
 
 
 def where_it_pays() -> str:
-    """The towns, and the means over drives and towns."""
+    """The towns with settings chosen on all conditions, and the means over drives and towns."""
     rows = []
     for row in pd.read_csv(RESULTS / "where_it_pays" / "reported_gains.csv").to_dict("records"):
         if not isinstance(row["best"], str):
             rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
-        elif row["condition"].startswith("town"):
+        elif row["condition"].startswith("town") and "tuned" not in row["condition"]:
             best = METHODS[row["best"].removesuffix("_for_towns")]
             numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
@@ -229,47 +224,27 @@ def which_cache() -> str:
     return markdown([*header, "bytes", "edge time"], rows, texts=2)
 
 
-def messages() -> str:
-    """A sentence for each size of message."""
-    table: Any = pd.read_csv(RESULTS / "what_to_share" / "messages.csv")
-    sentences = []
-    for title, rows in table.groupby("message", sort=False):
-        ways = {row["way"]: row for row in rows.to_dict("records")}
-        link, air = ways["link"], ways["broadcast"]
-        sentences.append(
-            f"- *{title}*: {link['without_queue_ms']:.0f} ms by bytes and rate; with the queue of "
-            f"the link {100 * link['arrived']:.0f} % arrive, after {link['delay_ms']:.0f} ms; on "
-            f"one channel {100 * air['arrived']:.0f} %, after {air['delay_ms']:.0f} ms, and the "
-            f"channel is busy {100 * air['channel_busy']:.0f} % of the time."
-        )
-    return "\n".join(sentences)
-
-
 def sharing() -> str:
-    """Each method at each place."""
-    table: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
+    """Each method in both places."""
+    of_places: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
+    of_places = of_places.set_index(["method", "place"])
+    places = of_places.index.unique("place")
     rows = []
-    for row in table.to_dict("records"):
-        difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
-        is_best = row["method"] == row["best"]
-        rows.append(
-            [
-                row["place"],
-                METHODS[row["method"]],
-                f"{row['streaming_f1']:.3f}",
-                "best of these" if is_best else gain(difference),
-                f"{row['bytes_up'] / 1000:.1f}",
-                f"{row['channel_busy']:.1%}",
-            ]
-        )
-    header = ["place", "method", "streaming F1", "difference", "up [kB a frame]", "channel busy"]
-    return markdown(header, rows, texts=2)
+    for method in of_places.index.unique("method"):
+        cells = []
+        for place in places:
+            row = of_places.loc[(method, place)]
+            difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
+            beside = "best of these" if method == row["best"] else gain(difference)
+            cells.append(f"{row['streaming_f1']:.3f} [{beside}]")
+        up = [f"{of_places.loc[(method, place), 'bytes_up'] / 1000:.0f}" for place in places]
+        rows.append([METHODS[method], *cells, " / ".join(up)])
+    return markdown(["method", *places, "up [kB a frame]"], rows)
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
     "which_cache": which_cache,
     "where_it_pays": where_it_pays,
-    "messages": messages,
     "sharing": sharing,
     "baselines": baselines,
     "batching": batching,
@@ -279,15 +254,6 @@ TABLES: Mapping[str, Callable[[], str]] = {
 }
 
 
-def with_tables(text: str) -> str:
-    """The page's text with the tables in their places."""
-    for name, table in TABLES.items():
-        begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-        place = re.compile(f"{begin}.*?{end}", re.DOTALL)
-        assert len(place.findall(text)) == 1, name
-        text = place.sub(f"{begin}\n{table()}\n{end}", text)
-    return text
-
-
 if __name__ == "__main__":
-    PAGE.write_text(with_tables(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(filled(page, {name: made() for name, made in TABLES.items()}), encoding="utf-8")

@@ -99,15 +99,28 @@ def trace(sequence: str) -> str:
     return str(path)
 
 
+def windows(trace_file: str) -> dict[str, Any]:
+    """Of each car that would drive on after the end of a drive: its window up to there."""
+    end_s = (pd.read_parquet(trace_file, columns=["stamp_ns"])["stamp_ns"].max() + 1) / 1e9
+    cars = gs.load_scenario("3car_recommended").cars
+    begins_ends_ns = [car.route.window_ns for car in cars]
+    return {
+        f"cars[{car}].route.window": f"[{begin_ns / 1e9} s, {end_s:.9f} s]"
+        for car, (begin_ns, end_ns) in enumerate(begins_ends_ns)
+        if end_ns / 1e9 > end_s
+    }
+
+
 def sequences(numbers: Sequence[str]) -> Conditions:
-    """The conditions of tracking sequences: one camera a car, two links."""
-    links = {f"cars[{car}].link": "nr5g" for car in range(3)}
+    """The conditions of tracking sequences: one camera a car, two links. The windows of cars end
+    with the drive.
+    """
     conditions: Conditions = {}
     for number in numbers:
-        recorded = {"perception.trace": trace(number)}
+        recorded = {"perception.trace": trace(number)} | windows(trace(number))
         small = {"cameras": [CAMERA | {"size": "86 kB"}]}
         conditions[f"{number}, Ethernet, raw"] = recorded | {"cameras": [CAMERA]}
-        conditions[f"{number}, 5G, 86 kB"] = recorded | small | links
+        conditions[f"{number}, 5G, 86 kB"] = recorded | small | {"cars[*].link": "nr5g"}
     return conditions
 
 

@@ -23,7 +23,7 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = REPOSITORY / "genie_sim"
 
 # Each room, and which others it may import besides ``base``; ``version`` is anybody's.
-_SIMULATED = ("core", "tracks", "sim", "methods", "recommended", "faults")
+_SIMULATED = ("core", "tracks", "sim", "links", "methods", "recommended", "faults")
 _READ = (*_SIMULATED, "data", "worlds", "scenario")
 _RESULTS = ("record", "judge", "analysis", "report")
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -32,13 +32,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "core": (),
     "tracks": ("core",),
     "sim": ("core", "tracks"),
+    "links": ("core", "sim"),
     "methods": ("core", "sim"),
     "recommended": ("core", "tracks", "sim", "methods"),
     "faults": ("core", "sim"),
     "data": ("core", "tracks"),
     "worlds": ("core", "data"),
     "scenario": (*_SIMULATED, "data"),
-    "record": ("core",),
+    "record": ("core", "sim"),
     "judge": ("core", "tracks", "record"),
     "analysis": ("core", "record"),
     "report": ("core", "data", "record", "analysis"),
@@ -54,9 +55,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "kinds", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
-PROVIDED_BY = {"cv2": "opencv-python-headless", "yaml": "pyyaml"}
+PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}
 # Library -> the extra that brings it; imported where it is asked for.
-FROM_EXTRAS = {"distributed": "dask"}
+FROM_EXTRAS = {"distributed": "dask", "pooch": "fetch", "requests": "fetch"}
 LATE = (
     "pandas",
     "matplotlib",
@@ -68,6 +69,7 @@ LATE = (
     "simpy",
     "joblib",
     "distributed",
+    "pykitti",
 )
 
 
@@ -213,7 +215,7 @@ def test_only_the_simulation_knows_simpy():
         if within(one.name, ("simpy",))
     }
     assert users, "nothing imports simpy any more: this test checks nothing"
-    assert {package_of(module) for module in users} == {"sim"}
+    assert {package_of(module) for module in users} == {"sim", "links"}
 
 
 @pytest.mark.process
@@ -228,6 +230,12 @@ def test_the_command_line_starts_without_heavy_libraries():
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
+
+
+@pytest.mark.process
+def test_code_of_ones_own_starts_without_pandas():
+    """A fault or a metric, of which a run starts several processes."""
+    assert set(LATE) & _loaded_by("import genie_sim.extend") <= {"simpy", "cv2"}
 
 
 @pytest.mark.process

@@ -184,12 +184,15 @@ def letter_panels(figure: Figure) -> None:
 
 
 def _columns(labels: Sequence[str], width_in: float) -> int:
-    """As many columns of a legend as fit the figure, each as wide as its longest label."""
+    """As many columns of a legend as fit the figure, each as wide as its longest label, and no more
+    than its rows need.
+    """
     character, handle_in = character_in("legend.fontsize"), 2.5 * line_in("legend.fontsize")
     for columns in range(len(labels), 1, -1):
         parts = np.array_split([len(label) for label in labels], columns)  # as matplotlib does
         if sum(part.max() * character + handle_in for part in parts) <= width_in - 0.1:
-            return columns
+            rows = -(-len(labels) // columns)
+            return -(-len(labels) // rows)
     return 1
 
 

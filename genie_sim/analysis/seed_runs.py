@@ -155,10 +155,9 @@ def _defined(value: float) -> float | None:
 def is_seeds_folder(folder: Path) -> bool:
     """Whether a folder is that of a study without axes, as far as that can be read."""
     try:
-        about = _about(folder)
+        return not read_about(folder)["sweep"].get("axes")
     except UserError:
         return False
-    return about is not None and not about["sweep"].get("axes")
 
 
 def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
@@ -172,8 +171,7 @@ def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
 
 def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:
     """The runs of a study without axes. Raises ``UserError``."""
-    about = _about(folder) or {"sweep": {}}
-    where = folder / ABOUT
+    about, where = read_about(folder), folder / ABOUT
     label = results.checked_label(about.get("label", ""), f"{where}: label")
     seeds = about["sweep"].get("seeds")
     if not isinstance(seeds, list) or not seeds or not all(type(seed) is int for seed in seeds):
@@ -192,12 +190,12 @@ def folder_name(seed: int) -> str:
     return f"seed-{seed}"
 
 
-def _about(folder: Path) -> dict[str, Any] | None:
-    """What a study says of itself; ``None`` for another folder. Raises ``UserError``."""
+def read_about(folder: Path) -> dict[str, Any]:
+    """What a study says of itself. Raises ``UserError``, also for another folder."""
     path = provenance.contained(folder, ABOUT)
-    if not path.is_file():
-        return None
     about = provenance.read_json(path)
     if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
         raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+    if not isinstance(about.setdefault("run_ids", []), list):
+        raise UserError(f"{path}: run_ids: not a list")
     return about

@@ -14,6 +14,7 @@ import ast
 import dataclasses
 import difflib
 import functools
+import importlib
 import inspect
 import itertools
 import math
@@ -26,7 +27,6 @@ from typing import (
     Any,
     Literal,
     NamedTuple,
-    TypeGuard,
     TypeVar,
     Union,
     get_args,
@@ -36,6 +36,7 @@ from typing import (
 from genie_sim.base import plugins, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
+from genie_sim.base.units import Quantity
 
 Schema = dict[str, Any]
 Settings = TypeVar("Settings")
@@ -123,23 +124,6 @@ class Matches:
     maximum: int = 1_000_000
 
 
-class Unit(NamedTuple):
-    """A unit by which the names of settings end, or a mark: how its texts are read and written."""
-
-    number: type
-    example: str
-    read: Callable[[object], float]
-    text: Callable[[Any], str]
-    bounds: Bounds = Bounds(minimum=0)
-
-
-@dataclasses.dataclass(frozen=True)
-class IfGiven:
-    """Marks a setting that is written only where it is given: what it does not touch stays as it
-    was before there was such a setting.
-    """
-
-
 @dataclasses.dataclass(frozen=True)
 class NotEmpty:
     """A text, list or mapping must not be empty."""
@@ -169,27 +153,18 @@ class Short:
     plug_in: "PlugIn | None" = None
 
 
-@dataclasses.dataclass(frozen=True)
-class Beside:
-    """The field holds settings of another class as they are written, in the same mapping."""
-
-    cls: type
-
-
-_POSITIVE = Bounds(above=0)
-SIZE = Unit(int, "1.4 MB", units.size_bytes, units.size_text)
-FRAME_RATE = Unit(float, "5 Hz", units.frame_rate, units.frame_rate_text, _POSITIVE)
-UNITS = {
-    "_ns": Unit(int, "30 ms", units.duration_ns, units.duration_text),
-    "_bytes": SIZE,
-    "_bps": Unit(int, "100 Mbit/s", units.rate_bps, units.rate_text, _POSITIVE),
-    "_m": Unit(float, "1 m", units.length_m, units.length_text),
-    "_rad": Unit(float, "15 deg", units.angle_rad, units.angle_text, Bounds()),
-    "_hz": Unit(int, "25 MHz", units.frequency_hz, units.frequency_text, _POSITIVE),
-    "_db": Unit(float, "3 dB", units.ratio_db, units.ratio_text, Bounds()),
-    "_dbm": Unit(float, "23 dBm", units.power_dbm, units.power_text, Bounds()),
-    "_w": Unit(float, "3 W", units.watts, units.watts_text),
-    "_ppm": Unit(float, "20 ppm", units.drift_ppm, units.drift_text, Bounds()),
+NOT_NEGATIVE, POSITIVE = Bounds(minimum=0), Bounds(above=0)
+ENDINGS: dict[str, tuple[Quantity[Any], Bounds]] = {  # of names
+    "_ns": (units.DURATION, NOT_NEGATIVE),
+    "_bytes": (units.SIZE, NOT_NEGATIVE),
+    "_bps": (units.RATE, POSITIVE),
+    "_m": (units.LENGTH, NOT_NEGATIVE),
+    "_rad": (units.ANGLE, Bounds()),
+    "_hz": (units.FREQUENCY, POSITIVE),
+    "_db": (units.RATIO, Bounds()),
+    "_dbm": (units.RADIATED, Bounds()),
+    "_w": (units.POWER, NOT_NEGATIVE),
+    "_ppm": (units.DRIFT, Bounds()),
 }
 Count = Annotated[int, Bounds(minimum=1)]
 Share = Annotated[float, Bounds(minimum=0, maximum=1)]
@@ -243,8 +218,7 @@ class Kind(NamedTuple):
 class Setting(NamedTuple):
     """One field of a settings class, or one argument of a plug-in's class.
 
-    ``name`` is its name in Python, ``key`` in YAML; ``default`` may be ``REQUIRED``. One that is
-    written only ``if_given`` is not where it is as by default.
+    ``name`` is its name in Python, ``key`` in YAML; ``default`` may be ``REQUIRED``.
     """
 
     name: str
@@ -252,7 +226,6 @@ class Setting(NamedTuple):
     annotation: Any
     kind: Kind
     default: Any
-    if_given: bool
 
 
 @functools.cache
@@ -261,7 +234,7 @@ def settings_of(cls: Callable[..., Any]) -> tuple[Setting, ...]:
 
     A field that is no setting has ``setting=False`` in its metadata.
     """
-    fields = cls.__dataclass_fields__ if is_settings_class(cls) else {}
+    fields = getattr(cls, "__dataclass_fields__", {})
     settings = []
     for name, parameter in _signature(cls).parameters.items():
         field = fields.get(name)
@@ -272,18 +245,17 @@ def settings_of(cls: Callable[..., Any]) -> tuple[Setting, ...]:
         default = parameter.default
         if field is not None and field.default_factory is not dataclasses.MISSING:
             default = field.default_factory()
-        suffix = next((suffix for suffix in UNITS if name.endswith(suffix)), "")
-        unit = UNITS.get(suffix)
+        ending = next((ending for ending in ENDINGS if name.endswith(ending)), "")
+        unit, bounds = ENDINGS.get(ending, (None, Bounds()))
         annotation = parameter.annotation
         if annotation is parameter.empty or isinstance(annotation, str):  # its unit says the type
             annotation = Any if unit is None else unit.number
             annotation = annotation | None if unit is not None and default is None else annotation
         key = mark_in(annotation, Key)
-        key_name = name.removesuffix(suffix) if key is None else key.name
-        unit = unit or mark_in(annotation, Unit)
-        around = {} if unit is None else {Unit: unit, Bounds: unit.bounds}
+        key_name = name.removesuffix(ending) if key is None else key.name
+        around = {} if unit is None else {Quantity: unit, Bounds: bounds}
         kind = Kind.of(annotation, key_name.replace("_", " "), around)
-        settings.append(Setting(name, key_name, annotation, kind, default, IfGiven in kind.marks))
+        settings.append(Setting(name, key_name, annotation, kind, default))
     return tuple(settings)
 
 
@@ -317,7 +289,7 @@ def mark_in(kind: Any, mark: type[Mark]) -> Mark | None:
     return None
 
 
-def is_settings_class(kind: Any) -> TypeGuard[type[Any]]:
+def is_settings_class(kind: Any) -> bool:
     """Whether a type is a settings class, which a plug-in by name is not."""
     return isinstance(kind, type) and dataclasses.is_dataclass(kind) and kind is not Choice
 
@@ -440,7 +412,7 @@ def _fits(kind: Kind, value: object) -> bool:
         case cls if cls is bool:
             return isinstance(value, bool)
         case cls if cls is int or cls is float:
-            return _is_number(value) or (Unit in kind.marks and isinstance(value, str))
+            return _is_number(value) or (Quantity in kind.marks and isinstance(value, str))
         case origin if origin is tuple:
             return isinstance(value, list | tuple)
         case cls if is_settings_class(cls):
@@ -465,7 +437,7 @@ def _member(kind: Kind, value: object) -> Kind:
 
 
 def _number(kind: Kind, value: Any) -> float:
-    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks.get(Unit)
+    bounds, unit = kind.marks.get(Bounds, Bounds()), kind.marks.get(Quantity)
     number: float = value
     if unit is not None:
         try:
@@ -588,11 +560,20 @@ def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
 
 
 class Presets(NamedTuple):
-    """Whole choices of a plug-in by name, such as links; the ``usual`` one completes others."""
+    """Whole choices of a plug-in by name, such as links; the ``usual`` one completes others. They
+    stand at ``place``, ``package.module:NAME``, and are imported when they are asked for.
+    """
 
     what: str
-    choices: Mapping[str, Choice]
+    place: str
     usual: str
+
+    @property
+    def choices(self) -> Mapping[str, Choice]:
+        """All of them, by name."""
+        module, _, name = self.place.partition(":")
+        choices: Mapping[str, Choice] = getattr(importlib.import_module(module), name)
+        return choices
 
     def get(self, name: object) -> Choice:
         """The choice of this name. Raises ``SettingError``."""
@@ -620,9 +601,8 @@ class PlugIn:
         The class of a mapping that names none.
     presets : Presets, optional
         What may be written instead. A mapping may name one under ``like`` for what it leaves out.
-    beside : tuple of str
-        Settings of another class that stand in the same mapping; who reads it takes them out
-        before.
+    beside : tuple of class
+        Classes whose settings stand in the same mapping; who reads it takes them out before.
     """
 
     what: str
@@ -631,7 +611,12 @@ class PlugIn:
     key: str = "name"
     default: str | None = None
     presets: Presets | None = None
-    beside: tuple[str, ...] = ()
+    beside: tuple[Any, ...] = ()
+
+    @property
+    def keys_beside(self) -> list[str]:
+        """The names in YAML of the settings in the same mapping that are not of its class."""
+        return [key for cls in self.beside for key in keys_of(cls)]
 
     def name(self, value: object) -> str:
         """A name alone, such as that of an eviction policy. Raises ``SettingError``."""
@@ -671,11 +656,13 @@ class PlugIn:
         before = {} if base is None else dict(base.parameters)
         if name not in self.registry:
             for key, item in given.items():
-                if not isinstance(item, Parameter):
-                    raise wrong(item, "be a number, true or false, or text").below(quoted(key))
+                if not isinstance(item, Parameter | list | Mapping):
+                    raise wrong(
+                        item, "be a number, true or false, text, a list or a mapping"
+                    ).below(quoted(key))
             return Choice(name, before | given)
         cls = self.resolve(name)
-        values = _arguments(cls, name, given, before=before, beside=self.beside)
+        values = _arguments(cls, name, given, before=before, beside=self.keys_beside)
         built(cls, values)  # the class validates its own ranges
         return Choice(name, values)
 
@@ -846,20 +833,14 @@ def settings_in(kind: Kind, value: Mapping[str, Any]) -> dict[str, Setting]:
     for member in kind.members:
         plug_in = member.marks.get(PlugIn)
         if is_settings_class(member.type):
-            settings += _beside_each_other(member.type)
+            settings += settings_of(member.type)
             plug_in = _plug_in_beside(member.type)
+            for cls in () if plug_in is None else plug_in.beside:
+                settings += (own._replace(default=REQUIRED) for own in settings_of(cls))
         name = plug_in and value.get(plug_in.key, value.get("name", plug_in.default))
         if plug_in is not None and name in plug_in.registry:
             settings += settings_of(plug_in.resolve(str(name)))
     return {setting.key: setting for setting in settings}
-
-
-def _beside_each_other(cls: Any) -> list[Setting]:
-    """The settings of a class and of those that stand in the same mapping."""
-    settings = [*settings_of(cls)]
-    for beside in filter(None, (mark_in(own.annotation, Beside) for own in settings)):
-        settings = [*settings, *(own._replace(default=REQUIRED) for own in settings_of(beside.cls))]
-    return settings
 
 
 def _plug_in_beside(cls: Any) -> "PlugIn | None":
@@ -893,8 +874,8 @@ def _plain(kind: Kind, value: Any) -> Any:
             return value.shorten()
         cls = type(value)
         return _written(cls, {name: getattr(value, name) for name in names_of(cls)})
-    if Unit in kind.marks and kind.type in (int, float) and _is_number(value):
-        return kind.marks[Unit].text(value)
+    if Quantity in kind.marks and kind.type in (int, float) and _is_number(value):
+        return kind.marks[Quantity].text(value)
     if isinstance(value, Mapping):
         items = kind.items[1] if len(kind.arguments) == 2 else kind
         return {key: _plain(items, item) for key, item in value.items()}
@@ -910,7 +891,6 @@ def _written(cls: Callable[..., Any], values: Mapping[str, Any]) -> dict[str, An
         setting.key: _plain(setting.kind, values[setting.name])
         for setting in settings_of(cls)
         if setting.name in values
-        and not (setting.if_given and values[setting.name] == setting.default)
     }
 
 
@@ -923,15 +903,13 @@ def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
     properties: Schema = {}
     closed = True
     for setting in settings_of(cls):
-        beside = mark_in(setting.annotation, Beside)
-        if beside is not None:
-            properties |= class_schema(beside.cls, classes)["properties"]
-            continue
         mark = mark_in(setting.annotation, PlugIn)
         text = {"description": texts[setting.name]} if setting.name in texts else {}
         if mark is not None and mark.beside:  # its own settings stand beside those of the class
             closed = False
             schema = {"anyOf": mark.names_schema()}
+            for beside in mark.beside:
+                properties |= class_schema(beside, classes)["properties"]
         else:
             schema = _schema(setting.kind, classes)
             if setting.default is not REQUIRED:
@@ -982,8 +960,8 @@ def _schema(kind: Kind, classes: dict[str, Schema]) -> Schema:
             schema = {"$ref": f"#/$defs/{name}"}
         case type() as origin if kind.arguments and issubclass(origin, Mapping):
             schema = {"type": "object", "additionalProperties": _schema(kind.items[1], classes)}
-        case cls if cls in (int, float) and Unit in marks:
-            quantity = {"type": "string", "examples": [marks[Unit].example]}
+        case cls if cls in (int, float) and Quantity in marks:
+            quantity = {"type": "string", "examples": [marks[Quantity].example]}
             takes_zero = marks.get(Bounds, Bounds()).contain(0)
             return {"anyOf": [quantity, {"const": 0}]} if takes_zero else quantity
         case cls if cls in TYPES:

@@ -11,7 +11,6 @@ import codecs
 import csv
 import gzip
 import io
-import math
 import re
 import zlib
 from collections.abc import Iterator, Sequence
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.paths import usable
+from genie_sim.base.paths import check_is_file, usable
 from genie_sim.base.units import MAX_M, MAX_TIME_S
 
 if TYPE_CHECKING:
@@ -41,27 +40,9 @@ Row = tuple[str, list[Any]]  # where it stands, and its cells
 
 # What a unit in a title measures, and how many of the smallest unit it is.
 UNITS: dict[str, tuple[str, float]] = {
-    **{name: ("time", float(value)) for name, value in units.DURATIONS.items()},
-    **{name: ("length", float(value)) for name, value in units.LENGTHS.items()},
-    **{name.lower(): ("rate", float(value)) for name, value in units.RATES.items()},
-    **{f"{mark}bps": ("rate", 10.0**power) for mark, power in (("", 0), ("k", 3), ("m", 6))},
-    **{f"{mark}b/s": ("rate", 10.0**power) for mark, power in (("", 0), ("k", 3), ("m", 6))},
-    "gbps": ("rate", 1e9),
-    "gb/s": ("rate", 1e9),
-    "sec": ("time", 1e9),
-    "seconds": ("time", 1e9),
-    "msec": ("time", 1e6),
-    "milliseconds": ("time", 1e6),
-    "μs": ("time", 1e3),
-    "microseconds": ("time", 1e3),
-    "nanoseconds": ("time", 1.0),
-    "meters": ("length", 1.0),
-    "metres": ("length", 1.0),
-    "deg": ("angle", 1.0),
-    "°": ("angle", 1.0),
-    "degrees": ("angle", 1.0),
-    "rad": ("angle", math.degrees(1.0)),
-    "radians": ("angle", math.degrees(1.0)),
+    name.lower(): (quantity.name, float(value))
+    for quantity in units.IN_TITLES
+    for name, value in (*quantity.units.items(), *quantity.in_titles.items())
 }
 SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}  # than a second, so often
 SOME_DATES_S = (9e8, MAX_TIME_S)  # since 1970: from 1998 on
@@ -121,7 +102,7 @@ class FileColumn:
     @property
     def is_time(self) -> bool:
         """Whether its values are times or durations, by the unit in its name."""
-        return UNITS.get(title_of(self.name).unit, ("",))[0] == "time"
+        return UNITS.get(title_of(self.name).unit, ("",))[0] == units.DURATION.name
 
     def _number(self, raw: object, factor: float) -> float:
         try:  # what most cells hold
@@ -189,8 +170,7 @@ class FileTable:
     def __init__(self, path: Path, *, uneven: bool = False) -> None:
         self.path, self._uneven, self.separator = path, uneven, ","
         self.titles: tuple[str, ...] = ()
-        if not path.is_file():
-            raise UserError(f"{path}: no such file")
+        check_is_file(path)
         self._is_text = path.suffix != ".parquet"
         if not self._is_text:
             with parquet.opened(path) as file:

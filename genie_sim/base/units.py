@@ -7,10 +7,11 @@ error is a ``ValueError`` that says what to write instead.
 
 import math
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from decimal import Decimal
 from fractions import Fraction
-from typing import NamedTuple
+from typing import Generic, TypeVar
 
 from genie_sim.base.errors import short_repr
 
@@ -21,73 +22,58 @@ NS_PER_S = 1_000_000_000
 MAX_M = 4e7
 MAX_TIME_S = 4e9  # a time since 1970 at most (2096): two of them apart still are 64 bits of ns
 
-DURATIONS: dict[str, int] = {
-    "ns": 1,
-    "us": NS_PER_US,
-    "µs": NS_PER_US,
-    "ms": NS_PER_MS,
-    "s": NS_PER_S,
-    "min": 60 * NS_PER_S,
-    "h": 3600 * NS_PER_S,
-}
-SIZES: dict[str, int] = {
-    "B": 1,
-    "kB": 10**3,
-    "MB": 10**6,
-    "GB": 10**9,
-    "TB": 10**12,
-    "KiB": 2**10,
-    "MiB": 2**20,
-    "GiB": 2**30,
-    "TiB": 2**40,
-}
-RATES: dict[str, int] = {"bit/s": 1, "kbit/s": 10**3, "Mbit/s": 10**6, "Gbit/s": 10**9}
-FREQUENCIES: dict[str, int] = {"Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
-LENGTHS: dict[str, Fraction] = {
-    "mm": Fraction(1, 1000),
-    "cm": Fraction(1, 100),
-    "m": Fraction(1),
-    "km": Fraction(1000),
-}
-POWERS: dict[str, Fraction] = {
-    "mW": Fraction(1, 1000),
-    "W": Fraction(1),
-    "kW": Fraction(1000),
-}
-ANGLES = ("deg", "rad")
-
 _QUANTITY = re.compile(
     r"([+-]?\d{1,30}(?:\.\d{1,30})?(?:e[+-]?\d{1,2})?)\s*(\D\S*)?", re.ASCII | re.IGNORECASE
 )
 _LARGEST = 2**63 - 1  # what a Parquet integer column holds
+Number = TypeVar("Number", int, float)
 
 
-class _Counted(NamedTuple):
-    """A quantity that is a whole number of its smallest unit; ``written`` are the units of texts,
-    the largest first.
+@dataclass(frozen=True, eq=False)
+class Quantity(Generic[Number]):
+    """What has a unit: its name, an example, and how many of the smallest unit each unit is.
+
+    ``number`` is the type of its values, ``written`` the units of its texts, the largest first.
+    One that is ``counted`` is a whole number of its smallest unit, called so. ``in_titles`` are
+    further names of units, in titles of tables alone.
     """
 
     name: str
     example: str
-    units: Mapping[str, int]
-    counted: str
+    number: type[Number]
+    units: Mapping[str, int | Fraction]
     written: Sequence[str]
+    counted: str = ""
+    in_titles: Mapping[str, float] = field(default_factory=dict)
 
-    def read(self, value: object) -> int:
-        number, unit = _split(value, self.name, self.example, self.units)
-        exact = number * self.units[unit] if unit else Fraction(0)
-        if exact.denominator != 1:
+    def read(self, value: object) -> Number:
+        """The number in a text with a unit. Raises ``ValueError``."""
+        number, unit = self._split(value)
+        if unit == "deg":
+            number = Fraction(math.radians(float(number)))
+        elif unit:
+            number *= self.units[unit]
+        if self.counted and number.denominator != 1:
             raise ValueError(
                 f"{self.name} {short_repr(value)} is not a whole number of {self.counted}"
             )
-        if abs(exact) > _LARGEST:
+        if self.counted and abs(number) > _LARGEST:
             raise ValueError(f"{self.name} {short_repr(value)} is too large")
-        return int(exact)
+        plain = self.number(number)
+        if plain == 0 and number != 0:
+            raise ValueError(f"{self.name} {short_repr(value)} is too small")
+        return plain
 
-    def text(self, value: int) -> str:
+    def text(self, value: Number) -> str:
         """The shortest exact text, which ``read`` reads back."""
+        unit = self.written[-1]
+        if not self.counted:
+            degrees = round(math.degrees(value), 9)
+            if unit == "rad" and math.radians(degrees) == value:
+                return f"{_plain(degrees)} deg"
+            return f"{_plain(value)} {unit}"
         if value == 0:
-            return f"0 {'s' if 's' in self.written else self.written[-1]}"
+            return f"0 {'s' if 's' in self.written else unit}"
         unit = next(unit for unit in self.written if abs(value) >= self.units[unit])
         whole, rest = divmod(abs(value), self.units[unit])
         digits = f"{whole}"
@@ -95,101 +81,121 @@ class _Counted(NamedTuple):
             digits += "." + f"{rest:0{len(str(self.units[unit])) - 1}d}".rstrip("0")
         return f"{'-' if value < 0 else ''}{digits} {unit}"
 
-
-class _Measured(NamedTuple):
-    """A quantity that is any number of its unit, ``written``, a float."""
-
-    name: str
-    example: str
-    units: Mapping[str, int | Fraction]
-    written: str
-
-    def read(self, value: object) -> float:
-        number, unit = _split(value, self.name, self.example, self.units)
-        return _finite(number * (self.units[unit] if unit else 0), value, self.name)
-
-    def text(self, value: float) -> str:
-        """Text that ``read`` reads back exactly."""
-        return f"{_plain(value)} {self.written}"
-
-
-_DURATION = _Counted(
-    "duration", "30 ms", DURATIONS, counted="nanoseconds", written=("s", "ms", "us", "ns")
-)
-_SIZE = _Counted("size", "1.4 MB", SIZES, counted="bytes", written=("GB", "MB", "kB", "B"))
-_RATE = _Counted(
-    "rate",
-    "100 Mbit/s",
-    RATES,
-    counted="bits per second",
-    written=("Gbit/s", "Mbit/s", "kbit/s", "bit/s"),
-)
-_FREQUENCY = _Counted(
-    "frequency", "25 MHz", FREQUENCIES, counted="hertz", written=("GHz", "MHz", "kHz", "Hz")
-)
-duration_ns, duration_text = _DURATION.read, _DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
-# "1.4 MB" (10^6 bytes) or "4 MiB" (2^20 bytes), and back
-size_bytes, size_text = _SIZE.read, _SIZE.text
-# "100 Mbit/s"; bytes are refused, so that nobody is off by eight
-rate_bps, rate_text = _RATE.read, _RATE.text
-frequency_hz, frequency_text = _FREQUENCY.read, _FREQUENCY.text  # "25 MHz", and back
-_FRAME_RATE = _Measured("rate", "5 Hz", FREQUENCIES, written="Hz")
-_LENGTH = _Measured("length", "1 m", LENGTHS, written="m")
-_RATIO = _Measured("ratio", "3 dB", {"dB": 1}, written="dB")
-_DRIFT = _Measured("drift", "20 ppm", {"ppm": 1}, written="ppm")
-_POWER = _Measured("power", "23 dBm", {"dBm": 1}, written="dBm")
-_WATTS = _Measured("power", "3 W", POWERS, written="W")
-frame_rate, frame_rate_text = _FRAME_RATE.read, _FRAME_RATE.text  # "2.5 Hz" to 2.5 frames a second
-length_m, length_text = _LENGTH.read, _LENGTH.text  # "50 cm" to 0.5 m
-ratio_db, ratio_text = _RATIO.read, _RATIO.text
-drift_ppm, drift_text = _DRIFT.read, _DRIFT.text  # microseconds per second
-power_dbm, power_text = _POWER.read, _POWER.text  # decibels above a milliwatt
-watts, watts_text = _WATTS.read, _WATTS.text  # "500 mW" to 0.5 W
-
-
-def angle_rad(value: object) -> float:
-    """``"15 deg"`` to 0.2618 rad."""
-    number, unit = _split(value, "angle", "15 deg", ANGLES)
-    plain = _finite(number, value, "angle")
-    return math.radians(plain) if unit == "deg" else plain
-
-
-def angle_text(value_rad: float) -> str:
-    """In degrees where that reads back exactly, else in radians."""
-    degrees = round(math.degrees(value_rad), 9)
-    return (
-        f"{_plain(degrees)} deg"
-        if math.radians(degrees) == value_rad
-        else f"{_plain(value_rad)} rad"
-    )
-
-
-def _split(value: object, what: str, example: str, units: Collection[str]) -> tuple[Fraction, str]:
-    """Number and unit of a text; the unit is empty for a bare zero only."""
-    match = _QUANTITY.fullmatch(str(value).strip())
-    if match is None or isinstance(value, bool) or not isinstance(value, str | int | float):
-        raise ValueError(
-            f"{what} {short_repr(value)} is not a number with a unit; write for example '{example}'"
-        )
-    number = Fraction(Decimal(match[1]))
-    unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
-    if not unit:
-        if number == 0:
-            return number, ""
-        raise ValueError(f"{what} {short_repr(value)} has no unit; write for example '{example}'")
-    if unit not in units:
-        raise ValueError(
-            f"{what} {short_repr(value)} has an unknown unit {unit!r}; known: {', '.join(units)}"
-        )
-    return number, unit
-
-
-def _finite(number: Fraction, value: object, what: str) -> float:
-    plain = float(number)
-    if plain == 0.0 and number != 0:
-        raise ValueError(f"{what} {short_repr(value)} is too small")
-    return plain
+    def _split(self, value: object) -> tuple[Fraction, str]:
+        """Number and unit of a text; the unit is empty for a bare zero only."""
+        match = _QUANTITY.fullmatch(str(value).strip())
+        problem = f"{self.name} {short_repr(value)}"
+        hint = f"; write for example '{self.example}'"
+        if match is None or isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise ValueError(f"{problem} is not a number with a unit{hint}")
+        number = Fraction(Decimal(match[1]))
+        unit = (match[2] or "").replace("μ", "µ")  # Greek mu and the micro sign look the same
+        if not unit and number != 0:
+            raise ValueError(f"{problem} has no unit{hint}")
+        if unit and unit not in self.units:
+            known = ", ".join(self.units)
+            raise ValueError(f"{problem} has an unknown unit {unit!r}; known: {known}")
+        return number, unit
 
 
 def _plain(value: float) -> str:
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
+
+
+# --- the table of all units
+
+DURATION = Quantity(
+    "duration",
+    "30 ms",
+    int,
+    {
+        "ns": 1,
+        "us": NS_PER_US,
+        "µs": NS_PER_US,
+        "ms": NS_PER_MS,
+        "s": NS_PER_S,
+        "min": 60 * NS_PER_S,
+        "h": 3600 * NS_PER_S,
+    },
+    written=("s", "ms", "us", "ns"),
+    counted="nanoseconds",
+    in_titles={
+        "sec": NS_PER_S,
+        "seconds": NS_PER_S,
+        "msec": NS_PER_MS,
+        "milliseconds": NS_PER_MS,
+        "μs": NS_PER_US,
+        "microseconds": NS_PER_US,
+        "nanoseconds": 1,
+    },
+)
+SIZE = Quantity(
+    "size",
+    "1.4 MB",
+    int,
+    {
+        "B": 1,
+        "kB": 10**3,
+        "MB": 10**6,
+        "GB": 10**9,
+        "TB": 10**12,
+        "KiB": 2**10,
+        "MiB": 2**20,
+        "GiB": 2**30,
+        "TiB": 2**40,
+    },
+    written=("GB", "MB", "kB", "B"),
+    counted="bytes",
+)
+RATE = Quantity(  # bytes are refused, so that nobody is off by eight
+    "rate",
+    "100 Mbit/s",
+    int,
+    {"bit/s": 1, "kbit/s": 10**3, "Mbit/s": 10**6, "Gbit/s": 10**9},
+    written=("Gbit/s", "Mbit/s", "kbit/s", "bit/s"),
+    counted="bits per second",
+    in_titles={
+        f"{mark}{per_second}": 10**power
+        for mark, power in (("", 0), ("k", 3), ("m", 6), ("g", 9))
+        for per_second in ("bps", "b/s")
+    },
+)
+HERTZ = {"Hz": 1, "kHz": 10**3, "MHz": 10**6, "GHz": 10**9}
+FREQUENCY = Quantity(
+    "frequency", "25 MHz", int, HERTZ, written=("GHz", "MHz", "kHz", "Hz"), counted="hertz"
+)
+FRAME_RATE = Quantity("rate", "5 Hz", float, HERTZ, written=("Hz",))
+LENGTH = Quantity(
+    "length",
+    "1 m",
+    float,
+    {"mm": Fraction(1, 1000), "cm": Fraction(1, 100), "m": 1, "km": 1000},
+    written=("m",),
+    in_titles={"meters": 1, "metres": 1},
+)
+ANGLE = Quantity(  # degrees in titles
+    "angle",
+    "15 deg",
+    float,
+    {"deg": Fraction(math.radians(1)), "rad": 1},
+    written=("deg", "rad"),
+    in_titles={
+        "deg": 1,
+        "°": 1,
+        "degrees": 1,
+        "rad": math.degrees(1),
+        "radians": math.degrees(1),
+    },
+)
+RATIO = Quantity("ratio", "3 dB", float, {"dB": 1}, written=("dB",))
+DRIFT = Quantity("drift", "20 ppm", float, {"ppm": 1}, written=("ppm",))
+RADIATED = Quantity("power", "23 dBm", float, {"dBm": 1}, written=("dBm",))
+POWER = Quantity(
+    "power", "3 W", float, {"mW": Fraction(1, 1000), "W": 1, "kW": 1000}, written=("W",)
+)
+IN_TITLES = (DURATION, LENGTH, RATE, ANGLE)  # what tables of others hold
+
+duration_ns, duration_text = DURATION.read, DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
+size_bytes, size_text = SIZE.read, SIZE.text  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20), and back
+rate_bps, rate_text = RATE.read, RATE.text
+frame_rate_text, length_m, length_text = FRAME_RATE.text, LENGTH.read, LENGTH.text

@@ -173,8 +173,8 @@ def detector_settings(
     encoding: Encoding = "raw",
 ) -> "DetectorSettings":
     """What ``detector_options`` say. Raises ``UserError``."""
+    from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import class_map
-    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data.detector import DetectorSettings
 
     return DetectorSettings(

@@ -51,13 +51,13 @@ def import_tables(
         of_all = ("poses", "detections", "out", "fov", "frame_size", "origin", "classes", "accept")
         arguments.only("without --truth", *of_all)
     place = arguments.geodetic("--origin", origin)
-    fov_rad = arguments.quantity("--fov", fov, units.angle_rad)
+    fov_rad = arguments.quantity("--fov", fov, units.ANGLE.read)
     if fov_rad > math.tau:
         raise UserError(f"--fov: must be at most 360 deg, but is {fov}")
     size_bytes = arguments.quantity("--frame-size", frame_size, units.size_bytes)
     range_m = arguments.quantity("--range", range_, units.length_m)
+    from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.core.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.data import pose_import
 
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])

@@ -8,7 +8,7 @@ from genie_sim.base import add_ons
 from genie_sim.cli.import_fetch import fetch
 from genie_sim.cli.import_link import import_link
 from genie_sim.cli.import_tables import import_tables
-from genie_sim.cli.import_truth import truth
+from genie_sim.cli.import_truth import import_truth
 from genie_sim.cli.terminal import Commands
 
 
@@ -26,5 +26,5 @@ def imports() -> None:
     """Read files of others: poses, detections, labels, links."""
 
 
-for _command in (import_tables, import_link, truth, fetch):
+for _command in (import_tables, import_link, import_truth, fetch):
     imports.add_command(_command)

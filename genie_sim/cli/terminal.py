@@ -111,8 +111,8 @@ class Commands(click.Group):
         try:
             with _terminable(), own_faults_told():
                 return super().invoke(ctx)
-        except KeyboardInterrupt:
-            click.echo("genie-sim: interrupted; nothing was written", err=True)
+        except KeyboardInterrupt as stop:
+            click.echo(f"genie-sim: interrupted; {str(stop) or 'nothing was written'}", err=True)
             raise SystemExit(130) from None
         except BrokenPipeError:
             drop_output()
@@ -121,13 +121,12 @@ class Commands(click.Group):
 
 @contextmanager
 def resumable(folder: Path) -> Iterator[None]:
-    """Ctrl-C ends the program with one line that says where finished runs are kept."""
+    """Ctrl-C says where finished runs are kept."""
     try:
         yield
-    except KeyboardInterrupt:
-        text = f"interrupted; finished runs are kept in {folder}"
-        click.echo(f"genie-sim: {text}", err=True)
-        raise SystemExit(130) from None
+    except KeyboardInterrupt as stop:
+        text = str(stop) or f"finished runs are kept in {folder}"
+        raise KeyboardInterrupt(text) from None
 
 
 @contextmanager

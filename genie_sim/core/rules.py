@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from genie_sim.base import units
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import SIZE, Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
+from genie_sim.base.settings import Bounds, Count, OneOf, PlugIn, SettingError, Share, Short
 from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
@@ -95,7 +95,7 @@ class Capacity:
     entries: Count | None = None
     """Largest number of stored answers."""
 
-    bytes: Annotated[int, SIZE, Bounds(above=0)] | None = None
+    bytes: Annotated[int, units.SIZE, Bounds(above=0)] | None = None
     """Largest size of all stored answers together."""
 
     def __post_init__(self) -> None:
@@ -183,8 +183,8 @@ class GenieRules:
     """Whether misses go to neighbours. `false` is an ablation."""
 
     request_expiry_ns: Annotated[int, Bounds(above=0)] | None = 2_000_000_000
-    """After this time an unanswered request is forgotten. Assumed; `null` (never) is the literal
-    reading."""
+    """After this time an unanswered request is forgotten. Assumed; `null` is the literal reading:
+    when 10,000 later ones have come."""
 
     miss_policy: MissPolicy = "immediate"
     """What a client gets on a miss: the map's objects at once and the detection later, the first

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import GROUPS
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import GROUPS
+from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Detection
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
 from genie_sim.data.truth import ObjectLabel, PictureLabels

@@ -1,7 +1,7 @@
-"""The official files of detectors and drives, from the network into a folder: checked, resumable,
-unpacked with care.
+"""The official files of detectors and drives, from the network into a folder: received by pooch,
+checked, unpacked with care.
 
-The only module that touches the network.
+The only module that touches the network. pooch comes with the extra ``fetch``.
 """
 
 import logging
@@ -12,21 +12,18 @@ import stat
 import struct
 import zipfile
 import zlib
-from http.client import HTTPException
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
-from urllib.error import HTTPError, URLError
-from urllib.request import Request, urlopen
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.paths import replace_durably, sha256_of, usable
+from genie_sim.base.paths import usable
 from genie_sim.base.progress import Progress
 
 log = logging.getLogger(__name__)
 
 TIMEOUT_S = 30.0  # without a byte
 CHUNK_BYTES = 1 << 18
-TRIES = 3
+MAX_REASON = 300  # characters of what the network says
 MAX_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
 MAX_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
 MAX_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
@@ -51,37 +48,35 @@ def fetch_model(name: str, folder: Path, progress: Progress, base: str = YOLOX) 
     name = name.replace("_", "-")
     if name not in MODELS:
         raise UserError(unknown("model", name, MODELS))
-    path = folder / f"{name.replace('-', '_')}.onnx"
     size_bytes, sha256 = MODELS[name]
-    download(f"{base}/{path.name}", path, progress, sha256=sha256, size_bytes=size_bytes)
-    return path
+    url = f"{base}/{name.replace('-', '_')}.onnx"
+    return receive(url, folder, progress, sha256=sha256, most_bytes=size_bytes)
 
 
 def fetch_drive(drive: str, folder: Path, progress: Progress, base: str = KITTI) -> Path:
     """A raw drive such as ``2011_09_26_drive_0005`` with its calibration and, where there are any,
     its tracklets.
 
-    Returns KITTI's root folder, for ``--kitti``. The archives are removed once they are unpacked.
+    Returns KITTI's root folder, for ``--kitti``. The archives are not kept.
     """
     match = DRIVE.fullmatch(drive.removesuffix("_sync"))
     if match is None:
         raise UserError(f"drive {drive!r}: expected a name like 2011_09_26_drive_0005")
     date, name = match[1], match[0]
-    for file, needed in (
+    with usable(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    for file, is_needed in (
         (f"{date}_calib.zip", True),
         (f"{name}/{name}_tracklets.zip", False),
         (f"{name}/{name}_sync.zip", True),
     ):
-        archive = folder / Path(file).name
-        try:
-            download(f"{base}/{file}", archive, progress)
-        except NotThere:
-            if needed:
-                raise
-            log.info("%s: this drive has none", file)
-            continue
-        unpack(archive, folder)
-        archive.unlink()
+        with usable(folder), TemporaryDirectory(dir=folder, suffix=".part") as received:
+            try:
+                unpack(receive(f"{base}/{file}", Path(received), progress), folder)
+            except NotThere:
+                if is_needed:
+                    raise
+                log.info("%s: this drive has none", file)
     return folder
 
 
@@ -89,16 +84,16 @@ class NotThere(UserError):
     """The server says that it has no such file."""
 
 
-def download(
+def receive(
     url: str,
-    path: Path,
+    folder: Path,
     progress: Progress,
     *,
     sha256: str | None = None,
-    size_bytes: int | None = None,
-) -> None:
-    """One file, written as ``.part`` and renamed once it is complete; a later call goes on where an
-    earlier one stopped. A file that is there already, with the right hash, is left alone.
+    most_bytes: int = MAX_UNPACKED_BYTES,
+) -> Path:
+    """One file in a folder, whole or not there. One that is there already, with the right hash, is
+    left alone.
 
     Raises UserError, with what to do by hand, when there is no network, the server is too slow or
     the file is wrong.
@@ -106,40 +101,61 @@ def download(
     Parameters
     ----------
     url : where the file is
-    path : where it is written
+    folder : where it is written, under its name
     progress : is called with the bytes received and all bytes
     sha256 : that the file must have, if it is known
-    size_bytes : that the file must have, if it is known
+    most_bytes : that are received
     """
-    by_hand = f"to do it by hand, put {url} at {path}"
-    if path.is_file() and sha256 is not None and sha256_of(path) == sha256:
-        return
-    part = path.with_name(path.name + ".part")
-    with usable(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for attempt in range(1, TRIES + 1):
-            try:
-                _receive(url, part, progress, size_bytes)
-                break
-            except (URLError, HTTPException, TimeoutError, ConnectionError) as error:
-                if isinstance(error, HTTPError) and error.code != 416 and error.code < 500:
-                    kind = NotThere if error.code in (403, 404) else UserError
-                    raise kind(f"{url}: {error.code} {error.reason}; {by_hand}") from error
-                if isinstance(error, HTTPError) and error.code == 416:
-                    part.unlink(missing_ok=True)  # more bytes here than the server has: start again
-                log.info("%s: attempt %d: %s", url, attempt, error)
-                if attempt == TRIES:
-                    reason = getattr(error, "reason", None) or error
-                    raise UserError(
-                        f"{url}: not received ({reason}); try again to go on, or {by_hand}"
-                    ) from error
-        if sha256 is not None and (actual := sha256_of(part)) != sha256:
-            part.unlink()
-            raise UserError(
-                f"{url}: sha256 {actual[:12]}... instead of {sha256[:12]}...: "
-                f"corrupted or another file; {by_hand}"
-            )
-        replace_durably(part, path)
+    try:
+        import pooch
+        from requests import HTTPError
+    except ImportError:
+        text = "pooch is not installed: pip install 'genie-sim[fetch]'"
+        raise UserError(f"import fetch: {text}") from None
+    pooch.get_logger().setLevel("WARNING")
+    path = folder / url.rpartition("/")[2]
+    if path.exists() and not path.is_file():
+        raise UserError(f"{path}: cannot be written: no file of that name")
+    by_hand = f"{url}: not received; to do it by hand, put it, a ZIP unpacked, into --out"
+    downloader = pooch.HTTPDownloader(
+        progressbar=_Counted(url, most_bytes, progress),
+        chunk_size=CHUNK_BYTES,
+        timeout=TIMEOUT_S,
+        headers={"User-Agent": "genie-sim", "Accept-Encoding": "identity"},
+    )
+    with as_user_error(by_hand, OSError, ValueError, most=MAX_REASON):
+        try:
+            pooch.retrieve(url, sha256, path.name, folder, downloader=downloader)
+        except HTTPError as error:
+            if error.response is not None and error.response.status_code in (403, 404):
+                raise NotThere(f"{by_hand}: {error.response.status_code}") from error
+            raise
+    return path
+
+
+class _Counted:
+    """What pooch calls as bytes come. Raises UserError where they are more than ``most_bytes``."""
+
+    total = 0
+
+    def __init__(self, url: str, most_bytes: int, progress: Progress) -> None:
+        self._url, self._most_bytes, self._progress = url, most_bytes, progress
+        self._done = 0
+
+    def update(self, size_bytes: int) -> None:
+        # a chunk counts as a whole one, and may be the last
+        most_bytes = self._most_bytes
+        if max(self.total, self._done) > most_bytes:
+            raise UserError(f"{self._url}: more than {most_bytes:,} bytes: another file")
+        self._done += size_bytes
+        done = min(self._done, self.total or self._done)
+        self._progress(done, self.total or done, "")
+
+    def reset(self) -> None:
+        self._done = 0
+
+    def close(self) -> None:
+        pass
 
 
 def unpack(archive: Path, folder: Path) -> list[Path]:
@@ -226,29 +242,3 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
             if wrong:
                 raise UserError(f"{archive}: {entry.filename!r} {why}")
         names.add(str(name).lower())
-
-
-def _receive(url: str, part: Path, progress: Progress, size_bytes: int | None) -> None:
-    size_here = part.stat().st_size if part.is_file() else 0
-    headers = {"User-Agent": "genie-sim"}
-    if size_here:
-        headers["Range"] = f"bytes={size_here}-"
-    request = Request(url, headers=headers)
-    with urlopen(request, timeout=TIMEOUT_S) as answer:
-        range_ = answer.headers.get("Content-Range") or ""
-        is_rest = answer.status == 206 and range_.startswith(f"bytes {size_here}-")
-        goes_on = size_here > 0 and is_rest
-        done = size_here if goes_on else 0
-        length = answer.headers.get("Content-Length")
-        total = done + int(length) if length and re.fullmatch("[0-9]{1,18}", length) else size_bytes
-        if size_bytes is not None and total is not None and total > size_bytes:
-            raise UserError(f"{url}: {total:,} bytes instead of {size_bytes:,}: another file")
-        with part.open("ab" if goes_on else "wb") as file:
-            while chunk := answer.read(CHUNK_BYTES):
-                done += len(chunk)
-                if size_bytes is not None and done > size_bytes:
-                    raise UserError(f"{url}: more than {size_bytes:,} bytes: another file")
-                file.write(chunk)
-                progress(done, total or done, "")
-        if total is not None and done < total:
-            raise ConnectionError(f"the connection ended after {done:,} of {total:,} bytes")

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.geometry import Array
 from genie_sim.base.paths import read_text
-from genie_sim.core.geometry import Array
 
 MAX = 1e9  # no number in KITTI's files is larger
 MAX_SIDE_PX = 10_000  # of a picture

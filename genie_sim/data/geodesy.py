@@ -10,7 +10,7 @@ import numpy as np
 import pymap3d
 
 from genie_sim.base.errors import UserError
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy
+from genie_sim.base.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy
 from genie_sim.data.files import numbers
 
 OXTS_VALUES = 30  # of a packet; the first six say where the unit is and how it is turned

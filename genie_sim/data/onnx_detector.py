@@ -17,10 +17,10 @@ from typing import Any, ClassVar, NamedTuple
 import cv2
 import numpy as np
 
+from genie_sim.base.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory, unknown
+from genie_sim.base.features import packed
 from genie_sim.base.parallel import limited_memory
-from genie_sim.core.caches.features import packed
-from genie_sim.core.classes import CANONICAL, NO_CLASS, ROAD_LABELS
 from genie_sim.core.messages import Box
 from genie_sim.data.onnx_files import read_network
 from genie_sim.data.trace import SCORE_DECIMALS

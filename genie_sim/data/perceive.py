@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from genie_sim.base.classes import SIZES, VEHICLES
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.core.classes import SIZES, VEHICLES
-from genie_sim.core.geometry import Geodetic
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings, ImageDetector
 from genie_sim.data.kitti import (

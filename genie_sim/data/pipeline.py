@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, TypeVar
 import cv2
 import numpy as np
 
+from genie_sim.base.features import packed
+from genie_sim.base.geometry import Array, transform
 from genie_sim.base.paths import read_bytes
-from genie_sim.core.caches.features import packed
-from genie_sim.core.geometry import Array, transform
 from genie_sim.core.messages import Encoding
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectedBox, ImageDetector

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.core.classes import SIZES, VEHICLES
-from genie_sim.core.geometry import Array, ray
+from genie_sim.base.classes import SIZES, VEHICLES
+from genie_sim.base.geometry import Array, ray
 from genie_sim.core.messages import Box, Location
 from genie_sim.data import shape
 

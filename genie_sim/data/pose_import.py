@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, Union
 
 import numpy as np
 
+from genie_sim.base.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn, FileTable
 from genie_sim.base.units import NS_PER_S, NS_PER_US
-from genie_sim.core.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
 from genie_sim.data.trace import (
@@ -37,7 +37,7 @@ from genie_sim.data.trace import (
     write_trace,
 )
 from genie_sim.data.trace_report import tell_distances
-from genie_sim.data.truth_table import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 if TYPE_CHECKING:
     import pandas

@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from genie_sim.core.classes import Size
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import Size
+from genie_sim.base.geometry import Array
 
 TURNS_RAD = np.deg2rad(np.arange(0, 90, 3))
 TURNED_AXES = np.column_stack([np.cos(TURNS_RAD), np.sin(TURNS_RAD)])

@@ -5,9 +5,9 @@ that it gives to cars. ``sources`` has the shipped ones.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.grid import Area
 from genie_sim.base.progress import Progress
-from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding, Frame
 
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
-from genie_sim.core.geometry import Geodetic
 from genie_sim.core.messages import Encoding
 from genie_sim.data.source import Frames, FrameSource
 
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace
-    from genie_sim.data.truth_table import RecordedTruth, TruthTable
+    from genie_sim.data.truth import RecordedTruth, TruthTable
 
 SOURCES: dict[str, str] = {
     "recorded": "genie_sim.data.sources:Recorded",
@@ -117,7 +117,7 @@ class Recordings(Frames):
 
     def drive(self, car: str, trace: str | None, start_ns: int) -> "Trace":
         from genie_sim.data.trace import read_trace
-        from genie_sim.data.truth_table import truth_beside
+        from genie_sim.data.truth import truth_beside
 
         if trace not in self._read:
             path = self.path if trace is None else files.find(files.TRACE, trace)
@@ -133,7 +133,7 @@ class Recordings(Frames):
         return self._read[trace]
 
     def truth_of(self, drive: "Trace") -> "RecordedTruth | None":
-        from genie_sim.data.truth_table import RecordedTruth
+        from genie_sim.data.truth import RecordedTruth
 
         digest = drive.digest
         if digest in self._truths and digest not in self._known:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.paths import remembered
-from genie_sim.core.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.core.messages import Box, CameraPose, Detection
 from genie_sim.data import world_table
 from genie_sim.data.source import Drive
@@ -59,7 +59,7 @@ class TraceFrame:
     ``sensor_msgs/Image``, or of the encoded picture in which things were found, ``digest`` the
     sha256 of the image file, ``dhash`` the unsigned 64-bit difference hash of the grey image.
     ``pose`` is the camera's centre in the trace's east-north-up frame with the heading of its
-    optical axis. ``features`` are short vectors by name, as ``core.caches.features`` packs them; a
+    optical axis. ``features`` are short vectors by name, as ``base.features`` packs them; a
     trace may have none. A frame of ``kind`` ``lidar`` has no picture: width and height are 0,
     ``size_bytes`` is that of its scan, and its field of view may be a whole turn.
     """

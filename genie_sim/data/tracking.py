@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.core.geometry import Array, Geodetic, inverse, rigid
+from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.data.files import matrices, named_rows, picture_size
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 

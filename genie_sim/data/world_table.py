@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.units import MAX_M
-from genie_sim.core.geometry import Geodetic
 
 if TYPE_CHECKING:
     import pyarrow

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from genie_sim.core.matching import SAME_M
+from genie_sim.base.matching import SAME_M
 from genie_sim.judge.joins import GroupedPlaces, matches, near
 from genie_sim.judge.objects import Objects
 from genie_sim.record.columns import Codes, Columns, Text

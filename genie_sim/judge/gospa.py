@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from genie_sim.core.matching import Near
+from genie_sim.base.matching import Near
 from genie_sim.judge.joins import Array, Pairs
 
 GOSPA_CUT_M = 5.0

@@ -20,7 +20,7 @@ from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
 from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
 from genie_sim.judge.objects import UNKNOWN, Objects
 from genie_sim.judge.recent_places import RecentPlaces
-from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible, are_there
+from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
 from genie_sim.record.columns import Codes, Columns, Text
 from genie_sim.record.records import CONSUMER, ZERO_DELAY
 from genie_sim.record.tables import Table
@@ -218,8 +218,9 @@ class MapAccuracy:
             if scenes:
                 frames = [of.image.content for of in scenes]
                 of_rows = [labels[code] for code in places.group[rows].tolist()]
-                place = places.east_m[rows], places.north_m[rows]
-                result[rows] = are_there(scenes[0].truth, frames, of_rows, place)
+                result[rows] = scenes[0].truth.are_there(
+                    frames, of_rows, places.east_m[rows], places.north_m[rows]
+                )
         return result
 
     def _were_there(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import class_of
+from genie_sim.base.classes import class_of
 from genie_sim.core.messages import Detection
 from genie_sim.judge.joins import Array
 from genie_sim.record.columns import Codes

@@ -31,9 +31,7 @@ class RealObject(Protocol):
 class DriveTruth(Protocol):
     """What is really there on one car's drive.
 
-    It is asked after the instants that it is asked about. One with a method ``are_there``, which
-    takes sequences of frames and labels and arrays of places [m] and returns an array of flags, is
-    asked about many objects at once.
+    It is asked after the instants that it is asked about.
     """
 
     @property
@@ -50,27 +48,12 @@ class DriveTruth(Protocol):
     def visible(self, frame: Frame) -> Sequence[RealObject]:
         """What the frame's camera can see."""
 
-    def is_there(self, frame: Frame, label: str, east_m: float, north_m: float) -> bool:
-        """Whether anything of a class, visible or not, is within ``reach_m`` of a place when the
-        frame is taken.
+    def are_there(
+        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        """Whether anything of a class, visible or not, is within ``reach_m`` of a place when its
+        frame is taken, for each of (n,) places.
         """
-
-
-def are_there(
-    truth: DriveTruth,
-    frames: Sequence[Frame],
-    labels: Sequence[str],
-    places: tuple[Array, Array],
-) -> Array:
-    """Whether anything of a class is within reach of each place, east and north [m], in its
-    frame.
-    """
-    at_once = getattr(truth, "are_there", None)
-    if at_once is not None:
-        flags: Array = at_once(frames, labels, *places)
-        return flags
-    asked = zip(frames, labels, *(column.tolist() for column in places), strict=True)
-    return np.array([truth.is_there(*of_one) for of_one in asked], dtype=bool)
 
 
 class JudgedScene(NamedTuple):

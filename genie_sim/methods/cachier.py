@@ -7,15 +7,15 @@ from itertools import accumulate
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node, stores_nothing
-from genie_sim.core.caches.nearest import FeatureKey, Nearest
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.messages import Answer
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
+from genie_sim.methods.nearest import FeatureKey, Nearest
 from genie_sim.methods.remote import Remote
 from genie_sim.methods.similarity import SimilarityCaching, at_least
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache, cache_node, stores_nothing
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, HostConfig, HostContext
 
 GAIN = 1 / 8  # of the mean of the cloud's times, as TCP's of round-trip times (RFC 6298)

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import partial
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.core.caches.cache import stores_nothing
 from genie_sim.core.genies import make_genie
 from genie_sim.core.node import GenieNode
+from genie_sim.methods.similarity_cache import stores_nothing
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
     IMAGES,

@@ -4,11 +4,11 @@
 
 import math
 
-from genie_sim.core.caches.cache import AnswerObjects, Replay, SimilarityCache, same
-from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
+from genie_sim.methods.similarity_cache import AnswerObjects, Replay, SimilarityCache, same
 from genie_sim.sim.method import HostContext
 
 

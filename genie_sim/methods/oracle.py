@@ -7,8 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import partial
 
-from genie_sim.core.caches.cache import SAME_F1
-from genie_sim.core.matching import SAME_M, Placed, f1, placed
+from genie_sim.base.matching import SAME_M, Placed, f1, placed
 from genie_sim.core.messages import (
     Detection,
     Detections,
@@ -19,6 +18,7 @@ from genie_sim.core.messages import (
     Publish,
 )
 from genie_sim.methods.similarity import LocalAndRemote
+from genie_sim.methods.similarity_cache import SAME_F1
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
 
 Cell = tuple[str, int, int]  # class, and east and north in multiples of SAME_M

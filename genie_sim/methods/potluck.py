@@ -6,12 +6,12 @@ from collections.abc import Hashable
 
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.caches.cache import Replay, SimilarityCache, same
-from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import TTL
 from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache, same
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 

@@ -3,11 +3,11 @@ Vassilvitskii, PODS 2009).
 """
 
 from genie_sim.base.seeds import Draws
-from genie_sim.core.caches.cache import Replay, SimilarityCache
-from genie_sim.core.caches.nearest import FeatureKey
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity import SimilarityCaching, at_least
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 

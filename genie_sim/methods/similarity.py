@@ -4,10 +4,10 @@ import math
 from functools import partial
 from typing import Any
 
-from genie_sim.core.caches.cache import Replay, SimilarityCache, cache_node
-from genie_sim.core.caches.nearest import Nearest, key_of
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
+from genie_sim.methods.nearest import Nearest, key_of
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache, cache_node
 from genie_sim.sim.method import (
     LOCAL,
     REMOTE,

@@ -154,13 +154,13 @@ class Shown:
         low, high = 0.8 * min(y.min() for y in drawn), 1.25 * max(y.max() for y in drawn)
         for row, (cluster, scenarios) in zip(grid, clusters.items(), strict=True):
             for axis, scenario in zip(row, scenarios, strict=True):
-                for place, (number, method) in enumerate(zip(styles, METHODS, strict=True)):
+                for number, method in zip(styles, METHODS, strict=True):
                     points = self.curves.get(Key(scenario, "time", method.name))
                     if points is None:
                         continue
                     look = style.method_line(number) | {
                         "marker": style.method_marker(number),
-                        "markevery": (0.1 + 0.1 * place, 0.3),
+                        "markevery": [len(points.y) * part // 100 for part in (20, 50, 80)],
                         "markersize": 3.5,
                     }
                     ends = [points.y[0], *points.y, high]
@@ -173,9 +173,9 @@ class Shown:
                 narrow = drawing.is_narrow(self.width_in) and columns > 1
                 drawing.logarithmic_x(axis, low, high, (1,) if narrow else (1, 2, 5))
                 axis.set_xlabel("response time [ms]")
-                axis.set_ylabel(f"{cluster},\nshare of frames")
+                axis.set_ylabel(f"{cluster}\nCDF")
                 axis.label_outer()
-        note = "time from the camera's stamp to the first answer, of answered frames"
+        note = "answered frames: time from the camera's stamp to the first answer (logarithmic)"
         return self._finish(figure, "Response times of answered frames", note)
 
     def _reuse(self, what: str) -> Figure:
@@ -231,14 +231,14 @@ class Shown:
         clusters = self.clusters
         figure, grid = self._panels(1, len(clusters), 1.6, sharex=True, sharey=True)
         for axis, (cluster, scenarios) in zip(grid[0], clusters.items(), strict=True):
-            for placement, place in PLACES.items():
-                for scenario in scenarios:
+            for scenario in scenarios:
+                for placement, place in PLACES.items():
                     points = self.curves.get(Key(scenario, "boost", placement))
                     if points is not None:
                         number = int(scenario[0]) - 1
                         look = CAR_LINES[number] | PLACE_LINES[placement]
                         look |= {"markersize": 3, "markevery": (0.08 + 0.06 * number, 0.25)}
-                        axis.plot(*points, label=f"{place}, {_cars(scenario)}", **look)
+                        axis.plot(*points, label=f"{_cars(scenario)}, {place}", **look)
             axis.set_title(cluster)
             axis.set_xlabel(EVENTS)
             axis.set_ylabel("confidence boost")

@@ -1,6 +1,7 @@
 """The one table of the paper as text: in Markdown, for a terminal, as CSV, for a notebook."""
 
 import textwrap
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,43 +10,53 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
-from genie_sim.paper.claims import KINDS, SECTIONS, differing, sentences
+from genie_sim.paper.claims import HOLDS, KINDS, NO, PARTLY, SECTIONS, differing, sentences
 from genie_sim.paper.evidence import MIN_SEEDS
 from genie_sim.record import provenance
 
 FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
-VERDICTS = "verdicts.json"
-HEADINGS = ["", "the paper says", "paper", "here", "", "why", "shown by"]
-IN_SHORT = ("C1", "C3", "C11", "C12", "C14")  # the rows of the README
+VERDICTS, DOCUMENT = "verdicts.json", "verdicts.md"
+HEADINGS = ["", "the paper says", "paper", "here", "verdict", "why", "shown by"]
+IN_SHORT = ("C1", "C3", "C11", "C12", "C26")  # the rows of the README
 
 Row = Mapping[str, Any]
 
 
 def read_rows(folder: Path) -> list[dict[str, Any]]:
     """The verdicts of a result folder. Raises ``UserError``, also for an earlier version's."""
-    about = provenance.read_json(folder / "run.json")
-    rows: list[dict[str, Any]] = provenance.read_json(folder / VERDICTS)
+    read_about(folder)
+    rows: list[dict[str, Any]] = provenance.read_json(provenance.contained(folder, VERDICTS))
+    return rows
+
+
+def read_about(folder: Path) -> dict[str, Any]:
+    """What an evaluation says of itself. Raises ``UserError``, also for an earlier version's."""
+    about = provenance.read_json(provenance.contained(folder, "run.json"))
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         raise UserError(
             f"{folder}: an evaluation by another version, whose numbers mean other things; "
             "genie-sim reproduce makes it again"
         )
-    return rows
+    return about
 
 
 def number(row: Row) -> str:
-    """The number with its unit and interval: ``85.0 % (84.9 to 85.1)``."""
+    """The number with its unit and interval: ``85.3 % (84.9 to 85.7)``; an interval whose ends
+    round to the number is left out.
+    """
     if row["value"] is None:
         return "not run"
     unit = f" {row['unit']}" if row["unit"] else ""
-    if row["low"] is None or row["low"] == row["high"]:
-        return f"{_digits(row['value'])}{unit}"
-    ends = f"{_digits(row['low'])} to {_digits(row['high'])}"
-    return f"{_digits(row['value'])}{unit} ({ends})"
+    sign = "+" if row["unit"] == "points" else ""
+    value = _digits(row["value"], sign)
+    if row["low"] is None:
+        return f"{value}{unit}"
+    low, high = _digits(row["low"], sign), _digits(row["high"], sign)
+    return f"{value}{unit}" if low == value == high else f"{value}{unit} ({low} to {high})"
 
 
-def _digits(value: float) -> str:
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+def _digits(value: float, sign: str) -> str:
+    return f"{value:{sign}.3g}" if abs(value) < 1000 else f"{value:{sign},.0f}"
 
 
 def verdict(row: Row) -> str:
@@ -92,18 +103,20 @@ def _markdown(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return renderers.markdown(ResultTable.of_texts(HEADINGS, lines)).rstrip()
+    return renderers.markdown_rows([HEADINGS, *lines], [False] * 6)
 
 
 def in_short(rows: Sequence[Row]) -> str:
-    """The five rows of the README."""
+    """The five rows of the README, and how many of all claims hold."""
     lines = [
-        [row["claim"], row["paper"], number(row), f"**{verdict(row)}**", row["why"]]
+        [_says(row), row["paper"], number(row), f"**{verdict(row)}**", row["why"]]
         for row in rows
         if row["id"] in IN_SHORT
     ]
-    table = ResultTable.of_texts(["the paper says", "paper", "here", "", "why"], lines)
-    return renderers.markdown(table).rstrip()
+    table = renderers.markdown_rows([HEADINGS[1:-1], *lines], [False] * 4)
+    counts = Counter(row["verdict"] for row in rows)
+    held = f"{counts[HOLDS]} hold, {counts[PARTLY]} partly, {counts[NO]} do not"
+    return f"{table}\n\nOf all {len(rows)} claims {held}."
 
 
 def notes(rows: Sequence[Row]) -> list[str]:

@@ -25,7 +25,7 @@ from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
 from genie_sim.record.results import Run
-from genie_sim.report import html_page
+from genie_sim.report import template
 from genie_sim.report.result import Result, cells_of
 from genie_sim.scenario.yaml_input import read_mapping
 
@@ -37,7 +37,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 QUICK_SEEDS = 2
+FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
 FILES = (numbers.FILE, curves.FILE, printed.VERDICTS)  # what is read, besides run.json
+# what is derived from the numbers
+SHOWN = (printed.DOCUMENT, template.NAME, *(f"figures/{name}.svg" for name in FIGURES))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,7 +76,7 @@ class Reproduction(Suggesting, Result):
         """See ``Result``."""
         with provenance.of_this_version(folder):
             rows = printed.read_rows(folder)
-            about = provenance.read_json(folder / "run.json")
+            about = printed.read_about(folder)
             changed = provenance.changed_files(folder, about.get("digests"), FILES)
             provenance.refuse_changed(folder, changed, allow_changed)
             drawn = curves.read(folder / curves.FILE)
@@ -228,8 +231,9 @@ def reproduce(
     }
     made = Reproduction(judge(Evidence(measured)), measured, drawn, about)
     if out is not None:
-        with provenance.result_folder(out) as folder:
+        with provenance.result_folder(out, SHOWN) as folder:
             write(folder, made)
+        show(out, made)
     return replace(made, folder=out)
 
 
@@ -239,17 +243,27 @@ def declared_seeds() -> tuple[int, ...]:
 
 
 def write(folder: Path, made: Reproduction) -> None:
-    """Writes numbers first, then what is derived from them. Raises ``UserError``."""
-    from genie_sim.analysis.figures import save_all
-
+    """Writes the numbers. Raises ``UserError``."""
     numbers.write(folder, made.numbers)
     curves.write(folder / curves.FILE, made.curves)
     provenance.write_json(folder / printed.VERDICTS, made.rows)
     inputs = {path.name: sha256_of(path) for path in sources.INPUTS}
     digests = provenance.digests(folder, FILES)
     provenance.write_json(folder / "run.json", {**made.about, "inputs": inputs, "digests": digests})
-    accuracy = page.accuracy(Evidence(made.numbers))
-    document = printed.document(made.rows, accuracy, made.about["edited"])
-    (folder / "verdicts.md").write_text(document, encoding="utf-8")
-    save_all(made.figures(), folder / "figures", ["svg"])
-    html_page.write_text(folder / html_page.NAME, page.page(made))
+
+
+def show(folder: Path, made: Reproduction) -> None:
+    """Writes what is derived from the numbers in the folder. Raises ``NotDerivedError``."""
+    from genie_sim.analysis.figures import save_all
+
+    drawn = None
+    with provenance.derived(folder) as attempt:
+        with attempt(printed.DOCUMENT):
+            accuracy = page.accuracy(Evidence(made.numbers))
+            document = printed.document(made.rows, accuracy, made.about["edited"])
+            template.write(folder / printed.DOCUMENT, document)
+        with attempt("figures"):
+            drawn = made.figures()
+            save_all(drawn, provenance.contained(folder, "figures"), ["svg"])
+        with attempt(template.NAME):
+            template.write(folder / template.NAME, page.page(made, drawn))

@@ -20,6 +20,7 @@ from genie_sim.paper.curves import Key, Points
 from genie_sim.paper.evidence import BASE
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.paper.watch import WorldObserver
+from genie_sim.record import provenance
 from genie_sim.record.results import MetricValue
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
@@ -68,8 +69,8 @@ class EvaluationRun(PointRun):
         ]
 
     def curves(self, study: Path) -> Path:
-        """The file of its curves."""
-        return study / "curves" / f"{self.run_id}.parquet"
+        """The file of its curves. Raises ``UserError`` where a link leads elsewhere."""
+        return provenance.contained(study, f"curves/{self.run_id}.parquet")
 
     def is_kept(self, study: Path) -> bool:
         """Whether its curves are there, or it has none."""

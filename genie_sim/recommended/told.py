@@ -13,7 +13,7 @@ from genie_sim.base.settings import Bounds, Share
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.tracks.track import COAST_NS, VEHICLE, MotionClass, Track, kind_of
 
-SAME_M = 2.0  # told objects of a class this near to each other are one
+SAME_TOLD_M = 2.0  # told objects of a class this near to each other are one
 FASTEST_MPS = 2.0 * VEHICLE.v_max_mps  # no track is faster
 OLD_NS = 1_500_000_000  # what was seen longer ago is not served
 
@@ -126,7 +126,7 @@ class ToldTracks:
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
                 or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
-                or _is_near(believed, kind, east_m, north_m, within_m=SAME_M)
+                or _is_near(believed, kind, east_m, north_m, within_m=SAME_TOLD_M)
                 or self._contradicted(told.label, east_m, north_m, seen_ns)
             ):
                 continue

@@ -20,10 +20,10 @@ from genie_sim.core.messages import (
     ObjectLookups,
     Observation,
 )
-from genie_sim.core.monitor import FaultSpan, HostUsage, Placement, Resource, Samples, Span
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FaultRow, HostRow, LookRow, Tables
 from genie_sim.record.tables import Value
+from genie_sim.sim.monitor import FaultSpan, HostUsage, Placement, Resource, Samples, Span
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 

@@ -178,11 +178,11 @@ class NotDerivedError(UserError):
 
 @contextmanager
 def derived(folder: Path) -> Iterator[Attempt]:
-    """What is made of results that are kept, whatever becomes of it: each thing is made within a
-    ``with`` of its own, which says its name.
+    """What is made of the results in a folder, which are kept whatever becomes of it: each thing is
+    made within a ``with`` of its own, which says its name.
 
     Raises ``NotDerivedError`` at the end if one could not be made, whatever a library raised; a
-    line has told why.
+    line has told why. Ctrl-C says what is kept.
     """
     missing = []
 
@@ -195,6 +195,8 @@ def derived(folder: Path) -> Iterator[Attempt]:
             why = str(error) if is_told else f"{name}: {type(error).__name__}: {first_line(error)}"
             log.error("%s", one_line(why.removeprefix(f"{folder}{os.sep}")))
             missing.append(name)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"the results are kept in {folder}, without {name}") from None
 
     yield attempt
     if missing:
@@ -202,19 +204,16 @@ def derived(folder: Path) -> Iterator[Attempt]:
 
 
 @contextmanager
-def result_folder(
-    final: Path, stale: Callable[[Path, Path], Collection[str]] = lambda *_: ()
-) -> Iterator[Path]:
+def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
     """A folder to fill, which takes the place of ``final`` once it is complete and on the disk, and
-    vanishes if that fails. It is complete with a ``NotDerivedError``, too. What killed processes
-    have left beside it is cleared away.
+    vanishes if that fails. What killed processes have left beside it is cleared away.
 
-    Of an earlier result in that place the files that it had written go, and those whose names are
-    ``stale`` of it and the new one; all others are somebody's and stay.
+    Of an earlier result in that place the files that it had written go, and, unless the new one has
+    its label and its bytes, those whose names are ``shown``, which were made of them; all others
+    are somebody's and stay.
     """
     check_replaceable(final)
     partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
-    incomplete = None
     try:
         with ExitStack() as locks:
             with usable(final):
@@ -223,12 +222,9 @@ def result_folder(
                     _clear_away(final.parent)
                     partial.mkdir()
                     locks.enter_context(locked(partial))
-            try:
-                yield partial
-            except NotDerivedError as error:
-                incomplete = error
+            yield partial
             with usable(final):
-                _take_over(final, partial, stale(final, partial))
+                _take_over(final, partial, shown)
                 _sync(partial)
                 _take_place(partial, final)
                 sync_folder(final.parent)
@@ -238,16 +234,16 @@ def result_folder(
         raise UserError(str(error).replace(str(partial), str(final))) from error
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-    if incomplete is not None:
-        raise NotDerivedError(str(incomplete).replace(str(partial), str(final)))
 
 
-def _take_over(earlier: Path, folder: Path, stale: Collection[str]) -> None:
+def _take_over(earlier: Path, folder: Path, shown: Collection[str]) -> None:
     """Files of an earlier result that are not its own come into the folder, too."""
     if earlier.is_symlink() or not earlier.is_dir():
         return
-    with suppress(UserError):
-        stale = {*stale, *read_run_json(earlier).get("digests", ()), "run.json"}
+    before, now = _about(earlier), _about(folder)
+    keys = ("run_id", "label", "digests")
+    is_same = bool(now) and all(before.get(key) == now.get(key) for key in keys)
+    stale = {*before.get("digests", ()), "run.json", *(() if is_same else shown)}
     for where, folders, files in os.walk(earlier):
         for path in (Path(where, name) for name in (*folders, *files)):
             name = path.relative_to(earlier)
@@ -263,6 +259,15 @@ def _take_over(earlier: Path, folder: Path, stale: Collection[str]) -> None:
                     os.link(path, folder / name)
                 except OSError:  # a file system without links
                     shutil.copy2(path, folder / name)
+
+
+def _about(folder: Path) -> dict[str, Any]:
+    """What a result says of itself; nothing where it cannot be read."""
+    with suppress(UserError):
+        about = read_json(contained(folder, "run.json"))
+        if isinstance(about, dict) and isinstance(about.get("digests"), dict):
+            return about
+    return {}
 
 
 def _sync(folder: Path) -> None:

@@ -143,10 +143,9 @@ class ResourceRow(NamedTuple):
     resource: Annotated[
         str,
         "",
-        "for example edge1.accelerator, edge1.cell_up, car1.channel, car1->edge1, car1->*, "
-        "car1/genie:/image_raw",
+        "for example edge1.accelerator, edge1.cell_up, car1->edge1, car1/genie:/image_raw",
     ]
-    kind: Annotated[str, "", "accelerator, cpu, link, cell, channel or queue"]
+    kind: Annotated[str, "", "accelerator, cpu, link, cell or queue"]
     capacity: Annotated[
         Int32 | None,
         "",
@@ -155,14 +154,14 @@ class ResourceRow(NamedTuple):
     busy_ns: Annotated[
         int,
         "ns",
-        "time spent serving, summed over the servers; of a channel, heard busy",
+        "time spent serving, summed over the servers",
     ]
     queue: Annotated[
         Int32,
         "messages",
-        "waiting now; of a cell, the cars that send now; of a channel, those heard",
+        "waiting now; of a cell, the cars that send now",
     ]
-    completed: Annotated[int, "messages", "served so far; of a channel, received"]
+    completed: Annotated[int, "messages", "served so far"]
     dropped: Annotated[int, "messages", "lost or pushed out so far"]
     bytes: Annotated[int | None, "B", "carried so far; null: neither a link nor a cell"]
     queue_ns: Annotated[int, "ns", "time waited so far, summed over the messages"]

@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, Self
 
 from genie_sim.analysis import compare as comparing
 from genie_sim.analysis import compare_tables, registry
-from genie_sim.analysis.style import PAGE_IN
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
 from genie_sim.record import provenance, results
-from genie_sim.report import comparison, html_page, notebook
+from genie_sim.report import comparison, notebook, template
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -87,8 +86,8 @@ class Result(ABC):
             raise UserError(
                 "report: a result without a folder needs a path, such as .report('report.html')"
             )
-        where = (self.folder or Path()) / html_page.NAME if path is None else expanded(path)
-        html_page.write_text(where, self.page())
+        where = (self.folder or Path()) / template.NAME if path is None else expanded(path)
+        template.write(where, self.page())
         return where
 
     def compare(self, methods: Sequence[str] = ()) -> "Comparison":
@@ -238,8 +237,6 @@ def figure_of_runs(run: Any, footer: str, name: str, width_in: float | None) -> 
     if name not in makers and name in {*registry.METRICS, *measured}:
         return metric_values(name, run.measured, run.methods, footer, width_in)
     draw = named(name, makers)
-    if name == "resources" and width_in is not None and width_in < PAGE_IN:
-        raise UserError("--width: the figure resources needs a page: leave --width out")
     figure: Figure = draw()
     return figure
 

@@ -7,6 +7,7 @@ from typing import Literal
 from genie_sim.base.plugins import Choice
 from genie_sim.core.messages import Encoding, Frame
 from genie_sim.data.source import Drive
+from genie_sim.links.presets import LINKS
 from genie_sim.runs.prepare import Prepared
 from genie_sim.scenario.faults import timed
 from genie_sim.scenario.methods import MethodEntry
@@ -15,8 +16,7 @@ from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
-from genie_sim.sim.link_models import LinkModel, Medium
-from genie_sim.sim.link_models.presets import LINK, LINKS
+from genie_sim.sim.link_model import LINK, LinkModel
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
 from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
@@ -38,7 +38,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         for name, profile in prepared.devices.items()
     }
     # One model for all equal links: a fleet has one, and very many cars.
-    links = _links(scenario)
+    links = {car.name: car.link for car in scenario.cars if car.link is not None}
     choices = {repr(choice): choice for choice in links.values()}
     models = {key: link_model(choice) for key, choice in choices.items()}
     return Setup(
@@ -49,7 +49,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         cameras=scenario.cameras,
         frames={car.name: prepared.drives[car.name].frames for car in scenario.cars},
         devices=devices,
-        links={ends: models[repr(choice)] for ends, choice in links.items()},
+        links={car: models[repr(choice)] for car, choice in links.items()},
         edge_network=link_model(settings.edge_network),
         laws=prepared.laws,
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
@@ -61,30 +61,13 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     )
 
 
-def _links(scenario: Scenario) -> dict[tuple[str, str], Choice]:
-    """The link of each uplink, by car and edge, the further ones last."""
-    links = {
-        (car.name, car.edge): car.link
-        for car in scenario.cars
-        if car.edge is not None and car.link is not None
-    }
-    for car in scenario.cars:
-        links |= {(car.name, further.edge): further.link for further in car.further_uplinks}
-    return links
-
-
 def _interfaces(scenario: Scenario) -> dict[str, Interface]:
-    """The network interface of each car with an edge, where its kind is known, and one for all of
-    its uplinks.
-    """
+    """The network interface of each car with an edge, where its kind is known."""
     interfaces = {}
     for car in scenario.cars:
         if car.link is None:
             continue
-        links = [car.link, *(further.link for further in car.further_uplinks)]
-        named = None if scenario.interface == "auto" else scenario.interface
-        names = {named or _interface_of(link) for link in links}
-        name = names.pop() if len(names) == 1 else None
+        name = _interface_of(car.link) if scenario.interface == "auto" else scenario.interface
         if name is not None:
             interfaces[car.name] = Interface(name, INTERFACES[name].tail_time_ns)
     return interfaces
@@ -156,7 +139,7 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
     return ServiceTime(median_ns, law.loc, law.sigma)
 
 
-def link_model(choice: Choice) -> LinkModel | Medium:
+def link_model(choice: Choice) -> LinkModel:
     """The model of a link. Raises ``UserError``."""
-    model: LinkModel | Medium = LINK.make(choice)
+    model: LinkModel = LINK.make(choice)
     return model

@@ -3,8 +3,7 @@
 import logging
 import tempfile
 import time
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,22 +58,10 @@ def run_to_folder(
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
-    with provenance.result_folder(folder, stale) as unfinished:
+    with provenance.result_folder(folder, SHOWN) as unfinished:
         run = write(unfinished, prepared, run_id, progress=progress, label=label, workers=workers)
-        output.write(run, unfinished)
+    output.write(run, folder)
     return replace(run, folder=folder)
-
-
-def stale(earlier: Path, now: Path) -> Collection[str]:
-    """The names of the page and the figures of an earlier result, unless the label and every byte
-    of the tables are the same.
-    """
-    keys = ("run_id", "label", "digests")
-    with suppress(UserError):
-        before, after = (provenance.read_run_json(folder) for folder in (earlier, now))
-        if all(before.get(key) == after.get(key) for key in keys):
-            return ()
-    return SHOWN
 
 
 def run_in_memory(
@@ -163,12 +150,12 @@ def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
     """
     provenance.check_writable(out)
     folder = out / f"{run.name}-{run.run_id}"
-    with provenance.result_folder(folder, stale) as unfinished:
+    with provenance.result_folder(folder, SHOWN) as unfinished:
         for name, schema in SCHEMAS.items():
             write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
         rows = {name: len(run.tables[name]) for name in SCHEMAS}
         _keep(unfinished, run, {"rows": rows})
-        output.write(run, unfinished)
+    output.write(run, folder)
     return folder
 
 

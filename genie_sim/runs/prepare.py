@@ -18,7 +18,7 @@ from genie_sim.scenario import checks
 from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
-from genie_sim.sim.link_models.presets import LINK
+from genie_sim.sim.link_model import LINK
 from genie_sim.sim.method import Method
 from genie_sim.sim.topology import ALL_SHARE, NEAREST
 from genie_sim.tracks.laws import DetectorLaws

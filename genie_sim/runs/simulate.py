@@ -14,7 +14,6 @@ from genie_sim.base.errors import UserError, first_line
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
-from genie_sim.core.monitor import Samples
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.objects import Objects
@@ -28,6 +27,7 @@ from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.monitor import Samples
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.world import World, answered_cars
 

@@ -13,9 +13,9 @@ from itertools import pairwise
 
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.features import feature_of
 from genie_sim.base.settings import SettingError, join, own_arguments
-from genie_sim.base.units import DURATIONS, NS_PER_S, duration_text, frame_rate_text
-from genie_sim.core.caches.features import feature_of
+from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
@@ -23,7 +23,7 @@ from genie_sim.scenario.methods import MethodEntry, method_class
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
-from genie_sim.sim.link_models.presets import LINK
+from genie_sim.sim.link_model import LINK
 from genie_sim.sim.settings import EDGES, Car, Route, check_unique
 
 log = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 # The longest time that a scenario may simulate. The frames of one car over that time fill a
 # computer's memory; more is almost certainly a unit error and would be noticed only after hours.
 MAX_DAYS = 30
-DAY_NS = 24 * DURATIONS["h"]
+DAY_NS = 24 * 3600 * NS_PER_S
 SAME_RATE = 1e-6  # times as many pictures as were recorded are as many
 
 
@@ -120,14 +120,6 @@ def _check_cars(scenario: Scenario) -> None:
             raise SettingError(f"cars[{index}].name", text)
         if car.edge is not None and car.edge not in edges:
             raise SettingError(f"cars[{index}].edge", _unknown_edge(car.edge, edges))
-        for place, further in enumerate(car.further_uplinks):
-            if further.edge not in edges:
-                path = f"cars[{index}].further_uplinks[{place}].edge"
-                raise SettingError(path, _unknown_edge(further.edge, edges))
-            for number, fault in enumerate(scenario.faults):
-                if fault.target == car.name and fault.fault.parameters.get("edge") == further.edge:
-                    text = f"{car.name} has an uplink to {further.edge} already"
-                    raise SettingError(f"faults[{number}].edge", text)
         if not car.cameras:
             _check_without_cameras(scenario, index, car)
 
@@ -139,7 +131,7 @@ def _check_without_cameras(scenario: Scenario, index: int, car: Car) -> None:
             text = "a car without cameras stays with the edge that serves it"
             raise SettingError(f"faults[{place}].target", text)
     for other in scenario.cars:
-        edges = [other.edge, *(further.edge for further in other.further_uplinks)]
+        edges = [other.edge]
         edges += [
             fault.fault.parameters.get("edge")
             for fault in scenario.faults

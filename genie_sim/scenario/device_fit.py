@@ -46,6 +46,7 @@ STAMPS = re.compile(
 OTHERS = re.compile(
     "temp(erature)?|celsius|power|m?watts?|mw|energy|joules?|mj|mem(ory)?|ram|[kmg]i?b|bytes?"
     "|percent|pct|utilization|usage|score|confidence|std(dev)?|sd|variance|jitter|interval|period"
+    "|age|stale(ness)?|uptime|offset|gap|skew|drift|deadline|timeout|budget|ttl|rtt|ping"
 )
 LAST_LETTER = re.compile("[abcgjkvw]")  # a unit at the end of a title
 
@@ -227,7 +228,7 @@ def _unit_of(title: str) -> str:
     """The unit of time that a title says, up to seconds: ``latency_min`` is a minimum."""
     unit = title_of(title).unit
     kind, factor_ns = UNITS.get(unit, ("", 0.0))
-    return unit if kind == "time" and factor_ns <= units.NS_PER_S else ""
+    return unit if kind == units.DURATION.name and factor_ns <= units.NS_PER_S else ""
 
 
 def _words(title: str) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from genie_sim.base.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import PlugIn, SettingError, keys_of, plain_data
+from genie_sim.base.settings import PlugIn, SettingError, plain_data
 from genie_sim.base.units import NS_PER_MS, duration_text
 from genie_sim.faults import FAULTS, MUST_HAVE
 from genie_sim.sim.fault import FaultTimes, TimedFault
@@ -16,7 +16,7 @@ from genie_sim.sim.fault import FaultTimes, TimedFault
 # table: in microseconds a second would have a million of them.
 SHORTEST_NS = NS_PER_MS
 
-FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=tuple(keys_of(FaultTimes)))
+FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=(FaultTimes,))
 
 PROBLEM = Contract(
     "tuples of an index, a field and a text",
@@ -64,8 +64,9 @@ class FaultEntry(FaultTimes):
             raise SettingError("", text)
         if "fault" not in value:
             raise SettingError("fault", "missing")
-        times = {key: item for key, item in value.items() if key in FAULT.beside}
-        others = {key: item for key, item in value.items() if key not in FAULT.beside}
+        beside = FAULT.keys_beside
+        times = {key: item for key, item in value.items() if key in beside}
+        others = {key: item for key, item in value.items() if key not in beside}
         return {"fault": FAULT.read(others), **times}
 
     def shorten(self) -> object:

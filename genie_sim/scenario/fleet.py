@@ -7,7 +7,8 @@ from typing import Annotated
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Bounds, SettingError, Short
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.sim.link_models.presets import LINK, LINKS
+from genie_sim.links.presets import LINKS
+from genie_sim.sim.link_model import LINK
 
 SHARES_ERROR = 1e-6  # by which shares written in decimals may miss a sum of 1
 # Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before

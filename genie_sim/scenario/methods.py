@@ -4,38 +4,42 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
-from genie_sim.base.settings import Beside, Name, PlugIn, SettingError, keys_of
+from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
+from genie_sim.base.text import MAX_LABEL
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.sim.settings import MethodSettings
 
-METHOD = PlugIn(
-    "method", METHODS, MUST_HAVE, key="method", beside=("name", "title", *keys_of(MethodSettings))
-)
+# neither control characters nor what turns the direction of writing round
+STEERING = r"[\u0000-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
+LINE = rf"^(?![\s\S]*{STEERING})[\s\S]*\S"
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodEntry:
-    """One method of a scenario. In YAML, a name or a mapping in which the method's own settings and
-    those of the scenario stand side by side.
-    """
+class MethodNames:
+    """What a method of a scenario is called."""
 
     name: Name
     """What tables call it; by default the name of the method."""
 
+    title: Annotated[str, Matches(LINE, "must be one line of text", MAX_LABEL)] | None = None
+    """What figures and pages call it; by default what the method calls itself."""
+
+
+METHOD = PlugIn("method", METHODS, MUST_HAVE, key="method", beside=(MethodNames, MethodSettings))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodEntry(MethodNames):
+    """One method of a scenario. In YAML, a name or a mapping in which the method's own settings and
+    those of the scenario stand side by side.
+    """
+
     method: Annotated[Choice, METHOD]
     """The method, or a class of your own."""
 
-    title: str | None = None
-    """What figures and pages call it; by default what the method calls itself."""
-
-    settings: Annotated[Mapping[str, Any], Beside(MethodSettings)] = field(default_factory=dict)
-    """Settings of the scenario that this entry has otherwise, as they are written."""
-
-    def __post_init__(self) -> None:
-        if self.title is not None and (not isinstance(self.title, str) or not self.title.strip()):
-            raise SettingError("title", f"must be text, not {short_repr(self.title)}")
+    # those of the scenario that this entry has otherwise, as they are written
+    settings: Mapping[str, Any] = field(default_factory=dict, metadata={"setting": False})
 
     @classmethod
     def expand(cls, value: object) -> object:
@@ -50,12 +54,15 @@ class MethodEntry:
             named = isinstance(value, Mapping) and "method" in value
             raise error.below("method" if named else "") from error
         # MyMethod of m:MyMethod
-        name = arguments.pop("name", str(method).rpartition(":")[2])
-        if not isinstance(name, str):
-            raise SettingError("name", f"must be text, not {short_repr(name)}")
-        entry = {"name": name, "title": arguments.pop("title", None)}
+        names = from_plain(
+            MethodNames,
+            {
+                "name": arguments.pop("name", str(method).rpartition(":")[2]),
+                "title": arguments.pop("title", None),
+            },
+        )
         settings = {key: arguments.pop(key) for key in keys_of(MethodSettings) if key in arguments}
-        return {**entry, "method": METHOD.read(arguments), "settings": settings}
+        return cls(**vars(names), method=METHOD.read(arguments), settings=settings)
 
     def shorten(self) -> object:
         """The settings of the method and of the scenario side by side."""

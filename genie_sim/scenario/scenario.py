@@ -16,7 +16,6 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.settings import (
     Bounds,
     Chosen,
-    IfGiven,
     Name,
     NotEmpty,
     PlugIn,
@@ -141,7 +140,7 @@ class Scenario(MethodSettings):
     """The tables written beside `frames`. Look-ups take the most space. For a fleet, only the
     resources of edges are written; `held_objects` needs `held`."""
 
-    metrics: Annotated[tuple[Annotated[str, METRIC], ...], IfGiven()] = ()
+    metrics: tuple[Annotated[str, METRIC], ...] = ()
     """Metrics of your own, beside all others: classes, each `package.module:Class`."""
 
     # What follows is no setting; it is filled in when the scenario is read and checked.
@@ -217,9 +216,6 @@ class Scenario(MethodSettings):
         own are left out: their code runs only where a scenario does.
         """
         named = [(f"cars[{index}].link", car.link) for index, car in enumerate(self.cars)]
-        for index, car in enumerate(self.cars):
-            for place, further in enumerate(car.further_uplinks):
-                named.append((f"cars[{index}].further_uplinks[{place}].link", further.link))
         if self.fleet is not None:
             named.append(("fleet.link", self.fleet.link))
         for index, entry in enumerate(self.methods):

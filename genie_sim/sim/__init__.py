@@ -1,3 +1,3 @@
 """Time: hosts that compute, links that carry, ROS graphs that connect them, and the world that is
-built of all three, as SimPy processes. It may import ``base`` and ``core``, and alone knows SimPy.
+built of all three, as SimPy processes. It may import ``base``, ``core`` and ``tracks``.
 """

@@ -12,7 +12,7 @@ from simpy.events import NORMAL
 
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.messages import Header
-from genie_sim.core.monitor import Span, SpanLabel
+from genie_sim.sim.monitor import Span, SpanLabel
 
 Steps = Generator[simpy.Event, Any, None]  # what a process does
 

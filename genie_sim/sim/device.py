@@ -7,9 +7,9 @@ import simpy
 from genie_sim.base.seeds import Draws
 from genie_sim.core.header import Header
 from genie_sim.core.messages import Message
-from genie_sim.core.monitor import SpanLabel
 from genie_sim.sim.clock import Clock, Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key, message_key
+from genie_sim.sim.monitor import SpanLabel
 from genie_sim.sim.service import Device
 
 

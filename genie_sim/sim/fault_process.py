@@ -6,9 +6,9 @@ import simpy
 
 from genie_sim.base.contracts import Contract, require
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.core.monitor import FaultSpan
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.fault import Strike, TimedFault
+from genie_sim.sim.monitor import FaultSpan
 from genie_sim.sim.network import Network
 
 GENERATOR = Contract(

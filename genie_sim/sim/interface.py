@@ -1,6 +1,9 @@
 """Network interfaces of cars: how long they send or receive, and how long they stay awake."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from genie_sim.sim.link import Link
 
 
 class Interface(NamedTuple):
@@ -20,10 +23,23 @@ class InterfaceUse:
     def __init__(self, tail_time_ns: int = 0) -> None:
         self.tail_ns = 0
         self._tail_time_ns = tail_time_ns
+        self._links: list[tuple[Link, Link]] = []  # up and down
         self._transfers = 0  # that are going on now
         self._transfer_ns = 0  # of completed transfers
         self._since_ns = 0
         self._idle_since_ns: int | None = None
+
+    def carry(self, up: "Link", down: "Link") -> None:
+        """Two links of the car use it from now on."""
+        self._links.append((up, down))
+        up.interface = down.interface = self
+
+    def bytes_carried(self) -> tuple[int, int]:
+        """How much went up and came down."""
+        return (
+            sum(up.sent_bytes for up, _ in self._links),
+            sum(down.sent_bytes for _, down in self._links),
+        )
 
     def begin(self, now_ns: int) -> None:
         """A transfer begins."""

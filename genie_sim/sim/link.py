@@ -1,4 +1,4 @@
-"""Links: a sender with a queue, a channel with a delay, and losses on the way."""
+"""Links: a queue, a sender that takes its time, a delay, and losses on the way."""
 
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -6,13 +6,12 @@ from typing import Any, Protocol
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
-from genie_sim.core.monitor import Part, Span, SpanLabel
 from genie_sim.sim.bends import Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
-from genie_sim.sim.link_models import Sender
-from genie_sim.sim.link_models.message_random import MessageRandom
+from genie_sim.sim.link_model import Sender
+from genie_sim.sim.monitor import Part, Span, SpanLabel
 from genie_sim.sim.ros_graph import Dropped, Subscriber, ignore_drop
 
 Deliver = Callable[..., None]
@@ -88,7 +87,6 @@ class Link:
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
         self.sender = sender
-        self._random: MessageRandom | None = getattr(sender, "random", None)
         self._transport = SpanLabel(part, name)
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
@@ -188,8 +186,7 @@ class Link:
             self._on_wire = transfer
             clock.waited(transfer.path, self._queueing)
             path = clock.path
-            if self._random is not None:
-                self._random.begin(transfer.message, transfer.host)
+            self.sender.random.begin(transfer.message, transfer.host)
             yield self.sender.sent(transfer.size_bytes)
             clock.waited(path, self._transport)
             self.sent_bytes += transfer.size_bytes

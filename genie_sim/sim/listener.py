@@ -2,11 +2,9 @@
 from.
 """
 
-from collections.abc import Sequence
-
 from genie_sim.core.messages import Detections, Message
-from genie_sim.core.monitor import Monitor
 from genie_sim.sim.method import IMAGES, OBJECTS
+from genie_sim.sim.monitor import Monitor
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.uplinks import CarUplink
 
@@ -23,14 +21,14 @@ class CarListener(Subscriber):
         graph: Graph,
         monitor: Monitor,
         *,
-        uplinks: Sequence[CarUplink],
+        uplink: CarUplink | None,
         has_server: bool,
     ) -> None:
         self.address = f"{graph.name}/consumer"
         self._car = graph.name
         self._clock = graph.clock
         self._monitor = monitor
-        self._uplinks = uplinks
+        self._uplink = uplink
         self._has_server = has_server
         graph.subscribe(IMAGES, self)
         graph.subscribe(OBJECTS, self)
@@ -51,7 +49,7 @@ class CarListener(Subscriber):
         host = answer.served_by.split("/")[0]
         if host == self._car:
             role = "own"
-        elif any(host == uplink.edge for uplink in self._uplinks):
+        elif self._uplink is not None and host == self._uplink.edge:
             role = "edge"
         else:
             role = "peer"

@@ -4,8 +4,8 @@ A method says, for every car and every edge, whether a detector runs there, whic
 before it, and which topics reach whom. The world builds that, in the same way for every method.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
@@ -116,8 +116,6 @@ class HostContext:
         All edges, in the scenario's order.
     neighbours : sequence of str
         The edges that this edge is connected to; empty for a car.
-    further_edges : tuple of str
-        The edges to which the car has further uplinks.
     is_one_world : bool
         Whether what one car sees is there for the others: all are in one world at one time.
     """
@@ -132,7 +130,6 @@ class HostContext:
     laws: DetectorLaws
     edges: tuple[str, ...]
     neighbours: Sequence[str] = ()
-    further_edges: tuple[str, ...] = ()
     is_one_world: bool = True
 
 
@@ -162,8 +159,6 @@ class HostConfig:
         runs.
     uplink : Uplink or None
         Connects a car to its edge.
-    further_uplinks : mapping
-        Connects a car to other edges, by their names: some of ``HostContext.further_edges``.
     neighbour_topics : tuple of str
         What neighbouring edges publish on these topics reaches this edge.
     key : str or None
@@ -183,7 +178,6 @@ class HostConfig:
     detector: bool = False
     interceptor: MakeInterceptor | None = None
     uplink: Uplink | None = None
-    further_uplinks: Mapping[str, Uplink] = field(default_factory=dict)
     neighbour_topics: tuple[str, ...] = ()
     key: str | None = None
     costs_nothing: bool = False
@@ -214,5 +208,5 @@ class Method:
 
     def wire(self, network: "Network") -> None:
         """Adds what else connects the hosts, once all of them are built: links by
-        ``network.add_link``, what goes over them by ``Graph.bridge``.
+        ``network.add_link``, what goes over them by ``Graph.bridge`` and ``CarUplink.bridge``.
         """

@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from genie_sim.base import seeds
+from genie_sim.base.contracts import Contract, require
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
-from genie_sim.core.monitor import Monitor, Part, Resource
 from genie_sim.sim.bends import Bend, Border, Sense
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium, Radio, Sender
-from genie_sim.sim.link_models.channels import make_radio
+from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
+from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
 from genie_sim.sim.service import Device
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink
+
+SENDER = Contract("a Sender", lambda value: isinstance(value, Sender))
 
 
 class Network:
@@ -54,6 +56,8 @@ class Network:
         Where each car is at a time [ns]: east and north [m].
     sites : mapping
         Where each edge is: east and north [m], or ``None``.
+    tail_times_ns : mapping
+        How long a network interface of each car stays awake after a transfer.
     """
 
     def __init__(
@@ -67,20 +71,23 @@ class Network:
         codec: ImageCodec | None = None,
         places: Mapping[str, Place] = MappingProxyType({}),
         sites: Mapping[str, Point | None] = MappingProxyType({}),
+        tail_times_ns: Mapping[str, int] = MappingProxyType({}),
     ) -> None:
         self.clock = clock
         self.monitor = monitor
         self.codec = codec
         self.resources: list[Resource] = []  # what is sampled
+        self.shared: list[Resource] = []  # those of them that link models have added
         self.graphs: dict[str, Graph] = {}  # by the host
         self.links: dict[str, Link] = {}
         self.uplinks: dict[str, CarUplink] = {}  # by the car, each to its own edge
+        self.interfaces: dict[str, list[InterfaceUse]] = defaultdict(list)  # by the car
         self._seed = seed
         self._host_names = host_names
         self._queue_length = queue_length
         self._places = places
         self._sites = sites
-        self._radios: dict[int, Radio] = {}  # by the identity of the model
+        self._tail_times_ns = tail_times_ns
         self._bends: dict[str, list[Bend]] = defaultdict(list)  # by the host
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
         self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
@@ -129,7 +136,7 @@ class Network:
 
     @property
     def edges(self) -> tuple[str, ...]:
-        """The edges, for radios."""
+        """All edges."""
         return tuple(self._sites)
 
     def place(self, car: str) -> Point:
@@ -141,13 +148,14 @@ class Network:
         return self._sites.get(edge)
 
     def add_resource(self, resource: Resource) -> None:
-        """Adds something whose use is sampled."""
+        """Adds something that links share, whose use is sampled."""
         self.resources.append(resource)
+        self.shared.append(resource)
 
     def add_link(
         self,
         ends: LinkEnds,
-        model: LinkModel | Medium,
+        model: LinkModel,
         *,
         part: Part,
         dropped: Dropped | None = None,
@@ -158,18 +166,21 @@ class Network:
         ----------
         ends : LinkEnds
             Its name, also that of its random stream, and what it connects.
-        model : LinkModel or Medium
-            Its rates and delays. All links of one model have one radio.
+        model : LinkModel
+            Its rates and delays.
         part : {"uplink", "downlink", "edges"}
             What the time on it counts as.
         dropped : callable, optional
             Called with each message that is lost, and what lost it; by default the frame is noted
             as lost.
         """
+        if ends.name in self.links:
+            raise UserError(f"link {ends.name}: there is one already")
+        owner = f"link model {type(model).__name__}"
         link = Link(
             self.clock,
             ends.name,
-            self._sender(ends, model),
+            require(owner, "sender()", model.sender(self, ends), SENDER),
             part=part,
             queue_length=self._queue_length,
             dropped=dropped or self.monitor.dropped,
@@ -181,17 +192,11 @@ class Network:
         self.resources.append(link)
         return link
 
-    def _sender(self, ends: LinkEnds, model: LinkModel | Medium) -> Sender:
-        radio = self._radios.get(id(model))
-        if radio is None:
-            radio = self._radios[id(model)] = make_radio(model, self)
-        return radio.sender(ends)
-
-    def interface(self, car: str, tail_time_ns: int) -> InterfaceUse:
-        """The use of the network interface of a car, which stays awake so long [ns] after a
-        transfer.
-        """
-        return InterfaceUse(tail_time_ns)
+    def interface(self, car: str) -> InterfaceUse:
+        """A new network interface of a car."""
+        use = InterfaceUse(self._tail_times_ns.get(car, 0))
+        self.interfaces[car].append(use)
+        return use
 
     def border(self, source: str, destination: str) -> Border:
         """The two ends of a link between hosts, for its messages."""

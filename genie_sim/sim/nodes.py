@@ -18,9 +18,9 @@ from genie_sim.core.messages import (
     Observation,
     Publish,
 )
-from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.method import LOCAL, OBJECTS, HostConfig, Interceptor, MakeInterceptor
+from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.ros_graph import Graph, Node
 
 TIMER_STEP_NS = 1_000_000  # a node that wants to be woken at once again waits so long

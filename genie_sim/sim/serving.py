@@ -13,8 +13,8 @@ from typing import Any
 import simpy
 
 from genie_sim.core.messages import Message
-from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.sim.clock import NewestQueue, Steps
+from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.settings import Serving

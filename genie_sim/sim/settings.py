@@ -9,10 +9,8 @@ from typing import Annotated, Literal
 from genie_sim.base import units
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import (
-    FRAME_RATE,
     Bounds,
     Count,
-    IfGiven,
     Name,
     NotEmpty,
     OneOf,
@@ -21,7 +19,7 @@ from genie_sim.base.settings import (
 )
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
-from genie_sim.sim.link_models.presets import LINK, LINKS, USUAL_LINK
+from genie_sim.sim.link_model import LINK, usual_link
 from genie_sim.tracks.consumer import ConsumerRules
 
 EDGES = "edges"  # the network between edges, in the names of links
@@ -68,7 +66,7 @@ class Camera:
     """Bytes of an image; by default those of a raw `sensor_msgs/Image` of the recorded
     resolution."""
 
-    rate: Annotated[float, FRAME_RATE] | None = None
+    rate: Annotated[float, units.FRAME_RATE, Bounds(above=0)] | None = None
     """How many pictures a second it takes: of the recorded ones those nearest to its times. By
     default all are taken; more than were recorded cannot be."""
 
@@ -161,17 +159,6 @@ class Route:
 
 
 @dataclass(frozen=True)
-class FurtherUplink:
-    """A car's link to an edge besides its own, for methods that use several."""
-
-    edge: str
-    """The edge."""
-
-    link: Annotated[Choice, LINK] = LINKS[USUAL_LINK]
-    """The link to it, with the settings of `edge_network`."""
-
-
-@dataclass(frozen=True)
 class Car:
     """A car with its computer and its link to its edge (both ``None`` for a car on its own)."""
 
@@ -191,10 +178,6 @@ class Car:
     route: Route = Route()
     """Which part of a drive it replays, and when."""
 
-    further_uplinks: Annotated[tuple[FurtherUplink, ...], IfGiven()] = ()
-    """Links to further edges, such as `[{edge: edge2, link: lte}]`. Only a method that asks for
-    them uses them."""
-
     cameras: Annotated[
         bool | Annotated[tuple[Camera, ...], NotEmpty()], OneOf("true, false or a list of cameras")
     ] = True
@@ -210,17 +193,12 @@ class Car:
         if self.edge is None and self.link is not None:
             raise SettingError("link", "leads nowhere: the car has no 'edge'")
         if self.edge is not None and self.link is None:
-            object.__setattr__(self, "link", LINKS[USUAL_LINK])
+            object.__setattr__(self, "link", usual_link())
         if not self.cameras and (self.edge is None or not self.genie):
             raise SettingError(
                 "cameras",
                 "a car without cameras needs an 'edge' and 'genie: true', or nobody answers it",
             )
-        if self.further_uplinks and (self.edge is None or not self.cameras):
-            text = "need a car with an 'edge' and cameras"
-            raise SettingError("further_uplinks", text)
-        edges = [uplink.edge for uplink in self.further_uplinks]
-        check_unique("further_uplinks", edges, ".edge", also=[self.edge] if self.edge else [])
         if isinstance(self.cameras, tuple):
             check_unique("cameras", [camera.name for camera in self.cameras], ".name")
 
@@ -259,7 +237,7 @@ class MethodSettings:
     measured on the recorded frames; the edge's detector finds what it found in the decoded
     pictures."""
 
-    edge_network: Annotated[Choice, LINK] = LINKS[USUAL_LINK]
+    edge_network: Annotated[Choice, LINK] = field(default_factory=usual_link)
     """The network between edges: a link's name, or a mapping with the settings below. The same
     settings apply to the `link` of a car or a fleet."""
 

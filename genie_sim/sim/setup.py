@@ -7,7 +7,7 @@ from genie_sim.core.messages import Frame
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.interface import Interface
-from genie_sim.sim.link_models import LinkModel, Medium
+from genie_sim.sim.link_model import LinkModel
 from genie_sim.sim.places import Place
 from genie_sim.sim.service import Device
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
@@ -35,8 +35,8 @@ class Setup:
     devices : mapping
         The computers, by the names that cars and edges give them.
     links : mapping
-        The link model of each uplink, by car and edge.
-    edge_network : LinkModel or Medium
+        The link model of each car with an edge.
+    edge_network : LinkModel
         That of the network between edges.
     laws : DetectorLaws
         The detectors' laws, as maps and consumers that weigh evidence take them to be.
@@ -61,8 +61,8 @@ class Setup:
     cameras: Sequence[Camera]
     frames: Mapping[str, Mapping[str, Sequence[Frame]]]
     devices: Mapping[str, Device]
-    links: Mapping[tuple[str, str], LinkModel | Medium]
-    edge_network: LinkModel | Medium
+    links: Mapping[str, LinkModel]
+    edge_network: LinkModel
     laws: DetectorLaws = ASSUMED
     faults: Sequence[TimedFault] = ()
     codec: ImageCodec | None = None

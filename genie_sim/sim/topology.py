@@ -7,7 +7,7 @@ import numpy as np
 from genie_sim.core.messages import Message
 from genie_sim.sim.encoding import Coder
 from genie_sim.sim.link import Bridge
-from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
+from genie_sim.sim.link_model import LinkEnds, LinkModel
 from genie_sim.sim.method import OBJECTS, HostConfig
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
@@ -90,7 +90,7 @@ def join_edges(
     network: Network,
     edges: Mapping[str, EdgeServer],
     neighbours_of: Mapping[str, Sequence[str]],
-    model: LinkModel | Medium,
+    model: LinkModel,
 ) -> None:
     """Connects neighbouring edges: what an edge publishes on the ``neighbour_topics`` of another
     reaches it through the edge's port to the network, a link of this ``model``.

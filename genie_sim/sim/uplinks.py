@@ -1,20 +1,22 @@
-"""A car's connections to edges and back."""
+"""A car's connection to an edge and back."""
 
 from collections.abc import Mapping
 from functools import partial
 
+from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.messages import Message
+from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Bridge
-from genie_sim.sim.link_models import LinkEnds, LinkModel, Medium
+from genie_sim.sim.link_model import LinkEnds, LinkModel
 from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.topology import EdgeServer
 
 
-class CarUplink:
-    """Connects a car and its edge to one virtual network: frames go up, the answers to them come
-    down.
+class CarUplink(Subscriber):
+    """Connects a car and its edge to one virtual network: frames go up, encoded before where
+    images are, and the answers to them come down.
 
     The car may ``leave`` its edge and ``join`` another. What it sends in between is lost, and so is
     what waits for the old link or is on it, and what the old edge answers while the car is away.
@@ -28,12 +30,10 @@ class CarUplink:
         The car's graph.
     topics : Uplink
         What goes up and what comes down.
-    model : LinkModel or Medium
+    model : LinkModel
         The car's link.
     edges : mapping
         All edge servers, by name.
-    tail_time_ns : int
-        How long the car's network interface stays awake after a transfer.
     """
 
     def __init__(
@@ -42,11 +42,10 @@ class CarUplink:
         graph: Graph,
         topics: Uplink,
         *,
-        model: LinkModel | Medium,
+        model: LinkModel,
         edges: Mapping[str, EdgeServer],
-        tail_time_ns: int = 0,
     ) -> None:
-        self.interface = network.interface(graph.name, tail_time_ns)
+        self.address = f"{graph.name}/uplink"
         self.edge = ""  # that it is connected to, or was last
         self._network = network
         self._graph = graph
@@ -55,11 +54,17 @@ class CarUplink:
         self._edges = edges
         self._lost_by = ""  # what made the car leave
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
+        self._further: list[Bridge] = []
+        self._encoder = network.add_coder(graph, "encoder", self._send)  # None: images stay raw
+        self._interface = network.interface(graph.name)
+        graph.bridge(topics.up, self)
 
-    def send(self, topic: str, message: Message, sender: str) -> None:
-        """A message goes up."""
-        upwards, _ = self._bridges[self.edge]
-        upwards.deliver(topic, message, sender)
+    def deliver(self, topic: str, message: Message, sender: str) -> None:
+        """The car has published something: it goes up, encoded before if it is an image."""
+        if self._encoder is None:
+            self._send(topic, message, sender)
+        else:
+            self._encoder.inject(topic, message, sender)
 
     def leave(self, lost_by: str) -> None:
         """The connection to the edge breaks; ``lost_by`` names what drops the messages."""
@@ -73,22 +78,28 @@ class CarUplink:
             for bridge in self._bridges[edge]:
                 bridge.put_up()
         else:
-            self._bridges[edge] = self._connect(self._edges[edge])
+            self._bridges[edge] = self.connect(edge, self._model, self._interface)
         self.edge = edge
 
-    def bytes_carried(self) -> tuple[int, int]:
-        """How much went up and came down, over the links to all edges."""
-        links = [(up.link, down.link) for up, down in self._bridges.values()]
-        return sum(up.sent_bytes for up, _ in links), sum(down.sent_bytes for _, down in links)
+    def bridge(self, bridge: Bridge) -> None:
+        """What goes up goes over another bridge from now on, too."""
+        self._further.append(bridge)
 
-    def _connect(self, edge: EdgeServer) -> tuple[Bridge, Bridge]:
-        """What carries the car's frames up to an edge, and the answers to them down."""
-        network, car = self._network, self._graph.name
+    def connect(
+        self, edge_name: str, model: LinkModel, interface: InterfaceUse
+    ) -> tuple[Bridge, Bridge]:
+        """New links between the car and an edge: what carries frames up, which nothing is sent over
+        yet, and the answers to them down. Raises ``UserError`` for an unknown edge, or where there
+        are links already.
+        """
+        if edge_name not in self._edges:
+            raise UserError(unknown("edge", edge_name, self._edges))
+        network, car, edge = self._network, self._graph.name, self._edges[edge_name]
         upwards_ends = LinkEnds(f"{car}->{edge.name}", car, edge.name, up=True)
         downwards_ends = LinkEnds(f"{edge.name}->{car}", car, edge.name, up=False)
-        up = network.add_link(upwards_ends, self._model, part="uplink")
-        down = network.add_link(downwards_ends, self._model, part="downlink")
-        up.interface = down.interface = self.interface
+        up = network.add_link(upwards_ends, model, part="uplink")
+        down = network.add_link(downwards_ends, model, part="downlink")
+        interface.carry(up, down)
         upwards = Bridge(
             up,
             edge.target,
@@ -111,37 +122,11 @@ class CarUplink:
         edge.bridge_to[car] = downwards
         return upwards, downwards
 
+    def _send(self, topic: str, message: Message, sender: str) -> None:
+        upwards, _ = self._bridges[self.edge]
+        upwards.deliver(topic, message, sender)
+        for bridge in self._further:
+            bridge.deliver(topic, message, sender)
+
     def _lost(self, message: Message) -> None:
         self._network.monitor.dropped(message, self._lost_by)
-
-
-class CarUplinks(Subscriber):
-    """All uplinks of a car. What is published on a topic goes up each uplink that takes it. Where
-    images are encoded, each is so once for all of them.
-    """
-
-    def __init__(self, network: Network, graph: Graph) -> None:
-        self.address = f"{graph.name}/uplink"
-        self.car = graph.name
-        self.uplinks: list[CarUplink] = []
-        self._graph = graph
-        self._by_topic: dict[str, list[CarUplink]] = {}
-        self._encoder = network.add_coder(graph, "encoder", self._send)  # None: images stay raw
-
-    def add(self, topic: str, uplink: CarUplink) -> None:
-        """An uplink takes what is published on a topic."""
-        if topic not in self._by_topic:
-            self._graph.bridge(topic, self)
-        self._by_topic.setdefault(topic, []).append(uplink)
-        self.uplinks.append(uplink)
-
-    def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """The car has published something: it goes up, encoded before if it is an image."""
-        if self._encoder is None:
-            self._send(topic, message, sender)
-        else:
-            self._encoder.inject(topic, message, sender)
-
-    def _send(self, topic: str, message: Message, sender: str) -> None:
-        for uplink in self._by_topic[topic]:
-            uplink.send(topic, message, sender)

@@ -10,10 +10,9 @@ from genie_sim.sim.ros_graph import Graph
 def check_car(graph: Graph, config: HostConfig) -> None:
     """Checks what a method runs on a car. Raises ``UserError``."""
     subscribed, published = _topics(graph)
-    for uplink in (config.uplink, *config.further_uplinks.values()):
-        if uplink is not None:
-            _check_uplink(graph.name, uplink, subscribed, published)
-            subscribed.add(uplink.up)
+    if config.uplink is not None:
+        _check_uplink(graph.name, config.uplink, subscribed, published)
+        subscribed.add(config.uplink.up)
     if IMAGES not in subscribed:
         raise UserError(
             f"frames of {graph.name} go to no node: nothing there subscribes to {IMAGES}"

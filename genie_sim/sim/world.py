@@ -9,16 +9,16 @@ import numpy as np
 import simpy
 
 from genie_sim.base import seeds
-from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
+from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim import fault_process, wiring
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
+from genie_sim.sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
 from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
@@ -26,7 +26,7 @@ from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Car, Edge, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
-from genie_sim.sim.uplinks import CarUplink, CarUplinks
+from genie_sim.sim.uplinks import CarUplink
 
 SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # a run goes on so long after its last frame, then again while it is busy
@@ -66,6 +66,9 @@ class World:
             codec=setup.codec,
             places=setup.places,
             sites={edge.name: edge.at_m for edge in setup.edges},
+            tail_times_ns={
+                car: interface.tail_time_ns for car, interface in setup.interfaces.items()
+            },
         )
         self._contexts = HostContexts(
             setup,
@@ -79,7 +82,6 @@ class World:
         self._cameras: list[CameraNode] = []
         self._faults: list[simpy.Process] = []
         self._fault_spans: list[FaultSpan] = []
-        self._uplinks: list[CarUplinks] = []
         self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
         self._build_edges()
         edge_resources = list(self.network.resources)  # those of cars are not built yet
@@ -125,12 +127,12 @@ class World:
         if config.detector:
             self._add_detector(graph)
         self._add_interceptor(graph, config, "car")
-        uplinks = self._add_uplinks(car, graph, config)
-        has_server = config.detector or config.interceptor is not None or bool(uplinks)
+        uplink = self._add_uplink(car, graph, config)
+        has_server = config.detector or config.interceptor is not None or uplink is not None
         # the frames of a car with neither a server nor an edge are meant to reach nobody
         if has_server or car.edge is not None:
             self._check_wiring(car, graph, config)
-        CarListener(graph, self.monitor, uplinks=uplinks, has_server=has_server)
+        CarListener(graph, self.monitor, uplink=uplink, has_server=has_server)
         for camera in car.streams(setup.cameras):
             frames = setup.frames[car.name][camera.recording]
             node = CameraNode(
@@ -146,12 +148,10 @@ class World:
 
     def _check_wiring(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
-        edges = list(config.further_uplinks)
-        if config.uplink is not None and car.edge is not None:
-            edges.insert(0, car.edge)
         with as_user_error(self._method.title, UserError):
             wiring.check_car(graph, config)
-            for edge in (self.edges[name] for name in edges):
+            if config.uplink is not None and car.edge is not None:
+                edge = self.edges[car.edge]
                 wiring.check_edge(edge.graph, edge.config, car.name)
 
     def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
@@ -180,37 +180,17 @@ class World:
         if not config.is_beside:
             graph.entry = node.name
 
-    def _add_uplinks(self, car: Car, graph: Graph, config: HostConfig) -> list[CarUplink]:
-        """The car's connections to its edge, and to others, as the method wants them."""
-        setup, title = self.setup, self._method.title
-        if config.uplink is not None and car.edge is None:
-            raise UserError(f"{title}: {car.name} has an uplink, but no edge")
-        further = [uplink.edge for uplink in car.further_uplinks]
-        for edge in config.further_uplinks:
-            if edge not in further:
-                raise UserError(f"{title}: {car.name}: {unknown('further uplink', edge, further)}")
-        wanted = dict(config.further_uplinks)  # what each carries, by edge
-        if config.uplink is not None and car.edge is not None:
-            wanted = {car.edge: config.uplink, **wanted}
-        if not wanted:
-            return []
-        of_car = CarUplinks(self.network, graph)
-        interface = setup.interfaces.get(car.name)
-        for edge, topics in wanted.items():
-            uplink = CarUplink(
-                self.network,
-                graph,
-                topics,
-                model=setup.links[car.name, edge],
-                edges=self.edges,
-                tail_time_ns=0 if interface is None else interface.tail_time_ns,
-            )
-            of_car.add(topics.up, uplink)
-            uplink.join(edge)
-            if edge == car.edge:
-                self.network.uplinks[car.name] = uplink
-        self._uplinks.append(of_car)
-        return of_car.uplinks
+    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
+        """The car's connection to its edge, if the method wants one."""
+        if config.uplink is None:
+            return None
+        if car.edge is None:
+            raise UserError(f"{self._method.title}: {car.name} has an uplink, but no edge")
+        network, model = self.network, self.setup.links[car.name]
+        uplink = CarUplink(network, graph, config.uplink, model=model, edges=self.edges)
+        uplink.join(car.edge)
+        network.uplinks[car.name] = uplink
+        return uplink
 
     def run(self, progress: OnTime | None = None) -> None:
         """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
@@ -247,10 +227,9 @@ class World:
         setup = self.setup
         starts_ns = {car.name: car.route.start_ns for car in setup.cars}
         traffic = {}  # of each car with an uplink
-        for of_car in self._uplinks:
-            carried = [uplink.bytes_carried() for uplink in of_car.uplinks]
-            used = [uplink.interface for uplink in of_car.uplinks]
-            traffic[of_car.car] = {
+        for car, used in self.network.interfaces.items():
+            carried = [use.bytes_carried() for use in used]
+            traffic[car] = {
                 "bytes_up": sum(up for up, _ in carried),
                 "bytes_down": sum(down for _, down in carried),
                 "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
@@ -278,8 +257,7 @@ class World:
         if samples == "all":
             return resources  # the list itself: a hand-over adds links while time runs
         if samples == "edges":
-            shared = [resource for resource in resources if resource.kind in ("cell", "channel")]
-            return edge_resources + shared
+            return edge_resources + self.network.shared
         if samples == "processors":
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
@@ -318,9 +296,7 @@ class HostContexts(NamedTuple):
         """About a car; it has rules of a Genie if one may run there."""
         genie = self.setup.settings.genie if car.genie else None
         has_edge = car.edge is not None
-        context = self._host(car.name, bool(car.cameras), has_edge=has_edge, genie=genie)
-        further = tuple(uplink.edge for uplink in car.further_uplinks)
-        return replace(context, further_edges=further)
+        return self._host(car.name, bool(car.cameras), has_edge=has_edge, genie=genie)
 
     def edge(self, edge: Edge, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
         """About an edge."""

@@ -44,7 +44,8 @@ COLUMNS = (  # of the tables
     "range_high",
     "runs",
 )
-UNITS = {*units.DURATIONS, *units.SIZES, *units.RATES, *units.LENGTHS, *units.ANGLES, "entries"}
+QUANTITIES = (units.DURATION, units.SIZE, units.RATE, units.LENGTH, units.ANGLE)
+UNITS = {*(unit for quantity in QUANTITIES for unit in quantity.units), "entries"}
 _QUANTITY = re.compile(
     r"([+-]?\d{1,15}(?:\.\d{1,15})?(?:[eE][+-]?\d{1,2})?)(?:\s*([^\s\d]\S*))?", re.ASCII
 )

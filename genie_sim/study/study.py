@@ -8,17 +8,17 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from genie_sim.analysis import registry
-from genie_sim.analysis.seed_runs import load_seeds
+from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
-from genie_sim.report import html_page
+from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 FORMAT = 3
-ABOUT = "sweep.json"
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
@@ -161,7 +160,7 @@ class Study:
         runs = load_seeds(self.folder)
         with provenance.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
-                if run.folder is not None and not (page := run.folder / html_page.NAME).exists():
+                if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
                         html_page.write(page, run)
             output.make(runs, self.folder, attempt)
@@ -274,14 +273,3 @@ def folder_of(folder: Path, planned: Plan) -> Path:
     check_folder(other)
     log.warning("%s: holds another sweep; this one is in %s", folder, other)
     return other
-
-
-def read_about(folder: Path) -> dict[str, Any]:
-    """What the sweep in a folder says of itself. Raises ``UserError``."""
-    path = provenance.contained(folder, ABOUT)
-    about = provenance.read_json(path)
-    if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
-        raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    if not isinstance(about.setdefault("run_ids", []), list):
-        raise UserError(f"{path}: run_ids: not a list")
-    return about

@@ -11,10 +11,12 @@ from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import METRICS, checked, definition, learn, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.seed_runs import ABOUT, read_about
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base import parquet
 from genie_sim.base.errors import Suggesting, UserError, unknown
 from genie_sim.base.progress import Progress
+from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.record.results import METRIC_FIELDS, Run, checked_label
 from genie_sim.report.result import Result, cells_of, level_text, named
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-ABOUT = "sweep.json"
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
 MAX_ROWS = 50  # of a table in LaTeX
 
@@ -41,7 +42,8 @@ def footer_of(design: Design, label: str = "") -> str:
 
 
 def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
-    """The title of each method; its name, where two have the same title."""
+    """The title of each method on one line; its name, where two have the same title."""
+    titles = {name: one_line(title) for name, title in titles.items()}
     of_all = list(titles.values())
     return {name: title if of_all.count(title) == 1 else name for name, title in titles.items()}
 
@@ -81,10 +83,7 @@ class Sweep(Suggesting, Result):
     def read(cls, folder: Path, *, allow_changed: bool = False) -> "Sweep":
         """See ``Result``."""
         with provenance.of_this_version(folder):
-            path = provenance.contained(folder, ABOUT)
-            about = provenance.read_json(path)
-            if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
-                raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+            about, path = read_about(folder), folder / ABOUT
             runs, points = (_table(provenance.contained(folder, name)) for name in READ)
             learn(about.get("metrics", {}), f"{path}: metrics")
             changed = provenance.changed_files(folder, about.get("digests"), READ)

@@ -27,7 +27,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
-from genie_sim.report.output import DEFAULT_OUTPUT, Output
+from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.prepare import Prepared
 from genie_sim.runs.shared import SharedFrames
@@ -65,13 +65,12 @@ class PointRun:
             raise UserError("genie-sim or a file is not the one that was planned with")
         if not self.keep:
             return measured(prepared)
-        # a page that cannot be made is looked for once more when all runs are there
-        with (
-            contextlib.suppress(provenance.NotDerivedError),
-            provenance.result_folder(self.results(study), run_folder.stale) as partial,
-        ):
+        folder = self.results(study)
+        with provenance.result_folder(folder, SHOWN) as partial:
             run = run_folder.write(partial, prepared, self.run_id)
-            self.output.write(run, partial)
+        # a page that cannot be made is looked for once more when all runs are there
+        with contextlib.suppress(provenance.NotDerivedError):
+            self.output.write(run, folder)
         return _metrics_of(prepared, run.tables)
 
     def is_kept(self, study: Path) -> bool:

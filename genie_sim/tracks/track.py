@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.core.messages import Detection, Header, Motion
 
 COAST_NS = 1_000_000_000  # so long a place is predicted after it was last seen

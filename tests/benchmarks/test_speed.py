@@ -6,11 +6,12 @@ from itertools import count
 
 import pytest
 
-from benchmarks import peers, plain_simpy, speed, speed_page
+from benchmarks import peers, plain_simpy, speed
 from benchmarks.plain_simpy import Fleet, Frame
 from benchmarks.speed import QUICK, Spent, answers_of, fleet, plain_fleet
 from genie_sim.base.errors import UserError
 from genie_sim.runs.prepare import prepare
+from tools.page_tables import filled
 
 MS = 1_000_000
 NO_PYTHON = "/no/such/python"
@@ -100,24 +101,12 @@ def test_a_command_is_measured_as_a_whole():
         speed.genie_sim("bogus")
 
 
-def test_a_page_without_a_place_for_a_table_is_refused():
-    assert speed_page.filled(
-        "a\n<!-- measured: x -->\nold\n<!-- end -->\nb", "x", "new", "p.md"
-    ) == ("a\n<!-- measured: x -->\nnew\n<!-- end -->\nb")
-    with pytest.raises(UserError, match=r"p\.md: no place for 'y'"):
-        speed_page.filled("<!-- measured: x -->\n<!-- end -->", "y", "new", "p.md")
-
-
 @pytest.mark.slow
-def test_the_whole_benchmark_fills_the_page(tmp_path, monkeypatch: pytest.MonkeyPatch):
+def test_the_whole_benchmark_fills_the_page(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(speed, "genie_sim", lambda *_: Spent(1, 1, 1))
     sizes = replace(QUICK, laps=1, least_frames=1, fleets={3: 1}, growth=(2, 3))
     blocks = dict(speed.measure(sizes, "python benchmarks/speed.py", NO_PYTHON, ()))
-    page = tmp_path / "speed.md"
-    page.write_text((speed_page.DOCS / "speed.md").read_text(encoding="utf-8"), encoding="utf-8")
-    speed.write(blocks, tmp_path)
-    text = page.read_text(encoding="utf-8")
-    for name, block in blocks.items():
-        assert f"<!-- measured: {name} -->\n{block}\n<!-- end -->" in text
-    assert text.count("<!-- measured: ") == len(blocks), "no place stays empty"
+    text = filled(speed.PAGE.read_text(encoding="utf-8"), blocks)
+    assert text.count(":begin -->") == len(blocks), "no place stays empty"
+    assert all(block in text for block in blocks.values())
     assert "| 3 | genie-sim |" in blocks["peers"] and "No such file" in blocks["peers"]

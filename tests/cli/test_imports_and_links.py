@@ -11,7 +11,7 @@ import pytest
 
 from genie_sim.cli.main import main
 from genie_sim.data import pose_import
-from genie_sim.sim.link_models import recording
+from genie_sim.links import recording
 
 TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]
 

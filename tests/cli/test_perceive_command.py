@@ -13,7 +13,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import evaluation, perceive, trace, trace_report, truth, truth_table
+from genie_sim.data import evaluation, perceive, trace, trace_report, truth
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -134,11 +134,11 @@ def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
     monkeypatch.setattr(files, "find", lambda kind, name: Path(f"/traces/{name}.parquet"))
     monkeypatch.setattr(trace, "read_trace", lambda path: path)
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path)
-    monkeypatch.setattr(truth_table, "make_truth", lambda *given: asked.append(given) or table)
-    monkeypatch.setattr(truth_table, "write_truth", lambda path, _: written.append(path))
+    monkeypatch.setattr(truth, "make_truth", lambda *given: asked.append(given) or table)
+    monkeypatch.setattr(truth, "write_truth", lambda path, _: written.append(path))
     line = ["import", "truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
     assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0
-    assert asked[0] == (Path("/k"), "tracking/0005", Path("/traces/mine.parquet"))
+    assert asked[0][:3] == (Path("/k"), "tracking/0005", Path("/traces/mine.parquet"))
     assert written == [Path("/traces/mine.truth.parquet"), Path("o.parquet")]
     told = "2 objects, 1 of them moving, visible 2 times, content abcdef012345\n"
     assert capsys.readouterr().out.endswith(f"o.parquet: {told}")

@@ -1,8 +1,7 @@
-"""What every link model has to keep, and every medium (``MediumConformance``). One of your own is
-tested by
+"""What every link model has to keep. One of your own is tested by
 
 @pytest.mark.parametrize("link", [{"model": "my_module:MyRadio", "rate": 3.0}])
-class TestMine(LinkModelConformance):
+class TestMine(LoneLinkConformance):
     pass
 """
 
@@ -11,19 +10,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.runs import build
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.link_models import LinkModel
+from genie_sim.sim.link_model import LinkEnds, Sender
 from tests.conformance import small
+from tests.sim.processes import DOWN, UP, sender
 
 SIZES = (0, 1, 426, 1_448, 1_449, 40_000, 1_397_297)
 
 
-class MediumConformance:
-    """A link of a model of either kind, as a scenario writes it."""
+class LinkModelConformance:
+    """A link of a model, as a scenario writes it."""
 
     edges = ({}, {})  # further settings of the two edges
 
@@ -47,37 +45,35 @@ class MediumConformance:
         assert from_plain(type(scenario), plain_data(scenario)) == scenario
 
 
-class LinkModelConformance(MediumConformance):
-    """A link of a model whose links do not affect each other."""
+class LoneLinkConformance(LinkModelConformance):
+    """A link of a model whose links do not affect each other: it says how long each message
+    takes.
+    """
 
     def scenario(self, link: Any, methods: Sequence[Any] = small.ALL) -> Scenario:
         cars = [small.car(1, link=link), small.car(2, link=link)]
         return small.scenario(methods, cars=cars, edge_network=link)
 
-    def model(self, link: Any) -> LinkModel:
+    def sender(self, link: Any, ends: LinkEnds = UP, seed: int = 1) -> Sender:
         choice = self.scenario(link).cars[0].link
         assert choice is not None
-        model = build.link_model(choice)
-        assert hasattr(model, "channel")
-        return model
+        made: Sender = sender(build.link_model(choice), ends, seed=seed)
+        return made
 
     def test_times_are_whole_nanoseconds_that_never_run_backwards(self, link: Any):
-        for up in (True, False):
-            channel, now_ns = self.model(link).channel(up, np.random.default_rng(1)), 17
+        for ends in (UP, DOWN):
+            mine, now_ns = self.sender(link, ends), 17
             for size_bytes in SIZES * 20:
-                occupied_ns = channel.occupied_ns(size_bytes, now_ns)
+                occupied_ns = mine.occupied_ns(size_bytes, now_ns)
                 assert type(occupied_ns) is int and occupied_ns >= 0
                 now_ns += occupied_ns
-                delay_ns = channel.delay_ns(size_bytes, now_ns)
+                delay_ns = mine.delay_ns(size_bytes, now_ns)
                 assert delay_ns is None or (type(delay_ns) is int and delay_ns >= 0)
 
-    def test_all_chance_comes_from_the_generator_that_it_is_given(self, link: Any):
+    def test_all_chance_comes_from_the_random_numbers_that_it_is_given(self, link: Any):
         def course(seed: int) -> list[Any]:
             """Two links at once: neither is to feel the other."""
-            mine, other = (
-                self.model(link).channel(True, np.random.default_rng(one))
-                for one in (seed, seed + 1)
-            )
+            mine, other = (self.sender(link, seed=one) for one in (seed, seed + 1))
             found = []
             for now_ns in range(0, 100_000_000, 1_000_000):
                 found += [mine.occupied_ns(40_000, now_ns), mine.delay_ns(40_000, now_ns)]
@@ -87,8 +83,5 @@ class LinkModelConformance(MediumConformance):
         assert course(1) == course(1)
 
     def test_a_larger_message_is_never_faster_on_an_idle_link(self, link: Any):
-        occupied = [
-            self.model(link).channel(True, np.random.default_rng(1)).occupied_ns(size, 0)
-            for size in SIZES
-        ]
+        occupied = [self.sender(link).occupied_ns(size, 0) for size in SIZES]
         assert occupied == sorted(occupied)

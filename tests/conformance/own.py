@@ -17,6 +17,7 @@ from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.faults.outage import Outage
+from genie_sim.sim.link_model import Sender
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
 
 
@@ -196,13 +197,14 @@ class Radio:
         if self.slot_ms <= 0:
             raise ValueError(f"slot_ms: must be more than zero, but is {self.slot_ms:g}")
 
-    def channel(self, up, rng):
-        return RadioChannel(self, rng)
+    def sender(self, network, ends):
+        return RadioSender(self, network, ends)
 
 
-class RadioChannel:
-    def __init__(self, radio, rng):
-        self.radio, self.rng, self.sent = radio, rng, 0
+class RadioSender(Sender):
+    def __init__(self, radio, network, ends):
+        super().__init__(network, ends)
+        self.radio, self.count = radio, 0
 
     def occupied_ns(self, size_bytes, now_ns):
         slot_ns = round(self.radio.slot_ms * 1e6)
@@ -210,52 +212,43 @@ class RadioChannel:
         return until_next_ns + -(-size_bytes // self.radio.slot_bytes) * slot_ns
 
     def delay_ns(self, size_bytes, now_ns):
-        self.sent += 1
-        if self.radio.fails and self.sent % self.radio.fails == 0:
+        self.count += 1
+        if self.radio.fails and self.count % self.radio.fails == 0:
             return None
-        return int(self.rng.integers(1_000_000))
+        return int(self.random.integers(1_000_000))
 
 
-@dataclass(frozen=True)
+@dataclass
 class OneAtATime:
     """A medium: of all its links one sends at a time, first come, first served."""
 
     rate_bps: int
 
-    def radio(self, air):
-        return Turns(self.rate_bps, air)
+    def __post_init__(self):
+        self.medium = None
+
+    def sender(self, network, ends):
+        self.medium = self.medium or simpy.Resource(network.clock)
+        return Turn(self, network, ends)
 
 
-class Turns:
-    """The medium of a run: a resource that one link has at a time."""
-
-    def __init__(self, rate_bps, air):
-        self.rate_bps, self.clock = rate_bps, air.clock
-        self.medium = simpy.Resource(air.clock)
-
-    def sender(self, ends):
-        return Turn(self)
-
-
-class Turn:
+class Turn(Sender):
     """One link of the medium."""
 
-    def __init__(self, turns):
+    def __init__(self, turns, network, ends):
+        super().__init__(network, ends)
         self.turns = turns
 
     def sent(self, size_bytes):
-        return self.turns.clock.process(self.sends(size_bytes))
+        return self.clock.process(self.sends(size_bytes))
 
     def sends(self, size_bytes):
         with self.turns.medium.request() as turn:
             yield turn
-            yield self.turns.clock.timeout(-(-size_bytes * 8 * 10**9 // self.turns.rate_bps))
+            yield self.clock.timeout(-(-size_bytes * 8 * 10**9 // self.turns.rate_bps))
 
     def delay_ns(self, size_bytes, now_ns):
         return 1_000_000
-
-    def set_up(self, is_up):
-        pass
 
 
 class LeakyMedium(OneAtATime):
@@ -263,26 +256,27 @@ class LeakyMedium(OneAtATime):
 
     used: ClassVar = itertools.count(1)
 
-    def radio(self, air):
-        return Turns(self.rate_bps // next(self.used), air)
+    def __post_init__(self):
+        super().__post_init__()
+        self.rate_bps //= next(self.used)
 
 
 class CountingRadio(Radio):
     """A link model with state: every ``fails``-th message over any of its links is lost."""
 
-    def channel(self, up, rng):
+    def sender(self, network, ends):
         if not hasattr(self, "shared"):
             object.__setattr__(self, "shared", {"sent": 0})
-        return CountingChannel(self, rng)
+        return CountingSender(self, network, ends)
 
 
-class CountingChannel(RadioChannel):
+class CountingSender(RadioSender):
     def delay_ns(self, size_bytes, now_ns):
         shared = self.radio.shared
         shared["sent"] += 1
         if self.radio.fails and shared["sent"] % self.radio.fails == 0:
             return None
-        return int(self.rng.integers(1_000_000))
+        return int(self.random.integers(1_000_000))
 
 
 # State that outlives a method: what the conformance tests have to catch.
@@ -315,12 +309,12 @@ class LeakyFault(Blackout):
 
 
 class LeakyRadio(Radio):
-    """All channels of the process count together."""
+    """All senders of the process count together."""
 
     shared: ClassVar[dict] = {"sent": 0}
 
-    def channel(self, up, rng):
-        return CountingChannel(self, rng)
+    def sender(self, network, ends):
+        return CountingSender(self, network, ends)
 
 
 class LeakyStreet(Street):

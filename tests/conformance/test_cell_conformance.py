@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from tests.conformance import small
-from tests.conformance.link_models import MediumConformance
+from tests.conformance.link_models import LinkModelConformance
 
 CELLS = [
     {"model": "cell"},
@@ -16,14 +16,14 @@ CELLS = [
 
 
 @pytest.mark.parametrize("link", CELLS)
-class TestCell(MediumConformance):
+class TestCell(LinkModelConformance):
     edges = ({"at": ["30 m", "-20 m"]}, {"at": ["-60 m", "40 m"]})
 
 
 @pytest.mark.parametrize(
     "link", [{"model": "trace"}, {"model": "trace", "offset": "begin", "up": "80 Mbit/s"}]
 )
-class TestTrace(MediumConformance):
+class TestTrace(LinkModelConformance):
     pass
 
 

@@ -12,7 +12,7 @@ from genie_sim.core.similarity import SIMILARITIES
 from tests.conformance.faults import FaultConformance
 from tests.conformance.frame_sources import FrameSourceConformance
 from tests.conformance.genie_parts import GeniePartConformance
-from tests.conformance.link_models import LinkModelConformance, MediumConformance
+from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
 from tests.conformance.methods import MethodConformance
 
 OWN = "tests.conformance.own"
@@ -67,14 +67,14 @@ def test_a_fault_that_keeps_state_between_methods_is_caught():
 
 def test_a_link_model_that_keeps_state_between_methods_is_caught():
     with pytest.raises(AssertionError):
-        LinkModelConformance().test_no_state_goes_from_one_method_to_the_next(
+        LoneLinkConformance().test_no_state_goes_from_one_method_to_the_next(
             {"model": f"{OWN}:LeakyRadio", "slot_ms": 0.5, "fails": 3}
         )
 
 
 def test_a_medium_that_keeps_state_between_methods_is_caught():
     with pytest.raises(AssertionError):
-        MediumConformance().test_no_state_goes_from_one_method_to_the_next(
+        LinkModelConformance().test_no_state_goes_from_one_method_to_the_next(
             {"model": f"{OWN}:LeakyMedium", "rate": "300 Mbit/s"}
         )
 

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.links.presets import LINKS
+from genie_sim.links.wire import Wire
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import plugin_digests
-from genie_sim.sim.link_models import LINK_MODELS
-from genie_sim.sim.link_models.presets import LINKS
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.sim.link_model import LINK_MODELS
 from tests.conformance import small
-from tests.conformance.link_models import LinkModelConformance, MediumConformance
+from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
+from tests.sim.processes import DOWN, UP, sender
 
 RADIO = "tests.conformance.own:Radio"
 FULL = {
@@ -35,14 +35,14 @@ def test_every_shipped_model_is_tested_here():
 
 
 @pytest.mark.parametrize("link", [*LINKS, FULL, {"like": "lte", "loss": 0.5}, BURSTS])
-class TestWire(LinkModelConformance):
+class TestWire(LoneLinkConformance):
     pass
 
 
 @pytest.mark.parametrize(
     "link", [{"model": "tests.conformance.own:OneAtATime", "rate": "1 Gbit/s"}]
 )
-class TestOneAtATime(MediumConformance):
+class TestOneAtATime(LinkModelConformance):
     pass
 
 
@@ -54,7 +54,7 @@ class TestOneAtATime(MediumConformance):
         {"model": "tests.conformance.own:CountingRadio", "slot_ms": 0.5, "fails": 3},
     ],
 )
-class TestRadio(LinkModelConformance):
+class TestRadio(LoneLinkConformance):
     pass
 
 
@@ -64,18 +64,15 @@ def test_the_formula_of_the_wire():
     """
     wire = Wire(1_000_000_000, None, 200_000, jitter_ns=5)
     assert wire.wire_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
-    up, down = (wire.channel(one, np.random.default_rng(1)) for one in (True, False))
+    up, down = (sender(wire, ends) for ends in (UP, DOWN))
     assert up.occupied_ns(1_397_297, 0) == 11_873_176 and down.occupied_ns(1_397_297, 0) == 0
-    assert (
-        Wire(3, 3, 0, overhead_bytes=0).channel(True, np.random.default_rng(1)).occupied_ns(1, 0)
-        == 2_666_666_667
-    )
+    assert sender(Wire(3, 3, 0, overhead_bytes=0)).occupied_ns(1, 0) == 2_666_666_667
     assert {up.delay_ns(1, 0) for _ in range(500)} == {200_000 + more for more in range(6)}
 
 
 @pytest.mark.parametrize(("loss", "arrived"), [(0, 1000), (1, 0), (0.3, 700)])
 def test_so_many_messages_are_lost(loss: float, arrived: int):
-    channel = Wire(None, None, 7, loss=loss).channel(True, np.random.default_rng(4))
+    channel = sender(Wire(None, None, 7, loss=loss), seed=4)
     found = [channel.delay_ns(1000, 0) for _ in range(1000)]
     assert sum(one == 7 for one in found) == pytest.approx(arrived, abs=45 if 0 < loss < 1 else 0)
 
@@ -122,7 +119,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
             f"link model '{RADIO}': .*slot_ms: must be more than zero",
         ),
         ({"model": RADIO}, r"cars\[0\].link.slot_ms: missing"),
-        ({"model": "tests.conformance.own:Again"}, "has no channel or radio"),
+        ({"model": "tests.conformance.own:Again"}, "has no sender"),
         ({"model": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
     ],
 )

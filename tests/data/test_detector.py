@@ -5,8 +5,8 @@ import os
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.core.classes import ROAD_LABELS
 from genie_sim.data.detector import DetectorSettings, YoloxNano, find_weights
 from genie_sim.data.onnx_detector import COCO_LABELS, best_boxes, letterbox
 from tests.kitti_folder import DATE, make_network

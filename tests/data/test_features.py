@@ -12,7 +12,7 @@ import pytest
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
-from genie_sim.core.caches.features import UNIT, packed, unpacked
+from genie_sim.base.features import UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
 from genie_sim.data.onnx_detector import add_last_activation
 from genie_sim.data.trace import Trace, feature_facts, read_trace, write_trace

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.core.classes import ROAD_LABELS
 from genie_sim.data import onnx_detector
 from genie_sim.data.detector import DETECTORS, DetectorSettings, Yolov8
 from tests.kitti_folder import make_network

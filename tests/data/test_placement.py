@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.core.classes import ROAD_LABELS
-from genie_sim.core.geometry import project, ray
+from genie_sim.base.classes import ROAD_LABELS
+from genie_sim.base.geometry import project, ray
 from genie_sim.data.placement import (
     HALF_DEPTH_M,
     LASER_HEIGHT_M,

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.pose_import import Sensor, recordings, write_recordings
 from genie_sim.data.trace import read_trace
-from genie_sim.data.truth_table import read_truth_table
+from genie_sim.data.truth import read_truth_table
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER
 
 

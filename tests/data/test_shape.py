@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from genie_sim.core.classes import Size
+from genie_sim.base.classes import Size
 from genie_sim.data.shape import centre
 
 CAR = Size(height_m=1.5, width_m=1.8, length_m=4.0)

@@ -34,7 +34,7 @@ def test_on_the_air_every_frame_is_answered_and_two_runs_are_the_same(method: st
     served, served_alone = (found["frames"].to_frame()["objects_served"] for found in (air, alone))
     assert served.sum() >= served_alone.sum() > 0
     channels = air["resources"].to_frame().groupby("resource", observed=True)["completed"].max()
-    assert channels["car1.channel"] > 0 and channels["car2.channel"] > 0
+    assert channels["car1/channel"] > 0 and channels["car2/channel"] > 0
 
 
 @pytest.fixture
@@ -202,7 +202,7 @@ def test_with_more_cars_the_channel_is_busier_and_cars_know_more():
         setting = {"fleet.cars": count, "perception.duration": "3 s", "seed": 2}
         run = gs.run("cpm.yaml", {**setting, "methods": methods})
         used = run.metrics[run.metrics["metric"] == "utilization"]
-        used = used[used["component"].isin([f"{car}.channel" for car in cars])]
+        used = used[used["component"].isin([f"{car}/channel" for car in cars])]
         busy[count] = used["value"].mean()
         held = run.held[(run.held["what"] == "consumer") & run.held["car"].isin(cars)]
         for method, rows in held.groupby("method", observed=True):

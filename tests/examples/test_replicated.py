@@ -56,18 +56,18 @@ def test_it_remembers_a_bounded_number_of_frames():
     assert not node.on_message("objects-remote", Detections(image(number).header, ()), 0)
 
 
-def world(methods: list[Any], *further: dict[str, Any], **settings: Any) -> Any:
-    """One car with one camera, at an edge, and links to edge2, edge3 and so on."""
-    edges = [{"name": f"edge{i + 1}", "device": "quadro_rtx_4000"} for i in range(len(further) + 1)]
-    uplinks = [{"edge": f"edge{i + 2}", "link": link} for i, link in enumerate(further)]
-    own = settings.pop("link", FLAT)
+def world(methods: list[Any], **settings: Any) -> Any:
+    """One car with one camera, at the first of three edges."""
+    edges = [{"name": f"edge{number}", "device": "quadro_rtx_4000"} for number in (1, 2, 3)]
     usual = {"cameras": ONE_CAMERA, "edges": edges}
-    cars = [small.car(1, link=own, further_uplinks=uplinks)]
+    cars = [small.car(1, link=settings.pop("link", FLAT))]
     return small.scenario(methods, **usual, cars=cars, **settings)
 
 
-def entries(*copies: int) -> list[dict[str, Any]]:
-    return [{"name": f"x{count}", "method": REPLICATED, "copies": count} for count in copies]
+def entry(*links: Any) -> dict[str, Any]:
+    """The method with these links to edge2, edge3 and so on; its name is how many copies go up."""
+    further = [{"edge": f"edge{number}", "link": link} for number, link in enumerate(links, 2)]
+    return {"name": f"x{len(links) + 1}", "method": REPLICATED, "further": further}
 
 
 def by_method(scenario: Any) -> dict[str, pd.DataFrame]:
@@ -78,7 +78,7 @@ def by_method(scenario: Any) -> dict[str, pd.DataFrame]:
 def test_the_first_answer_is_that_of_the_faster_edge():
     """The second link is 7 ms shorter each way, so every answer comes 14 ms sooner."""
     nearer = FLAT | {"delay": "3 ms"}
-    found = by_method(world(entries(1, 2), nearer, spread="isolated"))
+    found = by_method(world([entry(), entry(nearer)], spread="isolated"))
     assert set(found["x1"]["served_by"].dropna()) == {"edge1/vision_darknet_detect"}
     assert "edge2/vision_darknet_detect" in set(found["x2"]["served_by"])
     gained = found["x1"]["first_answer_ns"] - found["x2"]["first_answer_ns"]
@@ -86,17 +86,18 @@ def test_the_first_answer_is_that_of_the_faster_edge():
     assert gained.max() >= 14e6
 
 
-@pytest.mark.parametrize(("copies", "expected"), [(1, 1), (2, 2), (3, 3), (9, 3)])
-def test_each_copy_goes_up_its_own_link(copies: int, expected: int):
+@pytest.mark.parametrize("copies", [1, 2, 3])
+def test_each_copy_goes_up_its_own_link(copies: int):
     """Nothing is dropped on these links: so many times the bytes of one copy go up."""
-    found = by_method(world(["remote", *entries(copies)], FLAT, FLAT))
+    methods = ["remote", entry(*[FLAT] * (copies - 1))]
+    found = by_method(world(methods))
     ours, theirs = found[f"x{copies}"], found["remote"]
-    assert (ours["bytes_up"] == expected * theirs["bytes_up"]).all()
+    assert (ours["bytes_up"] == copies * theirs["bytes_up"]).all()
 
 
 def test_an_outage_of_one_link_loses_no_frame_of_two_copies():
     faults = [{"fault": "outage", "target": "car1->edge1", "begin": "500 ms", "end": "1500 ms"}]
-    found = by_method(world(["remote", *entries(2)], FLAT, faults=faults))
+    found = by_method(world(["remote", entry(FLAT)], faults=faults))
     lost = {name: rows["drop"].notna().sum() for name, rows in found.items()}
     assert lost == {"remote": 10, "x2": 0}
     assert found["x2"]["first_answer_ns"].notna().all()
@@ -109,7 +110,7 @@ def test_lost_copies_of_independent_links_multiply():
     standard deviations.
     """
     lossy = FLAT | {"loss": 0.3}
-    setting = world(entries(1, 2), lossy, link=lossy)
+    setting = world([entry(), entry(lossy)], link=lossy)
     runs = [by_method(replace(setting, seed=seed)) for seed in range(15)]
     for name, expected in (("x1", 1 - 0.7**2), ("x2", (1 - 0.7**2) ** 2)):
         unanswered = np.concatenate([run[name]["first_answer_ns"].isna() for run in runs])
@@ -129,8 +130,17 @@ def test_the_tail_is_shorter_than_that_of_one_uplink():
     assert found["first_answer_p99", "three"] <= found["first_answer_p99", "two"]
 
 
-def test_bad_settings_are_told_in_one_line():
-    for copies, text in ((0, "copies: must be at least 1, but is 0"), ("a", "copies")):
-        with pytest.raises(UserError, match=text) as told:
-            small.simulated(world([{"method": REPLICATED, "copies": copies}], FLAT))
-        assert "\n" not in str(told.value)
+@pytest.mark.parametrize(
+    ("further", "text"),
+    [
+        (3, "further: "),
+        ([{"edge": "edge2"}], r"further\[0\].link: missing"),
+        ([{"edge": "edge2", "link": "lti"}], r"further\[0\].link: unknown link 'lti'"),
+        ([{"edge": "edge9", "link": "lte"}], "replicated: unknown edge 'edge9'"),
+        ([{"edge": "edge1", "link": "lte"}], "replicated: link car1->edge1: there is one already"),
+    ],
+)
+def test_bad_settings_are_told_in_one_line(further: Any, text: str):
+    with pytest.raises(UserError, match=text) as told:
+        small.simulated(world([{"method": REPLICATED, "further": further}]))
+    assert "\n" not in str(told.value)

@@ -102,7 +102,7 @@ def test_every_car_in_range_hears_every_other_and_not_itself():
     assert origins("car1") == {"car2"} and origins("car2") == {"car1"}
     assert len(HEARD["car1"]) == len(HEARD["car2"]) == 10
     assert HEARD["edge1"] == [], "an edge without a place hears nothing"
-    channel = next(one for one in world.network.resources if one.name == "car1.channel")
+    channel = next(one for one in world.network.resources if one.name == "car1/channel")
     link = world.network.links["car1->*"]
     assert (channel.completed, channel.drops, link.completed, link.drops) == (10, 0, 10, 0)
     airtime_ns = 40_000 + 12 * 8_000  # (26 + 38) bytes and 22 bits are 12 symbols of 48 bits
@@ -153,5 +153,5 @@ def test_what_is_lost_on_the_air_is_no_loss_of_a_frame():
     """Nobody answers here, so nothing else is dropped."""
     world = ran(method="Lossy")
     assert HEARD["car1"] == []
-    channel = next(one for one in world.network.resources if one.name == "car1.channel")
+    channel = next(one for one in world.network.resources if one.name == "car1/channel")
     assert (channel.completed, channel.drops) == (0, 10)

@@ -14,7 +14,7 @@ from sidelink import IDLE_NS, SLOT_NS, WINDOW, Sidelink, Station
 
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.sim.clock import Clock, Steps
-from genie_sim.sim.link_models import LinkEnds
+from genie_sim.sim.link_model import LinkEnds
 from tests.theory.replications import equivalent, replicate
 
 SEED, S, US = 7, 1_000_000_000, 1_000
@@ -38,16 +38,16 @@ class Street:
     """The air of these tests: hosts that stand along a street, and what they have sent."""
 
     places: Mapping[str, float]  # east [m], by the host
-    sidelink: Sidelink = SIDELINK
+    sidelink: Sidelink = field(default_factory=lambda: SIDELINK)
     seed: int = SEED
     clock: Clock = field(default_factory=Clock)
     edges: tuple[str, ...] = ()
     sent: list[Sent] = field(default_factory=list)
 
     def __post_init__(self):
-        channel = self.sidelink.radio(self)
+        sidelink = replace(self.sidelink)
         self.stations: dict[str, Station] = {
-            host: channel.sender(LinkEnds(host, host, host, up=True)) for host in self.places
+            host: sidelink.sender(self, LinkEnds(host, host, host, up=True)) for host in self.places
         }
 
     def draws(self, *names):

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Location
 from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.record.records import HELD
@@ -52,9 +54,24 @@ class Street:
     def visible(self, frame: Any) -> Sequence[Thing]:
         return frame.visible
 
-    def is_there(self, frame: Any, label: str, east_m: float, north_m: float) -> bool:
-        there = (it for it in (*frame.visible, *frame.hidden) if it.label == label)
-        return any(math.dist(it.location[:2], (east_m, north_m)) <= self.reach_m for it in there)
+    def are_there(
+        self, frames: Sequence[Any], labels: Sequence[str], east_m: Any, north_m: Any
+    ) -> Any:
+        return np.array(
+            [
+                any(
+                    it.label == label and math.dist(it.location[:2], place) <= self.reach_m
+                    for it in (*frame.visible, *frame.hidden)
+                )
+                for frame, label, *place in zip(frames, labels, east_m, north_m, strict=True)
+            ]
+        )
+
+
+def is_there(truth: Any, frame: Any, label: str, east_m: float, north_m: float) -> bool:
+    """Whether a truth knows anything of a class at one place."""
+    place = np.array([east_m]), np.array([north_m])
+    return bool(truth.are_there([frame], [label], *place)[0])
 
 
 Step = tuple[Frame, Sequence[Detection] | None]

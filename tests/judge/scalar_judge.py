@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from genie_sim.core.classes import class_of
-from genie_sim.core.matching import near, pairs
+from genie_sim.base.classes import class_of
+from genie_sim.base.matching import near, pairs
 from genie_sim.core.messages import Detection, Detections, Image, Location
 from genie_sim.core.view import ViewSector
 from genie_sim.judge.scenes import DriveTruth
@@ -18,6 +18,7 @@ from genie_sim.record.records import HeldObjectRow, HeldRow
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
 from genie_sim.tracks.track import COAST_NS, NEAR_M
+from tests.judge.judging import is_there
 
 S = 1_000_000_000
 
@@ -121,7 +122,7 @@ class ScalarJudge:
                 words[i] = "right"
             elif any(i == it[1] and it[0] <= truth.reach_m**2 for it in candidates):
                 words[i] = "duplicate"
-            elif truth.is_there(image.content, label, east_m, north_m):
+            elif is_there(truth, image.content, label, east_m, north_m):
                 words[i] = "hidden"
             elif any(
                 (label, t_ns >= now_ns - 10 * S) == (other, True)

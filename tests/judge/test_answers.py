@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim.analysis import metrics, screen, summary
-from genie_sim.core.matching import SAME_M, near, pairs, placed
+from genie_sim.base.matching import SAME_M, near, pairs, placed
 from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.judge.agreement import Agreement
 from genie_sim.judge.objects import Objects

@@ -23,7 +23,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header, Image
 from genie_sim.data.sources import Recordings
 from genie_sim.data.trace import Trace, read_trace, write_trace
-from genie_sim.data.truth_table import (
+from genie_sim.data.truth import (
     TruthRow,
     TruthTable,
     path_beside,

@@ -6,10 +6,8 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
@@ -121,18 +119,12 @@ def test_places_with_nothing_visible_for_ten_seconds_are_forgotten():
 
 
 class Town(Street):
-    """The same, with people who are not known, and asked about many objects at once."""
+    """The same, with people who are not known."""
 
     reach_m = 6.0
 
     def knows(self, label: str) -> bool:
         return label != "person"
-
-    def are_there(
-        self, frames: Sequence[Frame], labels: Sequence[str], east_m: Any, north_m: Any
-    ) -> Any:
-        asked = zip(frames, labels, east_m, north_m, strict=True)
-        return np.array([self.is_there(*of_one) for of_one in asked])
 
 
 Judge = MapAccuracy | ScalarJudge

@@ -4,7 +4,7 @@ The numbers of ``results/paper`` are a run each of a scenario and a seed. The ro
 again each time, two seeds of the six scenarios in continuous integration, all ten at night.
 
 When a change is meant: ``genie-sim reproduce --out results/paper``, then
-``python -m tests.paper.test_reproduce``; the reason goes into the commit's message.
+``python -m studies.paper_pages``; the reason goes into the commit's message.
 """
 
 from __future__ import annotations

@@ -2,54 +2,30 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis import renderers
-from genie_sim.analysis.figures import save
 from genie_sim.cli.main import main
-from genie_sim.paper import claims, curves, numbers, page, printed, table1
+from genie_sim.paper import claims, curves, numbers, printed
 from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
-from genie_sim.paper.reproduce import Reproduction, declared_seeds, reproduce, write
+from genie_sim.paper.reproduce import FIGURES, FILES, declared_seeds, reproduce
 from genie_sim.paper.sources import ASSUMPTIONS, edited_set_ups, set_ups
 from genie_sim.record import provenance
 from genie_sim.scenario.yaml_input import read_mapping
+from studies import paper_pages
 from tests.checkout import copied
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAPER = REPOSITORY / "results" / "paper"
-FULL_RUN = REPOSITORY / "genie_sim" / "paper" / "full_run.json"
-FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
-DOCUMENTS = {  # their generated parts
-    "README.md": ("in short",),
-    "docs/paper.md": ("table", "accuracy", "table I"),
-}
 ASSUMED = read_mapping(ASSUMPTIONS)
-
-
-def generated() -> dict[str, str]:
-    """What documents show of the committed evaluation, by the name of the part."""
-    rows = printed.read_rows(PAPER)
-    accuracy = page.accuracy(Evidence(numbers.read(PAPER)))
-    return {
-        "table": printed.in_markdown(rows),
-        "in short": printed.in_short(rows),
-        "accuracy": renderers.markdown(accuracy).rstrip(),
-        "table I": table1.markdown(),
-    }
-
-
-def refreshed(text: str, name: str, part: str) -> str:
-    """The document with a part made anew, which stands between two marks."""
-    begin, end = f"<!-- {name}:begin -->", f"<!-- {name}:end -->"
-    before, rest = text.split(begin, 1)
-    return f"{before}{begin}\n{part}\n{end}{rest.split(end, 1)[1]}"
 
 
 def test_everything_fixed_has_a_reason():
@@ -94,7 +70,7 @@ def test_the_committed_verdicts_follow_from_the_committed_numbers():
     assert json.loads(json.dumps(judge(Evidence(numbers.read(PAPER))))) == rows, (
         "the claims changed: evaluate anew"
     )
-    assert provenance.read_json(FULL_RUN) == {row["id"]: row["verdict"] for row in rows}
+    assert provenance.read_json(paper_pages.FULL_RUN) == {row["id"]: row["verdict"] for row in rows}
 
 
 def test_the_committed_results_are_small():
@@ -102,14 +78,10 @@ def test_the_committed_results_are_small():
     assert sum(path.stat().st_size for path in paths) < 1_000_000
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", paper_pages.DOCUMENTS)
 def test_the_documents_show_the_committed_verdicts(document):
     text = (REPOSITORY / document).read_text(encoding="utf-8")
-    parts = generated()
-    for name in DOCUMENTS[document]:
-        assert refreshed(text, name, parts[name]) == text, (
-            f"{document} shows other {name}: python -m tests.paper.test_reproduce"
-        )
+    assert paper_pages.with_parts(text, document) == text, "python -m studies.paper_pages"
 
 
 def test_the_set_ups_are_the_declared_ones():
@@ -165,6 +137,46 @@ def test_nothing_is_overwritten_that_is_no_result(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
+def test_an_evaluation_that_cannot_be_shown_keeps_its_numbers(tmp_path, capsys, monkeypatch):
+    """Then it is shown, and what somebody has put beside it stays."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    known = numbers.read(PAPER), curves.read(PAPER / curves.FILE)
+    monkeypatch.setattr("genie_sim.paper.runs.simulate", lambda *_: known)
+    line, out = ["reproduce", "--seeds", "1", "--out", str(tmp_path / "out")], tmp_path / "out"
+    with monkeypatch.context() as patched:
+        patched.setattr("genie_sim.report.template.part", full)
+        assert main(line) == 1
+    assert capsys.readouterr().err.splitlines()[-1] == (
+        f"genie-sim: {out}: the results are kept, but without report.html"
+    )
+    assert printed.read_rows(out) and not (out / "report.html").exists()
+    assert len([*(out / "figures").glob("*.svg")]) == len(FIGURES)
+    (out / "mine.txt").write_text("mine")
+    assert main(line) == 0
+    assert (out / "report.html").exists() and (out / "mine.txt").exists()
+
+
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [
+        *(("report", name) for name in FILES),
+        *((command, "run.json") for command in ("report", "table", "figures")),
+        ("table", "verdicts.json"),
+        ("figures", curves.FILE),
+    ],
+)
+def test_no_file_of_an_evaluation_is_read_outside_of_it(command, name, tmp_path, capsys):
+    folder = copied(PAPER, tmp_path / "out")
+    (folder / name).rename(tmp_path / "outside")
+    (folder / name).symlink_to(tmp_path / "outside")
+    assert main([command, str(folder), "--allow-changed"]) == 1
+    assert f"out/{name}: a link out of" in capsys.readouterr().err
+
+
 def test_the_table_is_printed_in_markdown_and_for_a_notebook():
     rows = printed.read_rows(PAPER)
     assert printed.table(rows, "markdown").count("\n| C") == 39
@@ -174,30 +186,3 @@ def test_the_table_is_printed_in_markdown_and_for_a_notebook():
     narrow = printed.text(rows, 60)
     assert max(map(len, narrow.splitlines())) <= 60
     assert not np.isnan([row["value"] for row in rows]).any()
-
-
-def refresh() -> None:
-    """Judges the committed numbers anew, and writes what follows from them: the rest of
-    ``results/paper``, the verdicts in the package, the documents, their pictures.
-    """
-    table = numbers.read(PAPER)
-    rows = judge(Evidence(table))
-    provenance.write_json(FULL_RUN, {row["id"]: row["verdict"] for row in rows})
-    claims.full_run.cache_clear()
-    rows = judge(Evidence(table))
-    about = provenance.read_json(PAPER / "run.json")
-    made = Reproduction(rows, table, curves.read(PAPER / curves.FILE), about)
-    write(PAPER, made)
-    for name, figure in made.figures().items():
-        save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
-    parts = generated()
-    for document, names in DOCUMENTS.items():
-        path = REPOSITORY / document
-        text = path.read_text(encoding="utf-8")
-        for name in names:
-            text = refreshed(text, name, parts[name])
-        path.write_text(text, encoding="utf-8")
-
-
-if __name__ == "__main__":
-    refresh()

@@ -47,7 +47,7 @@ def test_what_somebody_put_into_a_result_stays_when_it_is_made_again(tmp_path):
     (final / "page.html").write_text("of before")
     (final / "mine" / "notes.txt").write_text("mine")
     (final / "link").symlink_to(elsewhere)
-    with result_folder(final, lambda *_: ("page.html",)) as partial:
+    with result_folder(final, ("page.html",)) as partial:
         (partial / "run.json").write_text("[]")
     assert (final / "mine" / "notes.txt").read_text() == "mine"
     assert (final / "link").is_symlink() and (elsewhere / "precious").read_text() == "precious"

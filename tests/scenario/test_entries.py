@@ -161,8 +161,8 @@ FAULTS = "hand_over, outage, or package.module:Class"
         ({"method": "genie", "name": 5}, "methods[0].name: must be text, not 5"),
         ({"method": "genie", "name": "a b"}, "methods[0].name: must be letters, digits, "),
         (
-            {"method": "my.code:Own", "x": [3]},
-            "methods[0].x: must be a number, true or false, or text, not [3]",
+            {"method": "my.code:Own", "x": None},
+            "methods[0].x: must be a number, true or false, text, a list or a mapping, not None",
         ),
         (
             {"method": "genie", "genie": {"evictoin": "lru"}},

@@ -13,9 +13,10 @@ from genie_sim.base import settings
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
+from genie_sim.links.presets import LINKS
+from genie_sim.links.wire import Wire
 from genie_sim.runs import build
-from genie_sim.sim.link_models.presets import LINK, LINKS
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.sim.link_model import LINK
 
 IMAGE_BYTES = 1_397_297
 WIRE_FIELDS = "delay, jitter, loss, mtu_payload, overhead, rate_down, rate_up"

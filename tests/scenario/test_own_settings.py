@@ -12,7 +12,7 @@ from genie_sim.scenario.checks import check_own_plugins
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.link_models.presets import LINK
+from genie_sim.sim.link_model import LINK
 
 OWN = """\
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ class Tunnel:
     delay_ns: int
     rate_bps: int = 10**6
 
-    def channel(self, up, rng): ...
+    def sender(self, network, ends): ...
 """
 SCENARIO = """\
 edges: [{{name: edge1, device: agx_xavier}}]

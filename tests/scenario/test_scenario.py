@@ -24,6 +24,8 @@ from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES, Live, Recorded
 from genie_sim.faults import FAULTS
+from genie_sim.links.presets import LINKS
+from genie_sim.links.wire import Wire
 from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.scenario.faults import FaultEntry
@@ -33,9 +35,7 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
-from genie_sim.sim.link_models import LINK_MODELS
-from genie_sim.sim.link_models.presets import LINKS
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.sim.link_model import LINK_MODELS
 
 ROOT = Path(__file__).parents[2]
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]
@@ -158,7 +158,7 @@ def test_the_file_of_all_settings_names_every_choice() -> None:
     of_sections = (
         *keys_of(Fleet),
         *keys_of(FaultEntry),
-        *METHOD.beside,
+        *METHOD.keys_beside,
     )
     registries = (
         SIMILARITIES,
@@ -385,8 +385,7 @@ MISTAKES = [
     ),
     (
         with_car(x="1"),
-        "cars[1].x: unknown field; known: name, device, edge, link, route, "
-        "further_uplinks, cameras, genie",
+        "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie",
     ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),

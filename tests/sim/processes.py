@@ -1,14 +1,37 @@
-"""Processes that tests start: a job on a processor, a message that a sender sends."""
+"""Processes that tests start: a job on a processor, a message that a sender sends; and senders of
+links that are in no network.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
 
 import simpy
 
+from genie_sim.base.seeds import Draws
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.device import Processor
-from genie_sim.sim.link_models import Sender
+from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
+
+UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)
+DOWN = LinkEnds("edge1->car1", "car1", "edge1", up=False)
+
+
+def sender(
+    model: LinkModel,
+    ends: LinkEnds = UP,
+    *,
+    clock: Clock | None = None,
+    seed: int = 1,
+    place: tuple[float, float] = (0.0, 0.0),
+) -> Any:
+    """One direction of a link whose car stands at a ``place``."""
+    network: Any = SimpleNamespace(
+        clock=clock or Clock(), draws=lambda *names: Draws(seed, *names), place=lambda car: place
+    )
+    return model.sender(network, ends)
 
 
 def job(

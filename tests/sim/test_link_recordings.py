@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.seeds import Draws, stream
 from genie_sim.data.link_import import IMPORTERS
+from genie_sim.links import recording
+from genie_sim.links.recording import Steps
+from genie_sim.links.trace import RecordedLink
+from genie_sim.links.wire import Wire
 from genie_sim.runs.prepare import link_digests, prepare
-from genie_sim.sim.link_models import LinkEnds, recording
-from genie_sim.sim.link_models.recording import Steps
-from genie_sim.sim.link_models.trace import RecordedLink, TraceRadio
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.sim.link_model import LinkEnds
 from tests.conformance import small
+from tests.sim.processes import DOWN, UP, sender
 from tools.make import urban_n78
 
 S, MBIT, MS = 1_000_000_000, 1_000_000, 1_000_000
-UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)
-DOWN = LinkEnds("edge1->car1", "car1", "edge1", up=False)
 
 
 def write(path: Path, **columns) -> str:
     recording.write(path, columns, {"source": "tests"})
     return str(path)
-
-
-def sender(trace: RecordedLink, ends: LinkEnds = UP, seed: int = 1, place=(0.0, 0.0)):
-    air = SimpleNamespace(
-        clock=None, draws=lambda *names: Draws(seed, *names), place=lambda car: place
-    )
-    return TraceRadio(trace, air).sender(ends)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("size_bytes", [0, 1, 426, 90_000, 1_397_297, 10**9])
@@ -44,7 +35,7 @@ def test_a_constant_recording_is_a_wire_to_the_nanosecond(tmp_path, size_bytes: 
     rate_bps, rtt_ns = 7_654_321, 31_000_001
     columns = {"t_ns": [0, 7, 333_333_333, S][:rows], "up_bps": [rate_bps] * rows}
     path = write(tmp_path / "constant.parquet", **columns, rtt_ns=[rtt_ns] * rows)
-    wire = Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0).channel(True, stream(1))
+    wire = sender(Wire(rate_bps, None, rtt_ns // 2, overhead_bytes=0))
     replayed = sender(RecordedLink(rate=path, rtt=path))
     for now_ns in (0, 1, 5 * S // 7, 123_456_789_012):
         assert replayed.occupied_ns(size_bytes, now_ns) == wire.occupied_ns(size_bytes, now_ns)
@@ -102,7 +93,7 @@ def test_the_round_trip_is_that_of_the_time():
 def test_a_car_begins_at_a_place_of_its_own_in_step_for_all_of_its_links():
     of_car1, down, at_edge2, of_car2, other_seed = (
         [
-            sender(RecordedLink(rtt="urban_n78_generated"), ends, seed).delay_ns(1, t * S)
+            sender(RecordedLink(rtt="urban_n78_generated"), ends, seed=seed).delay_ns(1, t * S)
             for t in range(20)
         ]
         for ends, seed in (

@@ -15,17 +15,17 @@ import pytest
 from genie_sim.base.seeds import Draws
 from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.faults.gnss import Gnss
+from genie_sim.links.burst_loss import BurstLoss, LossProcess
+from genie_sim.links.wire import Wire, WireSender
 from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
-from genie_sim.sim.link_models.message_random import REMEMBERED, MessageRandom
-from genie_sim.sim.link_models.wire import Wire
-from genie_sim.sim.link_models.wire_channel import WireChannel
+from genie_sim.sim.message_random import REMEMBERED, MessageRandom
 from tests.conformance import small
+from tests.sim.processes import sender
 
 LINK = {"like": "nr5g", "rate_up": "100 Mbit/s", "loss": 0.1}
 S = 1_000_000_000
@@ -48,7 +48,7 @@ class Spy:
         self._wrap(Host, "serve_message", self._serve_message)
         self._wrap(Processor, "serve", self._serve)
         self._wrap(Link, "_leave", self._leave)
-        self._wrap(WireChannel, "delay_ns", self._delay)
+        self._wrap(WireSender, "delay_ns", self._delay)
 
     def _wrap(self, owner: type, name: str, spy: Any) -> None:
         real = getattr(owner, name)
@@ -237,11 +237,10 @@ def test_a_message_that_is_sent_again_has_other_numbers():
 
 def test_jitter_and_losses_have_their_shares():
     """The jitter uniform, a share lost, one independent of the other: 4 standard errors."""
-    random, count = MessageRandom(Air(), "car1->edge1"), 20_000
-    channel = Wire(None, None, 50, jitter_ns=1000, loss=0.3).channel(True, random)
+    channel, count = sender(Wire(None, None, 50, jitter_ns=1000, loss=0.3)), 20_000
     delays_ns = []
     for number in range(count):
-        random.begin(message(number), "edge1")
+        channel.random.begin(message(number), "edge1")
         delays_ns.append(channel.delay_ns(100, number))
     arrived = np.array([delay_ns for delay_ns in delays_ns if delay_ns is not None])
     assert 1 - len(arrived) / count == pytest.approx(0.3, abs=4 * np.sqrt(0.21 / count))
@@ -258,7 +257,7 @@ def lost(sent_ns: Sequence[int], size_bytes: int = 5 * 1448) -> list[bool]:
     """Which messages are lost on one link, by when their last bits leave."""
     loss = BurstLoss(mean=0.2, burst=30)
     wire = Wire(10_000_000, None, 0, loss=loss)
-    channel = wire.channel(True, MessageRandom(Air(), "car1->edge1"))  # type: ignore[arg-type]
+    channel = sender(wire)
     return [channel.delay_ns(size_bytes, now_ns) is None for now_ns in sent_ns]
 
 

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.core.messages import Header, Publish
+from genie_sim.links.wire import Wire
 from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host
 from genie_sim.sim.link import Bridge, Link
-from genie_sim.sim.link_models.channels import ChannelSender
-from genie_sim.sim.link_models.wire import Wire
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph, Node, Subscriber
 from genie_sim.sim.topology import EdgeServer
+from tests.sim.processes import DOWN, UP, sender
 from tests.sim.street import build, fixed_device, scenario
 
 WORK_NS = 1000
@@ -72,7 +71,7 @@ def office(name: str = "car1", clock: Clock | None = None, **settings) -> Graph:
 def link(clock: Clock, name: str, up: bool = True) -> Link:
     """One direction of a gigabit Ethernet."""
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    return Link(clock, name, ChannelSender(clock, wire.channel(up, np.random.default_rng(1))))
+    return Link(clock, name, sender(wire, UP if up else DOWN, clock=clock))
 
 
 def clerk(
@@ -372,8 +371,7 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
     heard, lost = Listener(), []
     there.subscribe("/notes", heard)
     wire = Wire(1_000_000_000, 1_000_000_000, delay_ns=200_000)
-    channel = wire.channel(True, np.random.default_rng(1))
-    up = Link(clock, "link", ChannelSender(clock, channel))
+    up = Link(clock, "link", sender(wire, clock=clock))
     bridge = Bridge(
         up,
         there,
@@ -387,11 +385,7 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
         clock.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
     clock.run()
-    arrival_ns = (
-        300_000
-        + wire.channel(True, np.random.default_rng(1)).occupied_ns(Note(2).size_bytes, 0)
-        + 200_000
-    )
+    arrival_ns = 300_000 + sender(wire).occupied_ns(Note(2).size_bytes, 0) + 200_000
     assert [number for _, number, _ in heard.heard] == [1, 4]
     assert lost == [(320_000, 3), (arrival_ns, 2)]
 

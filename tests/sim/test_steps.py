@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
-from genie_sim.core.monitor import Span, SpanLabel
 from genie_sim.methods import METHODS
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
@@ -21,6 +20,7 @@ from genie_sim.scenario.scenario import RECORDS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
+from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import InterceptorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from tests.sim.street import build, scenario, street

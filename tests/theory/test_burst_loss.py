@@ -12,9 +12,10 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
-from genie_sim.sim.link_models.loss import BurstLoss, LossProcess
-from genie_sim.sim.link_models.wire import Wire
+from genie_sim.links.burst_loss import BurstLoss, LossProcess
+from genie_sim.links.wire import Wire
 from tests.conformance import small
+from tests.sim.processes import sender
 
 SEED, SEGMENTS = 11, 200_000
 
@@ -54,15 +55,15 @@ def test_independent_segments(size: int):
 def test_a_link_counts_segments_or_messages_and_repairs():
     loss = BurstLoss(mean=0.02, burst=1 / 0.98)
     wire = Wire(None, None, 7, loss=loss, mtu_payload_bytes=1000)
-    channel = wire.channel(True, stream(SEED, "link"))
+    channel = sender(wire, seed=SEED)
     arrived = np.array([channel.delay_ns(10_000, 0) is not None for _ in range(4000)])
     assert arrived.mean() == pytest.approx(0.98**10, abs=3 * 0.0061)
     of_messages = replace(wire, loss=replace(loss, per="message"))
-    channel = of_messages.channel(True, stream(SEED, "link"))
+    channel = sender(of_messages, seed=SEED)
     arrived = np.array([channel.delay_ns(10_000, 0) is not None for _ in range(4000)])
     assert arrived.mean() == pytest.approx(0.98, abs=3 * 0.0022)
     repaired = replace(wire, loss=replace(loss, repair_ns=50))
-    channel = repaired.channel(True, stream(SEED, "link"))
+    channel = sender(repaired, seed=SEED)
     delays_ns = [channel.delay_ns(10_000, 0) for _ in range(4000)]
     assert set(delays_ns) == {7, 57}
     assert np.mean(np.array(delays_ns) == 7) == pytest.approx(0.98**10, abs=3 * 0.0061)
@@ -71,11 +72,11 @@ def test_a_link_counts_segments_or_messages_and_repairs():
 def test_the_delay_does_not_depend_on_the_losses():
     wire = Wire(None, None, 7, jitter_ns=1000, loss=BurstLoss(mean=0.5, burst=4, repair_ns=10**6))
     without = replace(wire, loss=0.0)
-    losses = wire.channel(True, stream(SEED, "link"))
+    losses = sender(wire, seed=SEED)
     delays_ns = [losses.delay_ns(1, 0) for _ in range(300)]
     assert {delay_ns // 10**6 for delay_ns in delays_ns} == {0, 1}
     assert max(delay_ns % 10**6 for delay_ns in delays_ns) <= 1007
-    assert without.channel(True, stream(SEED, "link")).delay_ns(1, 0) <= 1007
+    assert sender(without, seed=SEED).delay_ns(1, 0) <= 1007
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,13 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from genie_sim.base.seeds import Draws, stream
+from genie_sim.links.cell import Band, RadioCell
+from genie_sim.links.fields import NormalField
+from genie_sim.links.path_loss import StreetCanyon, los_db, los_probability, nlos_db
+from genie_sim.links.wire import Wire
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.link_models import LinkEnds
-from genie_sim.sim.link_models.cell import Band, RadioCell
-from genie_sim.sim.link_models.fields import NormalField
-from genie_sim.sim.link_models.path_loss import StreetCanyon, los_db, los_probability, nlos_db
-from genie_sim.sim.link_models.wire import Wire
-from tests.sim.processes import send
+from genie_sim.sim.link_model import LinkEnds
+from tests.sim.processes import send, sender
 from tests.theory.replications import equivalent
 
 SEED, S = 6, 1_000_000_000
@@ -48,8 +48,9 @@ class Street:
 
 
 def senders(cell: RadioCell, air: Street, count: int, up: bool = True):
-    radio = cell.radio(air)
-    return [radio.sender(LinkEnds(f"car{i}->edge1", f"car{i}", "edge1", up)) for i in range(count)]
+    ends = [LinkEnds(f"car{i}->edge1", f"car{i}", "edge1", up) for i in range(count)]
+    fresh = replace(cell)  # of a run of its own
+    return [fresh.sender(air, of_car) for of_car in ends]
 
 
 def ends_ns(
@@ -128,12 +129,11 @@ def test_mean_time_in_the_cell_is_that_of_processor_sharing(rho: float, size):
 
 def times_in_cell_ns(begins_ns: list[int], sizes: list[int]) -> list[int]:
     """How long each message takes that comes to a cell."""
-    air, idle, spent_ns = Street(), [], []
-    radio = FREE.radio(air)
+    air, idle, spent_ns, cell = Street(), [], [], replace(FREE)
 
     def arrive(size_bytes: int) -> None:
         name = f"car{len(spent_ns)}"
-        car = idle.pop() if idle else radio.sender(LinkEnds(name, name, "edge1", True))
+        car = idle.pop() if idle else cell.sender(air, LinkEnds(name, name, "edge1", True))
         begin_ns = air.clock.now
 
         def end() -> None:
@@ -155,7 +155,7 @@ def test_a_car_alone_takes_as_long_as_on_a_wire(size_bytes: int):
     cell = RadioCell(up=Band(7_333_333, layers=1))
     loss_db = StreetCanyon(Street(), "edge1", (0, 0), carrier_hz=cell.carrier_hz, shadowing=True)
     rate_bps = cell.rate_bps(True, loss_db.db(50.0, 0.0))
-    wire = Wire(rate_bps, None, 0, overhead_bytes=0).channel(True, np.random.default_rng(1))
+    wire = sender(Wire(rate_bps, None, 0, overhead_bytes=0))
     assert 10**6 < rate_bps < cell.rate_bps(True) + 1
     (end_ns,) = ends_ns(cell, [(17, size_bytes)])
     assert end_ns - 17 == wire.occupied_ns(size_bytes, 17)
@@ -177,10 +177,10 @@ def test_two_cars_by_hand():
 
 def test_up_and_down_are_apart_and_so_are_edges():
     air = Street(edges=("edge1", "edge2"))
-    radio, ended = FREE.radio(air), {}
+    cell, ended = replace(FREE), {}
     for ends in (("a", "edge1", True), ("b", "edge1", False), ("c", "edge2", True)):
-        sender = radio.sender(LinkEnds(ends[0], *ends))
-        send(air.clock, sender, SIZE, lambda name=ends[0]: ended.update({name: air.clock.now}))
+        car = cell.sender(air, LinkEnds(ends[0], *ends))
+        send(air.clock, car, SIZE, lambda name=ends[0]: ended.update({name: air.clock.now}))
     air.clock.run()
     up_ns, down_ns = (SIZE * 8 * S // FREE.rate_bps(up) for up in (True, False))
     assert ended == {"a": up_ns, "b": -(-SIZE * 8 * S // FREE.rate_bps(False)), "c": up_ns}
@@ -236,8 +236,8 @@ def test_coverage_that_comes_back_in_time_keeps_the_bits():
 def test_a_link_that_goes_down_gives_its_share_to_the_others():
     air, ended = Street(), {}
     first, second = senders(FREE, air, 2)
-    for name, sender in (("first", first), ("second", second)):
-        send(air.clock, sender, SIZE, lambda name=name: ended.update({name: air.clock.now}))
+    for name, car in (("first", first), ("second", second)):
+        send(air.clock, car, SIZE, lambda name=name: ended.update({name: air.clock.now}))
     alone_ns = SIZE * 8 * S // FREE.rate_bps(True)
     air.clock.after(alone_ns // 2, first.set_up, (False,))
     air.clock.run()

@@ -13,12 +13,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.core.messages import Detections, Header
+from genie_sim.links.presets import LINKS
+from genie_sim.links.wire import Wire
 from genie_sim.runs import build
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models.channels import ChannelSender
-from genie_sim.sim.link_models.presets import LINKS
-from genie_sim.sim.link_models.wire import Wire
+from tests.sim.processes import DOWN, UP, sender
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
 
@@ -56,7 +56,7 @@ class Line:
         self.link = Link(
             self.clock,
             "car1->edge1",
-            ChannelSender(self.clock, model.channel(up, np.random.default_rng(seed))),
+            sender(model, UP if up else DOWN, clock=self.clock, seed=seed),
             queue_length=queue_length,
             dropped=lambda message, where: self.lost.append(message.header.stamp_ns),
         )

@@ -11,23 +11,23 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.data.trace import TraceFrame
+from genie_sim.links.presets import LINKS
 from genie_sim.runs import build
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.device import Host, Processor
 from genie_sim.sim.link import Link
-from genie_sim.sim.link_models.channels import ChannelSender
-from genie_sim.sim.link_models.presets import LINKS
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
-from tests.sim.processes import job
+from tests.sim.processes import job, sender
 from tests.sim.street import FOV_RAD, fixed_device
 from tests.theory.replications import equivalent, replicate
 
@@ -285,9 +285,10 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
 
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
-        channel = replace(build.link_model(LINKS["ethernet_1g"]), delay_ns=0).channel(True, rng)
-        link = Link(env, "car1->edge1", ChannelSender(env, channel), queue_length=10**9)
-        wire_ns = channel.occupied_ns(1_397_297, 0)
+        wire: Any = build.link_model(LINKS["ethernet_1g"])
+        upwards = sender(replace(wire, delay_ns=0), clock=env)
+        link = Link(env, "car1->edge1", upwards, queue_length=10**9)
+        wire_ns = upwards.occupied_ns(1_397_297, 0)
         came_ns: deque[int] = deque()
         waits: list[int] = []
 

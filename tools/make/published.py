@@ -16,9 +16,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.geometry import Geodetic, transform
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
-from genie_sim.core.geometry import Geodetic, transform
 from genie_sim.core.messages import Box, Detection, Location
 from genie_sim.data.files import numbers
 from genie_sim.data.perceive import kitti_folder

@@ -20,8 +20,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from genie_sim.base import files
+from genie_sim.base.classes import GROUPS
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import GROUPS
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import Trace, read_trace
 from genie_sim.data.truth import read_truth

@@ -11,7 +11,7 @@ from statistics import NormalDist
 import numpy as np
 
 from genie_sim.base.seeds import stream
-from genie_sim.sim.link_models import recording
+from genie_sim.links import recording
 
 OUT = Path(__file__).resolve().parents[2] / "scenarios/links/urban_n78_generated.parquet"
 INTERVAL_NS, ROWS = 50_000_000, 2400  # 20 Hz for two minutes

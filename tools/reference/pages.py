@@ -20,10 +20,10 @@ from genie_sim.base import add_ons, files
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
+from genie_sim.links.presets import LINKS
 from genie_sim.record import records
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.sim.link_models.presets import LINKS
 from tools.reference.settings import settings
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -56,7 +56,7 @@ PYTHON = """\
 
 NULL = "A column holds measurements. Null means unknown or never, not zero.\n"
 LINK = """\
-`genie_sim/sim/link_models/presets.py` has the source of every number. [Add a
+`genie_sim/links/presets.py` has the source of every number. [Add a
 link](../extend/link.md).
 """
 INTERFACE = """\

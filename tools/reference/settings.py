@@ -71,7 +71,6 @@ OWN_CLASS = "`package.module:Class`"
 REPEATED = (
     "cars[].cameras[].",
     "cars[].link.",
-    "cars[].further_uplinks[].link.",
     "fleet.link.",
     *(f"methods[].{key}" for key in keys_of(MethodSettings)),
 )

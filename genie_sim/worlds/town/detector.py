@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
 from genie_sim.worlds.town.laws import (

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, Geodetic
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import GROUPS, VEHICLES
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import GROUPS, VEHICLES
+from genie_sim.base.geometry import Array
 from genie_sim.data.trace import SCORE_DECIMALS
 from genie_sim.worlds.town.noise import smooth_normals
 from genie_sim.worlds.town.rules import MAX_VIEW_M

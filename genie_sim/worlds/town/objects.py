@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import SIZES
+from genie_sim.base.classes import SIZES
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
 from genie_sim.worlds.town.laws import GroupLaws

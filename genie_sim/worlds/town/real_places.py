@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import VEHICLES
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import VEHICLES
+from genie_sim.base.geometry import Array
 from genie_sim.worlds.town.streets import Ints, Street, Streets
 
 CLASSES = dict.fromkeys(VEHICLES, VEHICLES[0])  # whose objects count as each other

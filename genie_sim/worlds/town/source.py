@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.data.source import FrameSource
 from genie_sim.worlds.town.frames import SceneFrames
 from genie_sim.worlds.town.objects import TownObject
@@ -126,14 +126,9 @@ class TownTruth:
         truth: Sequence[TownObject] = frame.truth()
         return truth
 
-    def is_there(self, frame: "TownFrame", label: str, east_m: float, north_m: float) -> bool:
-        place = np.array([east_m]), np.array([north_m])
-        return bool(self.are_there([frame], [label], *place)[0])
-
     def are_there(
         self, frames: Sequence["TownFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """``is_there`` of many places, each in its frame."""
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.real_places.are_there(
             labels, east_m, north_m, t_s=t_s, range_m=self.reach_m

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 from genie_sim.worlds.town.laws import FittedLaws
 from genie_sim.worlds.town.objects import TownObject, town_object
 from genie_sim.worlds.town.rules import (

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.base.seeds import stream
-from genie_sim.core.caches.features import DIMENSION, UNIT
 from genie_sim.core.messages import CameraPose
 from genie_sim.worlds.town.noise import NORMAL_MASK, normals
 

@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import asdict
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.worlds.town import routes
 from genie_sim.worlds.town.detector import SyntheticDetector
 from genie_sim.worlds.town.frames import SceneDrive

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, ObjectColumns
 from genie_sim.worlds.town.streets import NO_OBJECTS, Ints, Street, StreetObjects, Streets
 

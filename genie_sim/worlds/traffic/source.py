@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from genie_sim.base import files
+from genie_sim.base.geometry import Geodetic
 from genie_sim.base.settings import Bounds, OneOf, SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.core.geometry import Geodetic
 from genie_sim.data.source import FrameSource
 from genie_sim.worlds.town.rules import MAX_VIEW_M
 

@@ -2,7 +2,6 @@
 
 import functools
 import hashlib
-import itertools
 import json
 import logging
 import math
@@ -10,19 +9,20 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
+from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import MOVING_MPS, PERSONS, VEHICLES
-from genie_sim.core.geometry import Array, Geodetic
 from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import BATCH_FRAMES, SceneDrive, SceneFrames
+from genie_sim.worlds.town.frames import SceneDrive, SceneFrames
 from genie_sim.worlds.town.laws import detector_laws
 from genie_sim.worlds.town.objects import ObjectColumns, TownObject, town_object
+from genie_sim.worlds.town.real_places import CLASSES
 from genie_sim.worlds.town.surrogate import LAWS
 from genie_sim.worlds.town.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -38,21 +38,12 @@ STREAM = "traffic"
 ORIGIN: Geodetic = (0.0, 0.0, 0.0)
 SHORTEST_S = 1.0  # a vehicle that is there for less carries no cameras
 # Which classes such a file knows all of: what else a detector reports is not judged.
-BASELINE_M = 1.0  # more than a camera is beside the middle of its car
 KNOWN = (*VEHICLES, "train", "motorcycle", "bicycle")
 
 PREFIX, LONGEST_NAME = "veh_", 100
 NO_NAME = re.compile(r"[^A-Za-z0-9_.-]", re.ASCII)  # what no name may hold
 
 log = logging.getLogger(__name__)
-
-
-class Neighbour(NamedTuple):
-    """A vehicle near a place at a time: its class, and where it is [m]."""
-
-    label: str
-    east_m: float
-    north_m: float
 
 
 class Traffic:
@@ -95,7 +86,6 @@ class Traffic:
         )
         self.detector = SyntheticDetector(self.objects, self.laws, on_grid=False)
         self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
-        self.reach_m = settings.range_m + settings.tolerance_m + BASELINE_M
         self.known = (*KNOWN, *PERSONS) if persons else KNOWN
         self.report = rows.report
         for line in self.report.lines():
@@ -120,28 +110,6 @@ class Traffic:
             objects[row]._replace(east_m=east_m, north_m=north_m, moving=moving)
             for row, east_m, north_m, moving in zip(*(c.tolist() for c in columns), strict=True)
         ]
-
-    def neighbours(self, around: Array, t_s: Array) -> list[list[Neighbour]]:
-        """The vehicles within ``reach_m`` of each of some places (n, 2) [m] at its time (n,)."""
-        reach_m, vehicles = self.reach_m, self.vehicles
-        west_m, south_m = (around.min(axis=0) - reach_m).tolist()
-        east_m, north_m = (around.max(axis=0) + reach_m).tolist()
-        stretches = vehicles.near(west_m, south_m, east_m, north_m, times_s=t_s)
-        places = vehicles.at(stretches, t_s[:, None])
-        dx, dy = places.east_m - around[:, :1], places.north_m - around[:, 1:]
-        place, column = np.nonzero(places.there & (dx * dx + dy * dy <= reach_m * reach_m))
-        labels = self.objects.label[vehicles.vehicle[stretches[column]]].tolist()
-        neighbours = [
-            Neighbour(*row)
-            for row in zip(
-                labels,
-                places.east_m[place, column].tolist(),
-                places.north_m[place, column].tolist(),
-                strict=True,
-            )
-        ]
-        begins = np.searchsorted(place, np.arange(len(t_s) + 1)).tolist()
-        return [neighbours[begin:end] for begin, end in itertools.pairwise(begins)]
 
     @property
     def provenance(self) -> Mapping[str, object]:
@@ -303,16 +271,15 @@ class TrafficDrives(SceneFrames):
 
     def truth_of(self, drive: TrafficDrive) -> "TrafficTruth":
         drive.is_judged = True
-        return TrafficTruth(self.traffic, drive)
+        return TrafficTruth(self.traffic)
 
 
 class TrafficTruth:
     """What is there on the drive of a car."""
 
-    def __init__(self, traffic: Traffic, drive: TrafficDrive) -> None:
-        self._traffic, self._drive = traffic, drive
+    def __init__(self, traffic: Traffic) -> None:
+        self._traffic = traffic
         self.reach_m, self.range_m = traffic.settings.tolerance_m, traffic.settings.range_m
-        self._of_frames = functools.lru_cache(1)(self._neighbours)
 
     def knows(self, label: str) -> bool:
         return label in self._traffic.known
@@ -321,19 +288,23 @@ class TrafficTruth:
         truth: Sequence[TownObject] = frame.truth()
         return truth
 
-    def is_there(self, frame: Any, label: str, east_m: float, north_m: float) -> bool:
-        batch, place = divmod(frame.index, BATCH_FRAMES)
-        labels = VEHICLES if label in VEHICLES else (label,)
-        return any(
-            neighbour.label in labels
-            and math.hypot(neighbour.east_m - east_m, neighbour.north_m - north_m) <= self.reach_m
-            for neighbour in self._of_frames(batch)[place]
+    def are_there(
+        self, frames: Sequence[Any], labels: Sequence[str], east_m: Array, north_m: Array
+    ) -> Array:
+        vehicles, reach_m = self._traffic.vehicles, self.reach_m
+        t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
+        stretches = vehicles.near(
+            east_m.min() - reach_m,
+            north_m.min() - reach_m,
+            east_m.max() + reach_m,
+            north_m.max() + reach_m,
+            times_s=t_s,
         )
-
-    def _neighbours(self, batch: int) -> list[list[Neighbour]]:
-        """The vehicles around the car at each of some frames: nothing farther away is judged."""
-        first = batch * BATCH_FRAMES
-        times_ns = [self._drive.interval_ns * index for index in range(first, first + BATCH_FRAMES)]
-        around = np.array([self._drive.position(t_ns) for t_ns in times_ns])
-        t_s = np.array([(self._drive.start_ns + t_ns) * 1e-9 for t_ns in times_ns])
-        return self._traffic.neighbours(around, t_s)
+        places = vehicles.at(stretches, t_s[:, None])
+        dx, dy = places.east_m - east_m[:, None], places.north_m - north_m[:, None]
+        is_near = places.there & (np.hypot(dx, dy) <= reach_m)
+        asked = np.array([CLASSES.get(label, label) for label in labels])
+        there = self._traffic.objects.label[vehicles.vehicle[stretches]].tolist()
+        classes = np.array([CLASSES.get(label, label) for label in there])
+        result: Array = (is_near & (asked[:, None] == classes)).any(axis=1)
+        return result

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import SIZES
 from genie_sim.base.errors import short_repr
-from genie_sim.core.classes import SIZES
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 from genie_sim.worlds.traffic.fcd import Ints, VehicleRows
 
 FASTEST_MPS = 70.0  # what goes faster from one step to the next has not driven there

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 from genie_sim.worlds.town.frames import CAMERA_UP_M
 from genie_sim.worlds.town.objects import ObjectColumns
 from genie_sim.worlds.town.streets import NO_OBJECTS, StreetObjects

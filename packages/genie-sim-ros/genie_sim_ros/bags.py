@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
+from genie_sim.base.geometry import Array, Geodetic, rigid, transform
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.geometry import Array, Geodetic, rigid, transform
 from genie_sim.core.messages import Detection
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu

@@ -75,7 +75,7 @@ def attach(
             raise UserError(f"--set {assignment}: write --set genie.{assignment}")
     settings, _ = apply_overrides(MethodSettings, {}, set_)
     try:
-        fov_rad = units.angle_rad(fov)
+        fov_rad = units.ANGLE.read(fov)
     except ValueError as error:
         raise UserError(f"--fov: {error}") from error
     attach_genie(

@@ -35,10 +35,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import SIZES, Size
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import SIZES, Size
 from genie_sim.record import provenance
 from genie_sim_ros.codec import ADD, CUBE, MARKERS
 from genie_sim_ros.typestore import TF, message, time, typestore

@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Array, Geodetic, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.classes import ROAD_LABELS
-from genie_sim.core.geometry import Array, Geodetic, rigid
 from genie_sim.core.messages import Box
 from genie_sim.data.world_table import in_range, is_origin
 from genie_sim_ros.codec import ABSOLUTE_FRAMES, OBJECTS

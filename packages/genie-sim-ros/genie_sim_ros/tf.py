@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from genie_sim.core.geometry import Array, inverse, rigid
+from genie_sim.base.geometry import Array, inverse, rigid
 
 # before the first pose and after the last one, for so long, these are used
 EXTRAPOLATION_NS = 500_000_000

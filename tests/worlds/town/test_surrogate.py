@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from genie_sim.core.caches.features import DIMENSION, UNIT, packed, unpacked
+from genie_sim.base.features import DIMENSION, UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
 from genie_sim.worlds.town.surrogate import LAWS, Surrogate
 

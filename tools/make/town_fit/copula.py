@@ -8,7 +8,7 @@ from statistics import NormalDist
 import numpy as np
 import numpy.typing as npt
 
-from genie_sim.core.geometry import Array
+from genie_sim.base.geometry import Array
 
 Whole = npt.NDArray[np.int_]
 LAGS_M = (0.0, 0.25, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)

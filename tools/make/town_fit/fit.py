@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.core.classes import GROUPS
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import GROUPS
+from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data.evaluation import evaluate
 from genie_sim.data.trace import Trace, TraceFrame

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from genie_sim.core.classes import GROUPS
-from genie_sim.core.geometry import Array
+from genie_sim.base.classes import GROUPS
+from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Detection
 from genie_sim.worlds.town.detector import SyntheticDetector
 from genie_sim.worlds.town.laws import FittedLaws

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import get_types_from_msg
 
-from genie_sim.core.geometry import rigid, rotation_from_rpy
+from genie_sim.base.geometry import rigid, rotation_from_rpy
 from genie_sim_ros.bags import IMAGES, POINTS
 from genie_sim_ros.typestore import TF, message, time, typestore
 from tests.ros.conftest import HERE

@@ -30,7 +30,7 @@ PYTHONPATH = f"{REPOSITORY}{os.pathsep}{ADD_ON}"  # of processes
 DEBIAN_PACKAGES = Path("/usr/lib/python3/dist-packages")
 IMAGES, OBJECTS = "/image_raw", "/detection/image_detector/objects"
 DETECTOR = "/vision_darknet_detect"
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0  # for a machine under load
 
 ATTACH = """
 import json, sys

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from genie_sim.base.errors import UserError
-from genie_sim.core.geometry import rigid
+from genie_sim.base.geometry import rigid
 from genie_sim.core.messages import Header
 from genie_sim.data.trace import read_trace, write_trace
 from genie_sim_ros import wire

@@ -131,20 +131,22 @@ def held_rate(rate_bps: int) -> float:
 
 def simulated_ms(rate_bps: int, size_bytes: int, count: int) -> list[float]:
     """The same over the simulator's link."""
-    import numpy as np
+    from types import SimpleNamespace
 
+    from genie_sim.base.seeds import Draws
     from genie_sim.core.messages import Detections, Header
+    from genie_sim.links.wire import Wire
     from genie_sim.sim.clock import Clock
     from genie_sim.sim.link import Link
-    from genie_sim.sim.link_models.channels import ChannelSender
-    from genie_sim.sim.link_models.wire import Wire
+    from genie_sim.sim.link_model import LinkEnds
 
     class Message(Detections):
         size_bytes = property(lambda self: size_bytes)  # type: ignore[assignment]
 
     wire = Wire(rate_bps, rate_bps, 0, overhead_bytes=TBF_OVERHEAD_BYTES)
     env = Clock()
-    sender = ChannelSender(env, wire.channel(True, np.random.default_rng(0)))
+    network = SimpleNamespace(clock=env, draws=lambda *names: Draws(0, *names))
+    sender = wire.sender(network, LinkEnds("veth", "car1", "edge1", up=True))
     link = Link(env, "veth", sender, queue_length=count)
     arrived_ms: list[float] = []
     for number in range(count):

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import inverse, rigid, rotation_from_rpy
 from genie_sim.base.import_report import ImportReport
-from genie_sim.core.geometry import inverse, rigid, rotation_from_rpy
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim_ros.bags import BagTopics, _picture, _places, perceive_bag
 from genie_sim_ros.surroundings import Surroundings

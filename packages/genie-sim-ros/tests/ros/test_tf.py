@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from genie_sim.core.geometry import rigid
+from genie_sim.base.geometry import rigid
 from genie_sim_ros.tf import EXTRAPOLATION_NS, Trajectory, TransformTree, rotation
 
 

@@ -1,0 +1,373 @@
+"""A radio cell: one antenna at each edge, whose capacity is shared by the cars that send."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import simpy
+
+from genie_sim.base.settings import Bounds, Count
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.links.path_loss import StreetCanyon
+from genie_sim.sim.clock import Occupancy, Steps
+from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.network import Network
+
+PLACES_NS = 100 * NS_PER_MS  # how often the rates follow the cars' places
+# A message whose car has no coverage for so long is lost: 3GPP's T310, after which a radio link has
+# failed, at its usual 1 s (TS 38.331).
+FAILURE_NS = NS_PER_S
+THERMAL_NOISE_DBM = -174.0  # of 1 Hz at room temperature
+# 3GPP TR 36.942, annex A.2: a link reaches the share ``alpha`` of Shannon's bound, at most so many
+# bit/s/Hz in each layer, and nothing below this ratio of signal to interference and noise.
+ALPHA_UP, MAX_UP = 0.4, 2.0
+ALPHA_DOWN, MAX_DOWN = 0.6, 4.4
+MIN_SINR = 0.1  # -10 dB
+PART_HZ = 360_000  # the least part of the band: a resource block of 12 times 30 kHz (TS 38.211)
+MHZ = 10**6
+
+
+@dataclass(frozen=True)
+class Band:
+    """One direction of a cell."""
+
+    bandwidth_hz: Annotated[int, Bounds(above=0)]
+    """Its bandwidth."""
+
+    layers: Count = 2
+    """Spatial layers that a car sends or receives at once."""
+
+
+@dataclass(frozen=True)
+class NoiseFigure:
+    """How much noise a receiver adds."""
+
+    up_db: float = 5.0
+    """That of the antenna's receiver. Assumed."""
+
+    down_db: float = 9.0
+    """That of a car's receiver. Assumed."""
+
+
+@dataclass(frozen=True)
+class Power:
+    """With how much power is sent."""
+
+    up_dbm: float = 23.0
+    """By a car: power class 3 of 3GPP TS 38.101."""
+
+    down_dbm: float = 44.0
+    """By the antenna: that of a micro cell in 3GPP TR 38.901, table 7.8-1."""
+
+
+@dataclass
+class RadioCell:
+    """A radio cell at every edge. Its cars share each direction: of n that send now, each has the
+    n-th part of the time (proportional fairness with full buffers).
+
+    The rate of a car alone follows from its path loss to the edge's antenna, and is bounded by that
+    of the best modulation. Where the power does not suffice for the whole band, it goes into the
+    part that it suffices for; so a rate never falls with the bandwidth. Links with equal settings
+    share the cells.
+    """
+
+    up: Band = Band(25 * MHZ)
+    """From the cars to the edge."""
+
+    down: Band = Band(75 * MHZ)
+    """From the edge to the cars."""
+
+    carrier_hz: Annotated[int, Bounds(above=0)] = 3500 * MHZ
+    """The carrier's frequency."""
+
+    path_loss: Literal["umi", "none"] = "umi"
+    """`umi` is the street canyon of 3GPP TR 38.901, and needs the edges' places (`edges[].at`);
+    with `none` every car has the rate of the best modulation, wherever it is."""
+
+    shadowing: bool = True
+    """Whether some places are shadowed more than others: a field over the ground that is the same
+    for all cars."""
+
+    noise_figure: NoiseFigure = NoiseFigure()
+    """How much noise the receivers add."""
+
+    power: Power = Power()
+    """With how much power is sent."""
+
+    interference_margin_db: Annotated[float, Bounds(minimum=0)] = 3.0
+    """How much other cells raise the noise. Assumed."""
+
+    delay_ns: int = 10 * NS_PER_MS
+    """From the last bit sent until the message arrives. Assumed."""
+
+    def __post_init__(self) -> None:
+        self._losses: dict[str, StreetCanyon] = {}  # by the edge
+        self._directions: dict[tuple[str, bool], CellDirection] = {}  # of each up and down
+
+    @property
+    def needs_sites(self) -> bool:
+        """Whether every edge must have a place."""
+        return self.path_loss != "none"
+
+    needs_cars = True  # it cannot be the network between edges
+
+    def sender(self, network: Network, ends: LinkEnds) -> "CellSender":
+        if not self._directions:
+            for edge in network.edges:
+                self._add_cell(network, edge)
+        direction, loss = self._directions[ends.edge, ends.up], self._losses.get(ends.edge)
+        return CellSender(network, ends, cell=self, direction=direction, loss=loss)
+
+    def _add_cell(self, network: Network, edge: str) -> None:
+        """The cell of an edge: one direction up and one down."""
+        site = network.site(edge) if self.needs_sites else None
+        if site is not None:
+            self._losses[edge] = StreetCanyon(
+                network, edge, site, carrier_hz=self.carrier_hz, shadowing=self.shadowing
+            )
+        for up in (True, False):
+            name = f"{edge}.cell_{'up' if up else 'down'}"
+            direction = CellDirection(network, name, follows_places=self.needs_sites)
+            self._directions[edge, up] = direction
+            network.add_resource(direction)
+
+    def sinr_db(self, up: bool, loss_db: float) -> float:
+        """Signal to interference and noise at a path loss, with the power over the whole band."""
+        band = self.up if up else self.down
+        sent_dbm = self.power.up_dbm if up else self.power.down_dbm
+        figure_db = self.noise_figure.up_db if up else self.noise_figure.down_db
+        noise_dbm = THERMAL_NOISE_DBM + 10 * math.log10(band.bandwidth_hz) + figure_db
+        return sent_dbm - loss_db - noise_dbm - self.interference_margin_db
+
+    def rate_bps(self, up: bool, loss_db: float | None = None) -> int:
+        """The rate of a car that sends alone, at a path loss; without one that of the best
+        modulation.
+        """
+        band = self.up if up else self.down
+        alpha, most = (ALPHA_UP, MAX_UP) if up else (ALPHA_DOWN, MAX_DOWN)
+        efficiency, used_hz = most, float(band.bandwidth_hz)
+        if loss_db is not None:
+            sinr = 10 ** (self.sinr_db(up, loss_db) / 10)
+            enough_hz = band.bandwidth_hz * sinr / MIN_SINR  # the power suffices for so much
+            if enough_hz < PART_HZ:
+                return 0
+            used_hz = min(used_hz, enough_hz)
+            efficiency = min(alpha * math.log2(1 + max(sinr, MIN_SINR)), most)
+        return int(used_hz * band.layers * efficiency)
+
+
+class CellSender(Sender):
+    """One direction of one car's link.
+
+    Parameters
+    ----------
+    network : Network
+        Where the link is.
+    ends : LinkEnds
+        Which direction of which car's link.
+    cell : RadioCell
+        How fast it would be alone.
+    direction : CellDirection
+        The direction of the cell that it shares.
+    loss : StreetCanyon or None
+        The path loss to the edge; ``None``: there is none.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        ends: LinkEnds,
+        *,
+        cell: RadioCell,
+        direction: "CellDirection",
+        loss: StreetCanyon | None,
+    ) -> None:
+        super().__init__(network, ends)
+        self._network = network
+        self._ends = ends
+        self._cell = cell
+        self._direction = direction
+        self._loss = loss
+        self._sent: simpy.Event | None = None  # happens when the present message has left
+        self._is_up = True
+        self._is_lost = False
+
+    def alone_bps(self) -> int:
+        """The rate that it would have alone, where its car is now."""
+        car, up = self._ends.car, self._ends.up
+        assert car is not None, "a cell has cars"
+        if self._loss is None:
+            return self._cell.rate_bps(up)
+        return self._cell.rate_bps(up, self._loss.db(*self._network.place(car)))
+
+    def sent(self, size_bytes: int) -> simpy.Event:
+        self._is_lost = False
+        if not self._is_up:  # lost by what took the link down
+            return self.clock.timeout(0)
+        self._sent = self.clock.event()
+        self._direction.begin(self, size_bytes)
+        return self._sent
+
+    def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
+        return None if self._is_lost else self._cell.delay_ns
+
+    def set_up(self, is_up: bool) -> None:
+        """Bits that were still to be sent when the link goes down take nothing of the cell."""
+        self._is_up = is_up
+        if not is_up and self._sent is not None:
+            self._direction.give_up(self)
+            self.end()
+
+    def end(self, is_lost: bool = False) -> None:
+        """The transmission is over."""
+        sent, self._sent = self._sent, None
+        self._is_lost = is_lost
+        assert sent is not None, "a message is being sent"
+        sent.succeed()
+
+
+@dataclass(slots=True, eq=False)
+class Transmission:
+    """A message that is being sent: the bits left, in 10^-9 bit, and the rate that it would have
+    alone.
+    """
+
+    sender: CellSender
+    size_bytes: int
+    left: int
+    rate_bps: int
+    uncovered_ns: int | None = None  # since when it has no coverage
+
+
+class CellDirection:
+    """One direction of a cell. Everything is counted in whole numbers, so that a car alone takes
+    exactly as long as on a wire of its rate.
+    """
+
+    kind = "cell"
+    capacity = 1
+
+    def __init__(self, network: Network, name: str, *, follows_places: bool) -> None:
+        self.clock = network.clock
+        self.name = name
+        self.completed = 0
+        self.drops = 0  # by lack of coverage
+        self.sent_bytes = 0
+        self._follows_places = follows_places
+        self._sent_by: list[Transmission] = []
+        self.occupancy = Occupancy(self.clock)  # of the cars that send
+        self._served = 0  # how many of them have a rate
+        self._since_ns = 0  # until when what was sent is subtracted
+        self._busy_ns = 0
+        self._next_end: simpy.Event | None = None  # of a transmission, as planned now
+        self._is_following = False
+
+    @property
+    def queued(self) -> int:
+        """How many cars send now."""
+        return len(self._sent_by)
+
+    @property
+    def busy_ns(self) -> int:
+        """How long somebody has been sending until now."""
+        return self._busy_ns + (self.clock.now - self._since_ns if self._served else 0)
+
+    def begin(self, sender: CellSender, size_bytes: int) -> None:
+        """A sender has a message."""
+        self._advance()
+        rate_bps = sender.alone_bps()
+        uncovered_ns = None if rate_bps else self.clock.now
+        self._sent_by.append(
+            Transmission(
+                sender,
+                size_bytes,
+                left=size_bytes * 8 * NS_PER_S,
+                rate_bps=rate_bps,
+                uncovered_ns=uncovered_ns,
+            )
+        )
+        self.occupancy.enter()
+        self._replan()
+        if self._follows_places and not self._is_following:
+            self._is_following = True
+            self.clock.process(self._follow())
+
+    def give_up(self, sender: CellSender) -> None:
+        """A sender's link goes down."""
+        self._advance()
+        given_up = [sent for sent in self._sent_by if sent.sender is sender]
+        for sent in given_up:
+            self._sent_by.remove(sent)
+        self.occupancy.leave(len(given_up))
+        self._replan()
+
+    def _advance(self) -> None:
+        """Subtracts what was sent since the last time."""
+        elapsed_ns = self.clock.now - self._since_ns
+        self._since_ns = self.clock.now
+        if not self._served or not elapsed_ns:
+            return
+        self._busy_ns += elapsed_ns
+        for sent in self._sent_by:
+            sent.left -= sent.rate_bps * elapsed_ns // self._served
+
+    def _replan(self) -> None:
+        """Schedules the next end of a transmission."""
+        self._next_end = None
+        served = [sent for sent in self._sent_by if sent.rate_bps]
+        self._served = count = len(served)
+        if served:
+            next_ns = min(-(-max(sent.left, 0) * count // sent.rate_bps) for sent in served)
+            self._next_end = self.clock.timeout(next_ns)
+            self._next_end.callbacks.append(self._end_next)
+
+    def _end_next(self, planned: simpy.Event) -> None:
+        if planned is not self._next_end:
+            return
+        self._advance()
+        ended = [sent for sent in self._sent_by if sent.left <= 0]
+        self._sent_by = [sent for sent in self._sent_by if sent.left > 0]
+        self.occupancy.leave(len(ended))
+        self._replan()
+        for sent in ended:
+            self.completed += 1
+            self.sent_bytes += sent.size_bytes
+            sent.sender.end()
+
+    def _follow(self) -> Steps:
+        """The rates follow the places of the cars, as long as somebody sends."""
+        while True:
+            yield self.clock.timeout(PLACES_NS)
+            if not self._sent_by:
+                self._is_following = False
+                return
+            self._update_rates()
+            self._give_up_failed()
+
+    def _update_rates(self) -> None:
+        now_ns = self.clock.now
+        rates_bps = [sent.sender.alone_bps() for sent in self._sent_by]
+        if rates_bps == [sent.rate_bps for sent in self._sent_by]:
+            return
+        self._advance()
+        for sent, rate_bps in zip(self._sent_by, rates_bps, strict=True):
+            sent.rate_bps = rate_bps
+            if rate_bps:
+                sent.uncovered_ns = None
+            elif sent.uncovered_ns is None:
+                sent.uncovered_ns = now_ns
+        self._replan()
+
+    def _give_up_failed(self) -> None:
+        """What has had no coverage for too long is lost."""
+        failed = [sent for sent in self._sent_by if _has_failed(sent, self.clock.now)]
+        for sent in failed:
+            self._sent_by.remove(sent)
+            self.occupancy.leave()
+            self.drops += 1
+        for sent in failed:
+            sent.sender.end(is_lost=True)
+
+
+def _has_failed(sent: Transmission, now_ns: int) -> bool:
+    return sent.uncovered_ns is not None and now_ns - sent.uncovered_ns >= FAILURE_NS

@@ -1,0 +1,137 @@
+"""Keys that are vectors, and the nearest of them. Distances are exact: they are computed in whole
+numbers.
+"""
+
+from collections.abc import Callable, Hashable
+
+import numpy as np
+import numpy.typing as npt
+
+from genie_sim.base.features import DIMENSION, UNIT, Vector, feature_of, unpacked
+from genie_sim.core.messages import CameraPose, Header, Image
+
+Slots = npt.NDArray[np.intp]
+NONE = -1.0  # as a radius: no other key is near enough
+MAX_SQUARE = 1e9  # more than any squared distance
+
+
+class FeatureKey:
+    """Of one picture: its feature, its header, the camera that took it, and from where. No two
+    pictures have equal keys.
+    """
+
+    __slots__ = ("header", "pose", "square", "stream", "vector")
+
+    def __init__(self, vector: Vector, header: Header, pose: CameraPose) -> None:
+        self.vector, self.header, self.pose = vector, header, pose
+        self.stream = header.frame_id
+        self.square = float(vector @ vector)
+
+
+def key_of(feature: str) -> Callable[[Image], FeatureKey]:
+    """What makes keys out of a feature. Pictures of different cameras of a car are never alike, as
+    under Genie.
+    """
+
+    def key(image: Image) -> FeatureKey:
+        packed = feature_of(image.content, feature)
+        assert packed is not None, "checked before the run"
+        return FeatureKey(unpacked(packed), image.header, image.pose)
+
+    return key
+
+
+class Nearest:
+    """A set of keys. ``find`` gives the key itself, else the nearest other one within ``radius``,
+    if any may be.
+    """
+
+    def __init__(self, radius: Callable[[], float] = lambda: NONE) -> None:
+        self._radius = radius
+        self._keys: list[FeatureKey | None] = []  # by slot
+        self._slots: dict[Hashable, int] = {}
+        self._free: list[int] = []
+        self._vectors = np.zeros((64, DIMENSION), np.float32)
+        self._squares = np.zeros(64, np.float32)
+        self._streams = np.full(64, -1)  # of free slots
+        self._born = np.zeros(64, np.int64)
+        self._stream_numbers: dict[str, int] = {}
+        self._added = 0
+
+    def __len__(self) -> int:
+        return len(self._slots)
+
+    def add(self, key: Hashable) -> None:
+        assert isinstance(key, FeatureKey)
+        if key in self._slots:
+            return
+        slot = self._free.pop() if self._free else len(self._keys)
+        if slot == len(self._keys):
+            self._keys.append(None)
+        if slot == len(self._squares):
+            self._grow()
+        self._keys[slot], self._slots[key] = key, slot
+        self._vectors[slot], self._squares[slot] = key.vector, key.square
+        self._streams[slot] = self._stream_numbers.setdefault(key.stream, len(self._stream_numbers))
+        self._born[slot] = self._added = self._added + 1
+
+    def discard(self, key: Hashable) -> None:
+        slot = self._slots.pop(key, None)
+        if slot is not None:
+            self._keys[slot] = None
+            self._streams[slot] = -1
+            self._free.append(slot)
+
+    def find(self, key: Hashable) -> Hashable | None:
+        if key in self._slots:
+            return key
+        radius = self._radius() if self._slots else NONE
+        if radius < 0:
+            return None
+        assert isinstance(key, FeatureKey)
+        nearest = self.near(key, 1, radius)
+        return nearest[0][1] if nearest else None
+
+    def near(
+        self, key: FeatureKey, count: int, radius: float = np.inf
+    ) -> list[tuple[float, FeatureKey]]:
+        """Up to ``count`` other keys of the same camera with their distances, at most ``radius``:
+        nearest first, of equally near ones the older.
+        """
+        stream = self._stream_numbers.get(key.stream)
+        used = len(self._keys)
+        if stream is None or not used:
+            return []
+        dots = self._vectors[:used] @ key.vector
+        squares: Vector = self._squares[:used] - 2 * dots + np.float32(key.square)
+        squares[self._streams[:used] != stream] = np.inf
+        own_slot = self._slots.get(key)
+        if own_slot is not None:
+            squares[own_slot] = np.inf
+        return self._first(np.arange(used), squares, count, radius)
+
+    def _first(
+        self, slots: Slots, squares: Vector, count: int, radius: float
+    ) -> list[tuple[float, FeatureKey]]:
+        """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity
+        is none.
+        """
+        max_square = min((radius * UNIT) ** 2, MAX_SQUARE)
+        if count == 1:
+            max_square = min(max_square, float(squares.min()))
+        elif count < len(slots):
+            max_square = min(max_square, float(np.partition(squares, count - 1)[count - 1]))
+        near = np.flatnonzero(squares <= max_square)
+        if len(near) > 1:
+            near = near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
+        neighbours = []
+        for index in near.tolist():
+            key = self._keys[slots[index]]
+            if key is not None:
+                neighbours.append((float(np.sqrt(squares[index])) / UNIT, key))
+        return neighbours
+
+    def _grow(self) -> None:
+        for name in ("_vectors", "_squares", "_streams", "_born"):
+            old = getattr(self, name)
+            setattr(self, name, np.concatenate([old, np.full_like(old, -1)]))

@@ -1,0 +1,203 @@
+"""What similarity caches share: a message cache whose keys are vectors, and the node around it."""
+
+import functools
+import math
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from genie_sim.base.matching import Placed, f1, placed
+from genie_sim.core.eviction import Eviction
+from genie_sim.core.message_cache import Answers, MessageCache
+from genie_sim.core.messages import Answer, CameraPose, Detection
+from genie_sim.core.node import GenieNode
+from genie_sim.core.rules import Capacity, GenieRules
+from genie_sim.core.similarity import Exact, KeyIndex
+from genie_sim.methods.nearest import NONE, FeatureKey, Nearest
+
+Replay = Literal["world", "camera"]
+ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)
+SAME_F1 = 0.8  # assumed: from here on two answers are the same
+
+
+class SimilarityCache(MessageCache):
+    """Answers by the vectors of their pictures. A subclass may say which stored answer is replayed:
+    ``choose``.
+
+    ``replay``: its objects stand where they were in the ``world``, or as they did before the
+    ``camera``, which the requester's pose then places. Up to ``reach`` a request may wait for the
+    answer to another.
+    """
+
+    reach = NONE
+
+    def __init__(self, eviction: Eviction, capacity: Capacity | None, replay: Replay) -> None:
+        self.keys = Nearest()
+        super().__init__(self.keys, eviction, capacity)
+        self._replay = replay
+        self._stored_objects: dict[Hashable, AnswerObjects] = {}
+
+    def get(self, key: Hashable, now_ns: int) -> Answers | None:
+        assert isinstance(key, FeatureKey)
+        chosen = self.choose(key, now_ns)
+        if chosen is None:
+            return None
+        self._eviction.used(chosen, now_ns)
+        answers = self._answers[chosen]
+        if self._replay == "world":
+            return answers
+        return {topic: moved(answer, chosen.pose, key.pose) for topic, answer in answers.items()}
+
+    def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
+        """The stored key whose answers are replayed: the nearest up to ``reach`` away; ``None`` on
+        a miss.
+        """
+        nearest = self.near(key, 1, now_ns, self.reach)
+        return nearest[0][1] if nearest else None
+
+    def near(
+        self, key: FeatureKey, count: int, now_ns: int, radius: float = math.inf
+    ) -> list[tuple[float, FeatureKey]]:
+        """The nearest keys whose time is not over, as ``Nearest.near``."""
+        while True:
+            neighbours = self.keys.near(key, count, radius)
+            expired = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
+            if not expired:
+                return neighbours
+            for neighbour in expired:
+                self._remove(neighbour)
+
+    def _is_over(self, key: FeatureKey, now_ns: int) -> bool:
+        expires_ns = self._eviction.expires_ns(key)
+        return expires_ns is not None and expires_ns <= now_ns
+
+    def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
+        if key not in self._answers:
+            assert isinstance(key, FeatureKey)
+            self.learn(key, answer, now_ns)
+        self._stored_objects.pop(key, None)
+        super().put(key, topic, answer, now_ns)
+
+    def learn(self, key: FeatureKey, answer: Answer, now_ns: int) -> None:
+        """The first answer to a request is known, and about to be stored."""
+
+    def objects_of(self, answers: Iterable[Answer], pose: CameraPose) -> "AnswerObjects":
+        """The objects of answers to a request from ``pose``, in places that are comparable between
+        requests.
+        """
+        there = ORIGIN if self._replay == "world" else pose
+        places: list[Placed] = []
+        for answer in answers:
+            places += placed(moved(answer, there, ORIGIN).objects or ())
+        return answer_objects(tuple(places))
+
+    def stored_objects(self, key: FeatureKey) -> "AnswerObjects":
+        """The same of the stored answers of a key."""
+        stored = self._stored_objects.get(key)
+        if stored is None:
+            stored = self.objects_of(self._answers[key].values(), key.pose)
+            self._stored_objects[key] = stored
+        return stored
+
+    def _remove(self, key: Hashable) -> None:
+        super()._remove(key)
+        self._stored_objects.pop(key, None)
+
+
+class AnswerObjects:
+    """What is in an answer; equal to itself only, so that a comparison made before is quickly found
+    again.
+    """
+
+    __slots__ = ("placed",)
+
+    def __init__(self, places: Sequence[Placed]) -> None:
+        self.placed = places
+
+
+# of the same places the same instance
+answer_objects = functools.lru_cache(maxsize=4096)(AnswerObjects)
+
+
+@functools.lru_cache(maxsize=4096)
+def same(objects: AnswerObjects, others: AnswerObjects) -> bool:
+    """Whether two answers are taken for the same."""
+    return f1(objects.placed, others.placed) >= SAME_F1
+
+
+def moved(answer: Answer, old: CameraPose, new: CameraPose) -> Answer:
+    """The answer with every object as far ahead and aside of pose ``new`` as it was of ``old``."""
+    if old == new or answer.objects is None:
+        return answer
+    turn_rad = new.heading_rad - old.heading_rad
+    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+
+    def placed_anew(detection: Detection) -> Detection:
+        if detection.location is None:
+            return detection
+        east_m, north_m, up_m = detection.location
+        east_m, north_m, up_m = east_m - old.east_m, north_m - old.north_m, up_m - old.up_m
+        return detection.with_location(
+            (
+                new.east_m + cosine * east_m - sine * north_m,
+                new.north_m + sine * east_m + cosine * north_m,
+                new.up_m + up_m,
+            )
+        )
+
+    return answer.with_objects([placed_anew(detection) for detection in answer.objects])
+
+
+def stores_nothing() -> MessageCache:
+    """A message cache without room."""
+    return MessageCache(Exact().index(), Eviction(), Capacity(entries=0))
+
+
+def cache_node(
+    rules: GenieRules,
+    name: str,
+    subscribed: tuple[str, ...],
+    published: tuple[str, ...],
+    *,
+    key: Callable[[Any], Hashable],
+    new_cache: Callable[[], MessageCache],
+    pending: Callable[[], KeyIndex],
+    **changes: Any,
+) -> GenieNode:
+    """A node that takes over a detector's topics with a cache alone: requests wait for the first
+    answer, misses go to the detector and up, equal ones coalesce.
+
+    Parameters
+    ----------
+    rules : GenieRules
+        The settings of a Genie; what of them a cache has no use for is overruled.
+    name : str
+        The node's name.
+    subscribed, published : tuple of str
+        The detector's own topics.
+    key : callable
+        Gives a request its similarity key.
+    new_cache : callable
+        Makes the empty message cache of one topic.
+    pending : callable
+        Makes an empty index of keys that says which pending requests are equal.
+    **changes
+        Other settings in the place of ``rules``.
+    """
+    usual: dict[str, Any] = {
+        "share_answers": "on_request",
+        "miss_policy": "blocking",
+        "header_identity": "stamp_frame_origin",
+        "car_learns": "all",
+    }
+    cache_rules = replace(rules, **(usual | changes))
+    return GenieNode(
+        name,
+        subscribed,
+        published,
+        cache_rules,
+        key=key,
+        new_cache=new_cache,
+        new_keys=pending,
+        object_map=None,
+    )

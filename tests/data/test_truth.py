@@ -1,0 +1,144 @@
+"""Truth tables: what is written is read, and files with something wrong are refused in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pyarrow.parquet as pq
+import pytest
+
+from genie_sim.base import files
+from genie_sim.base.errors import UserError
+from genie_sim.base.parquet import METADATA_KEY
+from genie_sim.data.sources import Recordings, encoded_beside
+from genie_sim.data.trace import Trace, read_trace, write_trace
+from genie_sim.data.truth import (
+    RecordedTruth,
+    TruthRow,
+    TruthTable,
+    make_truth,
+    path_beside,
+    read_truth_table,
+    truth_beside,
+    write_truth,
+)
+from tests.judge.judging import is_there
+
+
+@pytest.fixture(scope="module")
+def trace() -> Trace:
+    return read_trace(files.find(files.TRACE, "kitti_0005"))
+
+
+def made_up(trace: Trace, **changes) -> TruthTable:
+    row = TruthRow("02", 0, 0, 7, "car", False, True, 10.0, 2.0, 0.5)._replace(**changes)
+    return TruthTable(trace.digest, trace.origin, (row,), {"drive": "x", "trace": trace.name})
+
+
+def with_metadata(path, **changes):
+    table = pq.ParquetFile(path).read()
+    metadata = json.loads(table.schema.metadata[METADATA_KEY]) | changes
+    pq.write_table(table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata)}), path)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"provenance": {"drive": "x"}}, "metadata: provenance: 'trace' is missing"),
+        ({"provenance": {"drive": "x", "trace": 5}}, "metadata: provenance: 'trace' is missing"),
+        ({"provenance": None}, "metadata: 'provenance' is missing or not a dict"),
+        ({"trace": None}, "metadata: 'trace' is missing or not a str"),
+        ({"digest": 7}, "metadata: 'digest' is missing or not a str"),
+        ({"digest": "0" * 64}, "content does not match its own digest 000000000000"),
+        ({"origin": [49.0, 8.4]}, "is not latitude, longitude, altitude"),
+        ({"format_version": 99}, "truth table has version 99, this genie-sim reads 1"),
+    ],
+)
+def test_a_table_with_other_metadata_is_refused(trace, tmp_path, changes, message):
+    path = tmp_path / "a.truth.parquet"
+    write_truth(path, made_up(trace))
+    with_metadata(path, **changes)
+    with pytest.raises(UserError, match=message) as error:
+        read_truth_table(path)
+    assert str(error.value).startswith(f"{path}: ") and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"label": None}, "column 'label' has empty values"),
+        ({"east_m": None}, "column 'east_m' has empty values"),
+        ({"up_m": float("inf")}, "camera '02', frame 0: object 7 .* at no place on Earth"),
+        ({"north_m": float("nan")}, "at no place on Earth"),
+    ],
+)
+def test_an_impossible_row_is_refused_even_with_a_right_digest(trace, tmp_path, changes, message):
+    path = tmp_path / "a.truth.parquet"
+    write_truth(path, made_up(trace, **changes))
+    with pytest.raises(UserError, match=message):
+        read_truth_table(path)
+
+
+def test_a_table_without_its_trace_s_name_stops_a_run_in_one_line(run_cli, trace, tmp_path):
+    path = tmp_path / "mine.parquet"
+    write_trace(path, trace)
+    write_truth(path_beside(path), made_up(trace))
+    assert list(Recordings(trace, path=path).provenance()) == []
+    with_metadata(path_beside(path), provenance={"drive": "x"})
+    done = run_cli("run", "street_1car_hetero", "--set", f"perception.trace={path}")
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"genie-sim: {path_beside(path)}: metadata: provenance: 'trace'")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("drive", ["2011_09_26/0009", "tracking/0001", "0009", "../x/0009"])
+def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, drive):
+    sync = tmp_path / "2011_09_26" / "2011_09_26_drive_0005_sync"
+    (sync.parent / "2011_09_26_drive_0009_sync").mkdir(parents=True)  # without tracklets
+    label_02 = tmp_path / "tracking" / "training" / "label_02"
+    for path in (sync / "tracklet_labels.xml", label_02 / "0000.txt"):
+        path.parent.mkdir(parents=True)
+        path.write_text("")
+    with pytest.raises(UserError) as error:
+        make_truth(tmp_path, drive, trace)
+    message = str(error.value)
+    assert f"unknown labelled drive '{drive}'" in message
+    assert "known: 2011_09_26/0005, tracking/0000 (tracklets of a raw drive" in message
+    assert "\n" not in message
+
+
+def test_a_table_says_how_far_its_labels_reach(trace, tmp_path):
+    usual, far = made_up(trace), replace(made_up(trace), reach_m=3.5, range_m=100.0)
+    path = tmp_path / "a.truth.parquet"
+    write_truth(path, far)
+    again = read_truth_table(path)
+    assert again == far and again.digest != usual.digest
+    assert again.rebased((49.0, 8.0, 100.0)).range_m == 100.0
+    truth, frame = RecordedTruth(again), trace.frames["02"][0]
+    assert (truth.reach_m, truth.range_m) == (3.5, 100.0)
+    assert is_there(truth, frame, "car", 13.0, 2.0) and not is_there(truth, frame, "car", 13.6, 2.0)
+    assert not is_there(RecordedTruth(usual), frame, "car", 13.0, 2.0)
+
+
+@pytest.mark.parametrize("changes", [{"range_m": 0}, {"reach_m": "2 m"}, {"range_m": 1e9}])
+def test_an_impossible_ruler_is_refused(trace, tmp_path, changes):
+    path = tmp_path / "a.truth.parquet"
+    write_truth(path, made_up(trace))
+    with_metadata(path, **changes)
+    (name,) = changes
+    with pytest.raises(UserError, match=f"metadata: {name} .* is no length up to 1000"):
+        read_truth_table(path)
+
+
+def test_the_second_street_is_shipped_whole():
+    """Its truth is of its frames, and its encoded pictures are those of its frames."""
+    path = files.find(files.TRACE, "kitti_0013")
+    trace = read_trace(path)
+    assert trace.provenance["drive"] == "2011_09_26/0013" and len(trace.frames["02"]) == 144
+    table = truth_beside(path, trace)
+    assert table is not None and len({row.object for row in table.rows}) == 9
+    assert len({row.object for row in table.rows if row.moving}) == 3
+    assert encoded_beside(path, trace, "jpeg90").frames["02"][0].digest == (
+        trace.frames["02"][0].digest
+    )
