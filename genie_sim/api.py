@@ -32,7 +32,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
 from genie_sim.record import results
-from genie_sim.report import comparison, html_page, notebook
+from genie_sim.report import comparison, html_page, notebook, template
 from genie_sim.report.output import Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
@@ -163,7 +163,7 @@ class Runs(Suggesting, SeedRuns):
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
         path = _report_path(self, path)
-        html_page.write_text(path, comparison.seeds_page(self))
+        template.write(path, comparison.seeds_page(self))
         return path
 
     def _repr_html_(self) -> str:
@@ -191,7 +191,7 @@ def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
         raise UserError(
             "report: a run without a folder needs a path, such as run.report('report.html')"
         )
-    return run.folder / html_page.NAME
+    return run.folder / template.NAME
 
 
 @typed

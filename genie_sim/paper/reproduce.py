@@ -21,7 +21,7 @@ from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
-from genie_sim.report import html_page
+from genie_sim.report import template
 from genie_sim.scenario.yaml_input import read_mapping
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ log = logging.getLogger(__name__)
 QUICK_SEEDS = 2
 FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
 # what is derived from the numbers
-SHOWN = (printed.DOCUMENT, html_page.NAME, *(f"figures/{name}.svg" for name in FIGURES))
+SHOWN = (printed.DOCUMENT, template.NAME, *(f"figures/{name}.svg" for name in FIGURES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,8 +176,8 @@ def show(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(made.numbers))
             document = printed.document(made.rows, accuracy, about["edited"])
-            html_page.write_text(folder / printed.DOCUMENT, document)
+            template.write(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             save_all(made.figures, provenance.contained(folder, "figures"), ["svg"])
-        with attempt(html_page.NAME):
-            html_page.write_text(folder / html_page.NAME, page.page(folder))
+        with attempt(template.NAME):
+            template.write(folder / template.NAME, page.page(folder, drawn=made.figures))

@@ -153,7 +153,7 @@ def test_an_evaluation_that_cannot_be_shown_keeps_its_numbers(tmp_path, capsys, 
     monkeypatch.setattr("genie_sim.paper.runs.simulate", lambda *_: known)
     line, out = ["reproduce", "--seeds", "1", "--out", str(tmp_path / "out")], tmp_path / "out"
     with monkeypatch.context() as patched:
-        patched.setattr("genie_sim.report.html_page.assemble", full)
+        patched.setattr("genie_sim.report.template.part", full)
         assert main(line) == 1
     assert capsys.readouterr().err.splitlines()[-1] == (
         f"genie-sim: {out}: the results are kept, but without report.html"
