@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         load_scenario,
         reproduce,
         run,
+        run_seeds,
         sweep,
     )
 
@@ -40,6 +41,7 @@ __all__ = [
     "load_scenario",
     "reproduce",
     "run",
+    "run_seeds",
     "sweep",
 ]
 

@@ -4,7 +4,7 @@
 >>> run = gs.run("3car_hetero", {"cars[0].device": "orin_nano"}, seed=7)
 >>> run.frames, run.lookups, run.metrics        # pandas tables
 >>> run.plot.latency_cdf()                      # a matplotlib figure
->>> runs = gs.run("3car_hetero", seeds=5)       # means with intervals
+>>> runs = gs.run_seeds("3car_hetero", seeds=5) # means with intervals
 >>> run.report("report.html")                   # one page for a browser
 >>> gs.load("results/3car_hetero-2a7842fdfa41") # a run of the command line
 
@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import compare as comparing
 from genie_sim.analysis import compare_tables, registry, seed_runs
@@ -32,7 +32,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
 from genie_sim.record import results
-from genie_sim.report import comparison, html_page, notebook
+from genie_sim.report import comparison, html_page, notebook, template
 from genie_sim.report.output import Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
@@ -59,6 +59,7 @@ __all__ = [
     "load_scenario",
     "reproduce",
     "run",
+    "run_seeds",
     "sweep",
 ]
 
@@ -162,7 +163,7 @@ class Runs(Suggesting, SeedRuns):
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
         path = _report_path(self, path)
-        html_page.write_text(path, comparison.seeds_page(self))
+        template.write(path, comparison.seeds_page(self))
         return path
 
     def _repr_html_(self) -> str:
@@ -190,42 +191,7 @@ def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
         raise UserError(
             "report: a run without a folder needs a path, such as run.report('report.html')"
         )
-    return run.folder / html_page.NAME
-
-
-@overload
-def run(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
-    settings: Settings = (),
-    *,
-    seed: int | None = None,
-    seeds: None = None,
-    methods: Sequence[str] | str = (),
-    label: str = "",
-    out: str | Path | None = None,
-    report: bool = True,
-    figures: bool = False,
-    jobs: int | None = None,
-    observer: Observer | None = None,
-    progress: Progress | None = None,
-) -> Run: ...
-
-
-@overload
-def run(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
-    settings: Settings = (),
-    *,
-    seed: None = None,
-    seeds: int | Sequence[int],
-    methods: Sequence[str] | str = (),
-    label: str = "",
-    out: str | Path | None = None,
-    report: bool = True,
-    figures: bool = False,
-    jobs: int | None = None,
-    progress: Progress | None = None,
-) -> Runs: ...
+    return run.folder / template.NAME
 
 
 @typed
@@ -234,16 +200,15 @@ def run(
     settings: Settings = (),
     *,
     seed: int | None = None,
-    seeds: int | Sequence[int] | None = None,
     methods: Sequence[str] | str = (),
     label: str = "",
     out: str | Path | None = None,
     report: bool = True,
     figures: bool = False,
-    jobs: int | None = None,
+    jobs: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
-) -> Run | Runs:
+) -> Run:
     """Simulates a scenario under each of its methods. Raises ``UserError`` before it simulates.
 
     Parameters
@@ -255,87 +220,100 @@ def run(
         "wifi"}``.
     seed : int, optional
         The root of all random streams; by default the scenario's.
-    seeds : int or sequence of int, optional
-        Several of them, or how many: 5 are the seeds 1 to 5. The result is then ``Runs``.
     methods : sequence of str
         Only these, in this order; by default those of the scenario.
     label : str
         What tables and figures call the result; by default the scenario's name.
     out : str or Path, optional
-        A folder that gets the result folder; by default the run stays in memory. Of ``seeds``,
-        runs that are in it are not run again.
+        A folder that gets the result folder; by default the run stays in memory.
     report, figures : bool
         With ``out``: whether the result folder has ``report.html``, and the figures as SVG.
-    jobs : int, optional
-        Processes on this machine: of one run, which simulate several methods side by side, by
-        default 1; of ``seeds``, by default one a core. The results do not depend on it.
+    jobs : int
+        Processes on this machine, which simulate several methods side by side. The results do not
+        depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
-        at nodes and their maps. For one run in memory, in this process.
+        at nodes and their maps. For a run in memory, in this process.
     progress : callable, optional
-        Called with the seconds simulated, those to simulate, and the method; of ``seeds`` with how
-        many runs are done, how many there are, and how many failed.
+        Called with the seconds simulated, those to simulate, and the method.
     """
-    names = _names("methods", methods)
-    loaded = load_scenario(scenario, settings, seed=seed, methods=names)
-    label = results.checked_label(label)
-    if jobs is not None and jobs < 1:
-        raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
-    if observer is not None and (jobs not in (None, 1) or seeds is not None or out is not None):
-        raise UserError("observer: is for one run in memory, without jobs, seeds and out")
-    output = Output(report, ("svg",) if figures else ())
-    if seeds is not None:
-        if seed is not None:
-            raise UserError("seed and seeds: give one of them")
-        asked = plain(seeds, "seeds")
-        return _run_seeds(
-            loaded, asked, label, out=out, output=output, jobs=jobs, progress=progress
-        )
+    label, output = results.checked_label(label), _output(report, figures)
+    _check_jobs(jobs)
+    if observer is not None and (jobs > 1 or out is not None):
+        raise UserError("observer: is for one run in memory, without jobs and out")
+    loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
     if out is None:
-        run = run_folder.run_in_memory(
-            loaded, progress, label=label, workers=jobs or 1, observer=observer
+        return _one_in_hand(
+            run_folder.run_in_memory(loaded, progress, label=label, workers=jobs, observer=observer)
         )
-    else:
-        run = run_folder.run_to_folder(
-            loaded, expanded(out), progress, output, label=label, workers=jobs or 1
+    return _one_in_hand(
+        run_folder.run_to_folder(
+            loaded,
+            expanded(out),
+            progress,
+            output,
+            label=label,
+            workers=jobs,
         )
-    return _one_in_hand(run)
+    )
 
 
-def _run_seeds(
-    scenario: Scenario,
-    seeds: int | Sequence[int],
-    label: str,
+@typed
+def run_seeds(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    settings: Settings = (),
     *,
-    out: str | Path | None,
-    output: Output,
-    jobs: int | None,
-    progress: Progress | None,
+    seeds: int | Sequence[int] = 5,
+    methods: Sequence[str] | str = (),
+    label: str = "",
+    out: str | Path | None = None,
+    report: bool = True,
+    figures: bool = False,
+    jobs: int | None = None,
+    progress: Progress | None = None,
 ) -> Runs:
-    """Runs what is missing of several seeds. Without ``out`` it does so in a scratch folder, and
-    the runs stay in memory.
+    """Simulates a scenario with several seeds. Raises ``UserError`` before it simulates.
+
+    Parameters
+    ----------
+    scenario, settings, methods, label, report, figures
+        As of ``run``.
+    seeds : int or sequence of int
+        Which seeds, or how many: 5 are the seeds 1 to 5.
+    out : str or Path, optional
+        A folder that gets the folder of all runs; those that are in it are not run again. By
+        default the runs stay in memory.
+    jobs : int, optional
+        Processes on this machine; by default one a core. The results do not depend on it.
+    progress : callable, optional
+        Called with how many runs are done, how many there are, and how many failed.
     """
     from genie_sim.study.seeds import design_of
     from genie_sim.study.study import Study
 
-    if out is None:
-        output = Output(page=False)
+    loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
+    label, workers = results.checked_label(label), _workers(jobs, plain_data(loaded))
+    output = _output(report and out is not None, figures and out is not None)
     with tempfile.TemporaryDirectory() as scratch:
         work = Study.of(
-            design_of(scenario, seeds),
-            scenario.name,
+            design_of(loaded, plain(seeds, "seeds")),
+            loaded.name,
             expanded(out or scratch),
-            base=scenario,
+            base=loaded,
             label=label,
             reports=output.page,
         )
-        work.run(_workers(jobs, plain_data(scenario)), progress=progress)
-        status = work.finish(output)
-        runs = _in_hand(seed_runs.load(status.folder))
+        work.run(workers, progress=progress)
+        runs = _in_hand(seed_runs.load(work.finish(output).folder))
     assert isinstance(runs, Runs)
     if out is None:
         return Runs([replace(run, folder=None) for run in runs.runs], None, label)
     return runs
+
+
+def _output(report: bool, figures: bool) -> Output:
+    """What is made of results besides tables."""
+    return Output(report, ("svg",) if figures else ())
 
 
 @typed
@@ -437,7 +415,7 @@ class Comparison:
 def sweep(
     scenario: str | Path,
     axes: Mapping[str, Any],
-    settings: Mapping[str, Any] | None = None,
+    settings: Settings = (),
     *,
     seeds: int | Sequence[int] = 5,
     methods: Sequence[str] | str = (),
@@ -463,7 +441,7 @@ def sweep(
         By name, as in a sweep's file, or by the path of a setting with a list of its values:
         ``{"genie.object_map.gate": ["1 m", "2 m"], "link": {"set": "cars[0].link", "list": ["wifi",
         "lte"]}}``.
-    settings : mapping, optional
+    settings : mapping or sequence of str
         Fields that are the same at every point.
     seeds : int or sequence of int
         Which seeds, or how many: 5 are the seeds 1 to 5.
@@ -483,13 +461,17 @@ def sweep(
     progress : callable, optional
         Called with how much is done, how much there is, and what is going on.
     """
-    from genie_sim.study.design import read_design, sweep_of
+    from genie_sim.study.design import fixed_settings, read_design, sweep_of
     from genie_sim.study.study import Study
     from genie_sim.study.sweep_table import SweepTable
 
     names = _names("methods", methods)
     more = {
-        "set": plain(dict(settings or {}), "settings"),
+        "set": (
+            plain(dict(settings), "settings")
+            if isinstance(settings, Mapping)
+            else fixed_settings(_overrides(settings))
+        ),
         "samples": plain(samples, "samples"),
         "seeds": plain(seeds, "seeds"),
     }
@@ -510,6 +492,7 @@ def sweep(
         return SweepTable.read(status.folder, every_run=every_run)
 
 
+@typed
 def reproduce(
     out: str | Path | None = None,
     *,
@@ -541,9 +524,9 @@ def reproduce(
     """
     from genie_sim.paper import reproduce as evaluation
 
-    for name, count in (("seeds", seeds), ("jobs", jobs)):
-        if count is not None and (type(count) is not int or count < 1):
-            raise UserError(f"{name}: {short_repr(count)}: expected a whole number from 1 on")
+    _check_jobs(jobs)
+    if seeds is not None and seeds < 1:
+        raise UserError(f"seeds: {short_repr(seeds)}: expected a whole number from 1 on")
     folder = None if out is None else expanded(out)
     return evaluation.reproduce(folder, quick=quick, seeds=seeds, workers=jobs, progress=progress)
 
@@ -621,6 +604,12 @@ def _names(where: str, given: Any) -> list[str]:
     return [names] if isinstance(names, str) else list(names)
 
 
+def _check_jobs(jobs: int | None) -> None:
+    """Raises ``UserError`` for a number of processes below 1."""
+    if jobs is not None and jobs < 1:
+        raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
+
+
 def _workers(jobs: int | None, *given: Any) -> "Workers":
     """So many processes, by default one a core. A class from a notebook or an interactive session
     is known in this process alone: where ``given`` names one, everything runs here. Raises
@@ -629,6 +618,7 @@ def _workers(jobs: int | None, *given: Any) -> "Workers":
     from genie_sim.base import parallel
     from genie_sim.study.work import Workers
 
+    _check_jobs(jobs)
     names_main = '"__main__:' in json.dumps(given, default=str)
     script = getattr(sys.modules["__main__"], "__file__", None)
     if names_main and (script is None or not Path(script).is_file()):

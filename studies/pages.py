@@ -142,12 +142,12 @@ def gain(row: Mapping[Any, Any]) -> str:
 
 
 def where_it_pays() -> str:
-    """The towns, and the means over drives and towns."""
+    """The towns with settings chosen on all conditions, and the means over drives and towns."""
     rows = []
     for row in pd.read_csv(RESULTS / "where_it_pays" / "reported_gains.csv").to_dict("records"):
         if not isinstance(row["best"], str):
             rows.append([f"**{row['condition']}**", "", "", "", f"**{gain(row)}**", ""])
-        elif row["condition"].startswith("town"):
+        elif row["condition"].startswith("town") and "tuned" not in row["condition"]:
             best = METHODS[row["best"].removesuffix("_for_towns")]
             numbers = [f"{row['best_f1']:.3f}", f"{row['genie_f1']:.3f}", gain(row)]
             prices = (row[f"{what}_of_remote"] for what in ("bytes", "edge_time", "energy"))
@@ -224,47 +224,27 @@ def which_cache() -> str:
     return markdown([*header, "bytes", "edge time"], rows, texts=2)
 
 
-def messages() -> str:
-    """A sentence for each size of message."""
-    table: Any = pd.read_csv(RESULTS / "what_to_share" / "messages.csv")
-    sentences = []
-    for title, rows in table.groupby("message", sort=False):
-        ways = {row["way"]: row for row in rows.to_dict("records")}
-        link, air = ways["link"], ways["broadcast"]
-        sentences.append(
-            f"- *{title}*: {link['without_queue_ms']:.0f} ms by bytes and rate; with the queue of "
-            f"the link {100 * link['arrived']:.0f} % arrive, after {link['delay_ms']:.0f} ms; on "
-            f"one channel {100 * air['arrived']:.0f} %, after {air['delay_ms']:.0f} ms, and the "
-            f"channel is busy {100 * air['channel_busy']:.0f} % of the time."
-        )
-    return "\n".join(sentences)
-
-
 def sharing() -> str:
-    """Each method at each place."""
-    table: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
+    """Each method in both places."""
+    of_places: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
+    of_places = of_places.set_index(["method", "place"])
+    places = of_places.index.unique("place")
     rows = []
-    for row in table.to_dict("records"):
-        difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
-        is_best = row["method"] == row["best"]
-        rows.append(
-            [
-                row["place"],
-                METHODS[row["method"]],
-                f"{row['streaming_f1']:.3f}",
-                "best of these" if is_best else gain(difference),
-                f"{row['bytes_up'] / 1000:.1f}",
-                f"{row['channel_busy']:.1%}",
-            ]
-        )
-    header = ["place", "method", "streaming F1", "difference", "up [kB a frame]", "channel busy"]
-    return markdown(header, rows, texts=2)
+    for method in of_places.index.unique("method"):
+        cells = []
+        for place in places:
+            row = of_places.loc[(method, place)]
+            difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
+            beside = "best of these" if method == row["best"] else gain(difference)
+            cells.append(f"{row['streaming_f1']:.3f} [{beside}]")
+        up = [f"{of_places.loc[(method, place), 'bytes_up'] / 1000:.0f}" for place in places]
+        rows.append([METHODS[method], *cells, " / ".join(up)])
+    return markdown(["method", *places, "up [kB a frame]"], rows)
 
 
 TABLES: Mapping[str, Callable[[], str]] = {
     "which_cache": which_cache,
     "where_it_pays": where_it_pays,
-    "messages": messages,
     "sharing": sharing,
     "baselines": baselines,
     "batching": batching,

@@ -68,6 +68,7 @@ LATE = (
     "simpy",
     "joblib",
     "distributed",
+    "pykitti",
 )
 
 
@@ -228,6 +229,12 @@ def test_the_command_line_starts_without_heavy_libraries():
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
+
+
+@pytest.mark.process
+def test_code_of_ones_own_starts_without_pandas():
+    """A fault or a metric, of which a run starts several processes."""
+    assert set(LATE) & _loaded_by("import genie_sim.extend") <= {"simpy", "cv2"}
 
 
 @pytest.mark.process

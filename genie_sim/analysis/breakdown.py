@@ -1,5 +1,7 @@
 """One figure: where the time of answers goes."""
 
+import math
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,6 +11,7 @@ from matplotlib.figure import Figure
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import finish, in_style
 from genie_sim.analysis.frame_metrics import PART
+from genie_sim.analysis.style import TITLE_CHARACTERS
 from genie_sim.base.text import number_text
 from genie_sim.record.results import MethodInfo, MetricValue
 
@@ -54,7 +57,7 @@ def time_parts(
     scale of their own, those that are short beside the longest.
     """
     bars = parts_of(metrics, methods)
-    whole = {label: sum(parts.values()) for label, parts in bars.items()}
+    whole = {label: math.fsum(parts.values()) for label, parts in bars.items()}
     longest = max(whole.values())
     short = {label: parts for label, parts in bars.items() if whole[label] < MAX_SHORT * longest}
     panels = [bars, short] if short and len(bars) + len(short) <= MAX_BARS else [bars]
@@ -82,7 +85,7 @@ def _draw_parts(axis: Axes, bars: Mapping[str, Mapping[str, float]]) -> None:
         axis.annotate(
             number_text(whole), (whole, place), (3, 0), textcoords="offset points", va="center"
         )
-    axis.set_yticks(places, list(bars))
+    axis.set_yticks(places, [textwrap.fill(title, TITLE_CHARACTERS) for title in bars])
     axis.invert_yaxis()
     axis.set_xlim(0, 1.14 * max(left, default=0.0) or 1.0)
     axis.grid(axis="y", visible=False)

@@ -1,5 +1,6 @@
 """One figure: the distribution of response times; of several seeds their mean, with its band."""
 
+import math
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -153,7 +154,7 @@ class Curve(NamedTuple):
             len(values_ms) / published
             for values_ms, published in zip(self.values_ms, self.published, strict=True)
         ]
-        return percent_text(sum(shares) / len(shares), digits=2)
+        return percent_text(math.fsum(shares) / len(shares), digits=2)
 
 
 def curves_of(seeds: Sequence[Columns], methods: Methods) -> Iterator[Curve]:

@@ -25,7 +25,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.record.results import MethodInfo, MetricValue
 
 BELOW_IN = 0.55  # of the panel: ticks and label
-NAME_CHARACTERS = 24  # in a line
+
 MANY_TICKS = 100  # a logarithmic axis over more than that has a tick for each power of ten alone
 
 
@@ -66,7 +66,7 @@ def metric_values(
     for row in rows:
         whole = about.titled(row.placement, component_title(row.component, methods))
         text = f"{titles[row.method]} {whole.removeprefix(about.title).strip(' ,')}"
-        names.append("\n".join(textwrap.wrap(text, NAME_CHARACTERS)))
+        names.append("\n".join(textwrap.wrap(text, style.TITLE_CHARACTERS)))
     lines = sum(label.count("\n") + 1 for label in names)
     height_in = BELOW_IN + 1.15 * lines * line_in("ytick.labelsize")
     if ax is None and height_in > MAX_COLUMN_IN and is_narrow(width_in or style.COLUMN_IN):

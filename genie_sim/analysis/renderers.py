@@ -1,6 +1,7 @@
 """A table of results as text: for a terminal, as Markdown, HTML, LaTeX or CSV.
 
-No cell can steer a terminal, end its row, or run a command of LaTeX or a formula of a spreadsheet.
+Text is text in each of them: no cell can steer a terminal, end its row, be markup, or run a command
+of LaTeX or a formula of a spreadsheet.
 """
 
 import csv
@@ -23,6 +24,10 @@ GAP = 2  # characters between columns on a terminal
 MIN_TITLE_WIDTH, LEGIBLE_TITLE_WIDTH = 8, 24  # characters
 NOTE_WIDTH = 120  # characters in a line of Markdown
 
+# Of Markdown, where it is not plain text: "_" inside a word, "<" and "&" before a space are that.
+MARKUP = re.compile(
+    r"[\\`*$~|]|(?<!\w)_|_(?!\w)|<(?=[A-Za-z/!?])|&(?=#|\w+;)|(?<=\])\(|(?<!\S)#|!(?=\[)"
+)
 ESCAPES = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -54,20 +59,33 @@ def checked(format: str) -> str:
 
 def markdown(table: ResultTable, intervals: bool = True) -> str:
     """The title as a heading, the table, and its notes as a paragraph."""
-    sides = "".join("---:|" if is_number else "---|" for is_number in _are_numbers(table))
-    rows = [
-        " | ".join(markdown_text(text).replace("|", r"\|") for text in row)
-        for row in (map(one_line, table.headings), *table.texts(intervals))
+    rows = [map(markdown_text, row) for row in (table.headings, *table.texts(intervals))]
+    parts = [
+        table.title and f"## {markdown_text(table.title)}",
+        markdown_rows(rows, _are_numbers(table)),
+        markdown_paragraph(" ".join(filter(None, table.notes))),
     ]
-    lines = [f"| {rows[0].lstrip()} |", f"|---|{sides}", *(f"| {row} |" for row in rows[1:])]
-    notes = textwrap.fill(markdown_text(one_line(" ".join(filter(None, table.notes)))), NOTE_WIDTH)
-    parts = [table.title and f"## {markdown_text(table.title)}", "\n".join(lines), notes]
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
+def markdown_rows(rows: Iterable[Iterable[str]], are_numbers: Iterable[bool]) -> str:
+    """A table of cells that are Markdown, the first row of headings; ``are_numbers`` says of each
+    column but the first whether it stands at the right.
+    """
+    headings, *others = (" | ".join(map(one_line, row)) for row in rows)
+    sides = "".join("---:|" if is_number else "---|" for is_number in are_numbers)
+    return "\n".join([f"| {headings.lstrip()} |", f"|---|{sides}", *(f"| {r} |" for r in others)])
+
+
 def markdown_text(text: str) -> str:
-    """A text as Markdown shows it: no HTML, and no link."""
-    return re.sub(r"<(?=[A-Za-z/!?])", r"\\<", text).replace("](", r"]\(")
+    """A text on one line of Markdown, which shows it as it is."""
+    return MARKUP.sub(r"\\\g<0>", one_line(text))
+
+
+def markdown_paragraph(text: str) -> str:
+    """The same in lines, of which none begins a list, a quotation or a heading."""
+    lines = textwrap.fill(markdown_text(text), NOTE_WIDTH)
+    return re.sub(r"^(\d*)([-+>=.)])", r"\1\\\2", lines, flags=re.MULTILINE)
 
 
 def _are_numbers(table: ResultTable) -> Iterator[bool]:
@@ -78,16 +96,27 @@ def _are_numbers(table: ResultTable) -> Iterator[bool]:
 
 def html(table: ResultTable) -> str:
     """The title, the table and its notes as a piece of HTML; text is text."""
-    head = "".join(f"<th>{escape(heading)}</th>" for heading in table.headings)
-    body = "".join(
-        f"<tr><th>{escape(title)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-        for title, *cells in table.texts()
-    )
     below = "".join(f"<p><small>{escape(note)}</small></p>" for note in table.notes if note)
-    return (
-        f"<p><b>{escape(table.title)}</b></p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
+    return f"<p><b>{escape(table.title)}</b></p>{html_table(table)}{below}"
+
+
+def html_table(table: ResultTable) -> str:
+    """The table alone as HTML; intervals in small letters."""
+    corner, *columns = map(escape, table.headings)
+    head = "".join(f'<th scope="col">{column}</th>' for column in columns)
+    rows = zip(table.texts(intervals=False), table.texts(), strict=True)
+    body = "".join(
+        f'<tr><th scope="row">{escape(title)}</th>{"".join(map(_html_cell, values, texts))}</tr>'
+        for (title, *values), (_, *texts) in rows
     )
+    return f"<table><thead><tr><td>{corner}</td>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _html_cell(value: str, text: str) -> str:
+    """A value and, if the text begins with it, what follows in small letters."""
+    if not text.startswith(f"{value} ("):
+        return f"<td>{escape(text)}</td>"
+    return f"<td>{escape(value)} <small>{escape(text.removeprefix(value).strip())}</small></td>"
 
 
 def terminal(table: ResultTable, width: int, intervals: bool = True) -> str:
@@ -100,7 +129,7 @@ def terminal(table: ResultTable, width: int, intervals: bool = True) -> str:
         "\n".join(_block_lines(block, width, intervals))
         for block in _side_by_side(table, width, intervals)
     ]
-    notes = [line for note in table.notes for line in textwrap.wrap(note, width)]
+    notes = [line for note in table.notes for line in textwrap.wrap(one_line(note), width)]
     return "\n\n".join([*paragraphs, "\n".join(notes)]) + "\n"
 
 
@@ -288,8 +317,10 @@ def _heading(heading: str) -> str:
 
 
 def _lines(row: Row) -> list[str]:
-    """The row, and below it the intervals if there are any."""
-    lines = [[_escaped(row.title), *map(_value, row.cells)]]
+    """The row, and below it the intervals if there are any. A title that begins with "[" or "*"
+    would belong to the end of the row before.
+    """
+    lines = [[re.sub(r"^(?=[\[*])", "{}", _escaped(row.title)), *map(_value, row.cells)]]
     if any(ends := [_ends(cell) for cell in row.cells]):
         lines.append(["", *ends])
     return [" & ".join(line).strip() + r" \\" for line in lines]

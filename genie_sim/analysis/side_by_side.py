@@ -10,7 +10,7 @@ from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.columns import concat
 from genie_sim.record.results import Run
 
-DRAWN_TABLES = ("frames", "lookups", "resources")
+DRAWN_TABLES = ("frames", "lookups")
 
 
 def side_by_side(

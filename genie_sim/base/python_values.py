@@ -9,7 +9,7 @@ from pathlib import PurePath
 from types import NoneType, UnionType
 from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
 
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 
 Parameters = ParamSpec("Parameters")
 Result = TypeVar("Result")
@@ -18,14 +18,19 @@ WORDS |= {Mapping: "a mapping", Collection: "a list"}
 
 
 def typed(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """A function that raises ``UserError`` for an argument of another type than its annotation
-    names; what lists and mappings hold, and numbers of numpy, are left to the function itself.
+    """A function that raises ``UserError`` for an argument that it does not have, or of another
+    type than its annotation names; what lists and mappings hold, and numbers of numpy, are left to
+    the function itself.
     """
     signature = inspect.signature(function)
 
     @functools.wraps(function)
     def checked(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-        for name, value in signature.bind(*args, **kwargs).arguments.items():
+        for name in kwargs.keys() - signature.parameters.keys():
+            raise UserError(unknown(f"argument of {function.__name__}", name, signature.parameters))
+        with as_user_error(function.__name__, TypeError):
+            bound = signature.bind(*args, **kwargs)
+        for name, value in bound.arguments.items():
             parameter = signature.parameters[name]
             values = value if parameter.kind is parameter.VAR_POSITIONAL else [value]
             kinds = _kinds(parameter.annotation)
@@ -59,6 +64,8 @@ def _is_any_of(value: object, kinds: list[type]) -> bool:
         return bool in kinds
     if isinstance(value, Integral) and int in kinds:
         return True
+    if isinstance(value, Mapping) and Mapping not in kinds:
+        return False
     return any(
         all(hasattr(value, name) for name in _members(kind))
         if getattr(kind, "_is_protocol", False)

@@ -3,6 +3,8 @@
 import math
 import re
 
+MAX_LABEL = 60  # characters of what names something in tables and figures
+
 
 def number_text(value: float, digits: int = 3, sign: str = "") -> str:
     """A number to so many significant digits: ``0.0713``, ``46.2``, ``1,234``.

@@ -97,8 +97,6 @@ class Results:
             if name not in makers and name in {*registry.METRICS, *_own_metrics(runs)}:
                 return metric_values(name, run.measured, run.methods, footer, width_in)
             _check_name(name, makers)
-            if name == "resources" and width_in is not None and width_in < PAGE_IN:
-                raise UserError("--width: the figure resources needs a page: leave --width out")
             return makers[name]()
 
     def table(self, format: str, metrics: Sequence[str] = ()) -> str:

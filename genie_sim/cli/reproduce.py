@@ -10,7 +10,7 @@ from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
-@click.option("--quick", is_flag=True, help="Two seeds: a coarse answer in a minute.")
+@click.option("--quick", is_flag=True, help="Two seeds: a coarse answer, in a minute on two cores.")
 @click.option(
     "--seeds", type=COUNT, metavar="N", help="So many seeds, from 1 on; default: the assumptions'."
 )
@@ -21,14 +21,14 @@ def reproduce(*, quick: bool, seeds: int | None, jobs: int | None, out: Path) ->
 
     Runs are kept in the folder OUT.runs: one that was interrupted goes on from there.
     """
+    from genie_sim import api
     from genie_sim.paper import printed
-    from genie_sim.paper.reproduce import reproduce as run_evaluation
 
     with (
         ProgressBar(unit="runs") as progress,
         terminal.resumable(out.with_name(f"{out.name}.runs")),
     ):
-        result = run_evaluation(out, quick=quick, seeds=seeds, workers=jobs, progress=progress)
+        result = api.reproduce(out, quick=quick, seeds=seeds, jobs=jobs, progress=progress)
     click.echo(printed.text(result.rows, terminal.width()))
     click.echo(f"Results: {out}\nFigures: {out / 'figures'}")
     click.echo(f"Report:  {out / terminal.PAGE}")

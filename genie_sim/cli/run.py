@@ -1,9 +1,8 @@
 """The command ``run``. Everything heavy is imported after the arguments are parsed."""
 
 import textwrap
-from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -107,20 +106,16 @@ def run(
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
     for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))
-    with (
-        ProgressBar("s of all methods" if several is None else "runs") as progress,
-        nullcontext() if several is None else terminal.resumable(out),
-    ):
-        result = api.run(
-            loaded,
-            seeds=several,
-            label=label,
-            out=out,
-            report=not no_report,
-            figures=figures,
-            jobs=jobs,
-            progress=progress,
-        )
+    shown: dict[str, Any] = {"label": label, "report": not no_report, "figures": figures}
+    result: Run | SeedRuns
+    if several is None:
+        with ProgressBar("s of all methods") as progress:
+            result = api.run(loaded, out=out, jobs=jobs or 1, progress=progress, **shown)
+    else:
+        with ProgressBar("runs") as progress, terminal.resumable(out):
+            result = api.run_seeds(
+                loaded, seeds=several, out=out, jobs=jobs, progress=progress, **shown
+            )
     print_results(result, page=not no_report, figures=figures, rows=rows)
 
 

@@ -167,6 +167,8 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
     """The ranges, the gaps and the way of a recorded link, for the report of its import."""
     times_s = [(t_ns - columns["t_ns"][0]) / NS_PER_S for t_ns in columns["t_ns"]]
     report.read("rows", len(times_s))
+    if len(times_s) == 1:
+        report.warn("one row alone: its values hold all the time")
     for name, (unit, factor) in TOLD.items():
         if name in columns:
             values = [value * factor for value in columns[name]]

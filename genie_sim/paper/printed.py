@@ -103,7 +103,7 @@ def _markdown(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    return renderers.markdown(ResultTable.of_texts(HEADINGS, lines)).rstrip()
+    return renderers.markdown_rows([HEADINGS, *lines], [False] * 6)
 
 
 def in_short(rows: Sequence[Row]) -> str:
@@ -113,10 +113,10 @@ def in_short(rows: Sequence[Row]) -> str:
         for row in rows
         if row["id"] in IN_SHORT
     ]
-    table = ResultTable.of_texts(HEADINGS[1:-1], lines)
+    table = renderers.markdown_rows([HEADINGS[1:-1], *lines], [False] * 4)
     counts = Counter(row["verdict"] for row in rows)
     held = f"{counts[HOLDS]} hold, {counts[PARTLY]} partly, {counts[NO]} do not"
-    return f"{renderers.markdown(table).rstrip()}\n\nOf all {len(rows)} claims {held}."
+    return f"{table}\n\nOf all {len(rows)} claims {held}."
 
 
 def notes(rows: Sequence[Row]) -> list[str]:

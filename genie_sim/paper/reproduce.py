@@ -6,12 +6,13 @@ is tested.
 
 import logging
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import workers_here
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.progress import Progress
@@ -20,7 +21,7 @@ from genie_sim.paper.checks import judge
 from genie_sim.paper.evidence import Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
-from genie_sim.report import html_page
+from genie_sim.report import template
 from genie_sim.scenario.yaml_input import read_mapping
 
 if TYPE_CHECKING:
@@ -33,7 +34,7 @@ log = logging.getLogger(__name__)
 QUICK_SEEDS = 2
 FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
 # what is derived from the numbers
-SHOWN = (printed.DOCUMENT, html_page.NAME, *(f"figures/{name}.svg" for name in FIGURES))
+SHOWN = (printed.DOCUMENT, template.NAME, *(f"figures/{name}.svg" for name in FIGURES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +108,16 @@ def reproduce(
     UserError
         If ``out`` cannot be written.
     """
-    if out is not None:
-        provenance.check_writable(out.parent)
-        provenance.check_replaceable(out)
-    edited = sources.edited_set_ups()
-    for line in edited:
-        log.warning("%s", line)
     used = declared_seeds()[: QUICK_SEEDS if quick else None]
     if seeds is not None:
         used = tuple(range(1, seeds + 1))
+    if out is not None:
+        provenance.check_writable(out.parent)
+        provenance.check_replaceable(out)
+        check_kept(out, used)
+    edited = sources.edited_set_ups()
+    for line in edited:
+        log.warning("%s", line)
     planned = runs.planned(used)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
@@ -135,6 +137,20 @@ def reproduce(
             write(folder, made, about)
         show(out, made, about)
     return made
+
+
+def check_kept(out: Path, used: Collection[int]) -> None:
+    """Raises ``UserError`` where a result would be lost: a run's, or that of an evaluation with
+    seeds that are not ``used`` now.
+    """
+    path = provenance.contained(out, "run.json")
+    if not path.is_file():
+        return
+    about = provenance.read_json(path)
+    before = about.get("seeds") if isinstance(about, dict) else None
+    if not isinstance(before, list) or not all(seed in used for seed in before):
+        what = f"the evaluation of {len(before)} seeds" if before else "another result"
+        raise UserError(f"{out}: holds {what}, which is kept; choose another --out")
 
 
 def declared_seeds() -> tuple[int, ...]:
@@ -160,8 +176,8 @@ def show(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(made.numbers))
             document = printed.document(made.rows, accuracy, about["edited"])
-            html_page.write_text(folder / printed.DOCUMENT, document)
+            template.write(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             save_all(made.figures, provenance.contained(folder, "figures"), ["svg"])
-        with attempt(html_page.NAME):
-            html_page.write_text(folder / html_page.NAME, page.page(folder))
+        with attempt(template.NAME):
+            template.write(folder / template.NAME, page.page(folder, drawn=made.figures))

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from genie_sim.analysis import renderers
-from genie_sim.analysis.result_table import ResultTable
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping
 
@@ -72,10 +71,9 @@ def markdown() -> str:
     rows: dict[str, list[str]] = {}
     for cell in cells():
         rows.setdefault(cell.model, []).append(str(cell))
-    table = ResultTable.of_texts(
-        ["model", *devices()], [[model, *texts] for model, texts in rows.items()]
-    )
+    lines = [["model", *devices()], *([model, *texts] for model, texts in rows.items())]
+    table = renderers.markdown_rows(lines, [False] * len(devices()))
     legend = (
         "Milliseconds / speed-up over the slowest device. Bold: what the printed one should be."
     )
-    return f"{renderers.markdown(table)}\n{legend}"
+    return f"{table}\n\n{legend}"

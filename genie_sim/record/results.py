@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.base.errors import UserError, no_attribute, short_repr
 from genie_sim.base.paths import expanded, read_text
+from genie_sim.base.text import MAX_LABEL, one_line
 from genie_sim.base.units import duration_ns, duration_text
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
@@ -25,22 +26,22 @@ NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
 }
 
 
-MAX_LABEL = 60  # characters
-
-
 # The files that a run's results are read from, besides run.json.
 FILES = ("metrics.json", "scenario.resolved.yaml", *(f"{name}.parquet" for name in SCHEMAS))
 
 
 @dataclass(frozen=True, slots=True)
 class MethodInfo:
-    """A method that ran: its name in the scenario, its title in figures, and whether others are
-    compared with it.
+    """A method that ran: its name in the scenario, its title in figures, on one line, and whether
+    others are compared with it.
     """
 
     name: str
     title: str
     baseline: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "title", one_line(self.title))
 
 
 @dataclass(frozen=True, slots=True)

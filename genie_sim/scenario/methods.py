@@ -6,8 +6,13 @@ from typing import Annotated, Any
 
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
+from genie_sim.base.text import MAX_LABEL
 from genie_sim.methods import METHODS, MUST_HAVE
 from genie_sim.sim.settings import MethodSettings
+
+# neither control characters nor what turns the direction of writing round
+STEERING = r"[\u0000-\u001f\u007f-\u009f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
+LINE = rf"^(?![\s\S]*{STEERING})[\s\S]*\S"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,7 +22,7 @@ class MethodNames:
     name: Name
     """What tables call it; by default the name of the method."""
 
-    title: Annotated[str, Matches(r"\S", "must be text")] | None = None
+    title: Annotated[str, Matches(LINE, "must be one line of text", MAX_LABEL)] | None = None
     """What figures and pages call it; by default what the method calls itself."""
 
 

@@ -13,6 +13,7 @@ from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import ABOUT, read_about
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.study.design import Design, read_design
 
@@ -35,7 +36,8 @@ def footer_of(design: Design, label: str = "") -> str:
 
 
 def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
-    """The title of each method; its name, where two have the same title."""
+    """The title of each method on one line; its name, where two have the same title."""
+    titles = {name: one_line(title) for name, title in titles.items()}
     of_all = list(titles.values())
     return {name: title if of_all.count(title) == 1 else name for name, title in titles.items()}
 

@@ -19,7 +19,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
-from genie_sim.report import html_page
+from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
@@ -159,7 +159,7 @@ class Study:
         runs = load(self.folder)
         with provenance.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
-                if run.folder is not None and not (page := run.folder / html_page.NAME).exists():
+                if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
                         html_page.write(page, run)
             output.make(runs, self.folder, attempt)

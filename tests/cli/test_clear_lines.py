@@ -22,7 +22,7 @@ def seeds(tmp_path_factory: pytest.TempPathFactory) -> str:
     out = tmp_path_factory.mktemp("seeds")
     settings = {"cars[0].route.window": ["0 s", "1 s"]}
     methods = ["remote", "genie"]
-    runs = gs.run(
+    runs = gs.run_seeds(
         "street_1car_hetero", settings, methods=methods, seeds=2, jobs=1, out=out, report=False
     )
     return str(runs.folder)

@@ -23,7 +23,8 @@ from genie_sim.cli.main import main
 from genie_sim.record import results
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
-from genie_sim.report.html_page import NAME, write
+from genie_sim.report.html_page import write
+from genie_sim.report.template import NAME
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate

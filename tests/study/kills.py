@@ -1,5 +1,5 @@
-"""``python -m tools.kills --kills 100``: kills runs, sweeps and evaluations at random instants, and
-looks what is lost.
+"""``python -m tests.study.kills --kills 100``: kills runs, sweeps and evaluations at random
+instants, and looks what is lost.
 
 Every command is killed (SIGKILL, its processes too, or a Dask worker alone), begun again, killed
 again, and at the end left alone. Nothing that was complete may be gone or changed at any time, the
