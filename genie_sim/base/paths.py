@@ -51,6 +51,17 @@ def sha256_of(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def check_is_file(path: Path, where: str = "", more: str = "") -> None:
+    """Raises ``UserError`` unless a path, which users wrote as ``where``, is that of a file: what
+    there is instead, and ``more``.
+    """
+    where = where or str(path)
+    with as_user_error(where, OSError):  # a name longer than the file system allows
+        if not path.is_file():
+            what = "is a folder, not a file" if path.is_dir() else "is a device or a pipe"
+            raise UserError(f"{where}: {what if path.exists() else 'no such file'}{more}")
+
+
 @contextmanager
 def regular(path: Path) -> Iterator[BufferedReader]:
     """A regular file, open. Raises UserError for anything else, and for what fails within it."""

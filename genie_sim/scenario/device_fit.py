@@ -46,6 +46,7 @@ STAMPS = re.compile(
 OTHERS = re.compile(
     "temp(erature)?|celsius|power|m?watts?|mw|energy|joules?|mj|mem(ory)?|ram|[kmg]i?b|bytes?"
     "|percent|pct|utilization|usage|score|confidence|std(dev)?|sd|variance|jitter|interval|period"
+    "|age|stale(ness)?|uptime|offset|gap|skew|drift|deadline|timeout|budget|ttl|rtt|ping"
 )
 LAST_LETTER = re.compile("[abcgjkvw]")  # a unit at the end of a title
 
