@@ -67,6 +67,8 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
     """
     if isinstance(name, str) and (name in registry or is_own(name)):
         return name
+    if not registry:
+        raise ValueError(f"must be a {what} of your own, package.module:Class, not {name!r}")
     raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
 
 

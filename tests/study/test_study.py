@@ -259,7 +259,7 @@ MISTAKES = {
     "no seeds": (
         "seeds: 3",
         "seeds: 0",
-        "s.yaml: seeds: must be a list, or how many: at least 1, not 0",
+        "s.yaml: seeds: must be a list, or how many: 1 to 1,000,000, not 0",
     ),
     "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
     "samples of nothing": (

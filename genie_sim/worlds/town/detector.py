@@ -19,8 +19,7 @@ from genie_sim.worlds.town.laws import (
 )
 from genie_sim.worlds.town.noise import NORMAL_MASK, SMOOTH_MASK, normals
 from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
-from genie_sim.worlds.town.streets import Ints
-from genie_sim.worlds.town.view import Bits, ViewPoses, VisibleObjects
+from genie_sim.worlds.town.view import Bits, Ints, ViewPoses, VisibleObjects
 
 # Far apart in the gradual numbers, and other bits: these are not the score's.
 ALONG, ACROSS = 21 * 1021, 43 * 1021

@@ -71,6 +71,7 @@ class ObjectColumns:
         self.score_z = np.array([row.score_z for row in rows])
         self.along_z = np.array([row.along_z for row in rows])
         self.across_z = np.array([row.across_z for row in rows])
+        self.real = np.array([row.real for row in rows], dtype=bool)
         self.label = np.array([row.label for row in rows], dtype=object)
         self.key = np.array([row.key for row in rows], dtype=np.uint64)
         self.offset = (self.key >> np.uint64(36)).astype(np.int64)

@@ -130,6 +130,6 @@ class TownTruth:
         self, frames: Sequence["TownFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
-        return self.town.real_places.are_there(
+        return self.town.visibility.are_there(
             labels, east_m, north_m, t_s=t_s, range_m=self.reach_m
         )
