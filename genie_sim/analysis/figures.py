@@ -316,8 +316,8 @@ def resource_use(
             "label": method.title,
         }
         reach = [
-            [value - (value if low is None else low) for value, _, low, _ in points],
-            [(value if high is None else high) - value for value, _, _, high in points],
+            [0.0 if low is None else max(value - low, 0.0) for value, _, low, _ in points],
+            [0.0 if high is None else max(high - value, 0.0) for value, _, _, high in points],
         ]
         x, y = [value for value, *_ in points], [row for _, row, *_ in points]
         axis.errorbar(x, y, xerr=reach if any(map(any, reach)) else None, **drawing)

@@ -60,7 +60,7 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
         (b"time_s;up_mbps\n1.234,5;2\n", "line 2: time_s: must be a number, not '1.234,5'"),
         (b"time_s,up_mbps\n0,-1\n", "line 2: up_mbps: must be a number from 0 to 1e.15, not '-1'"),
         (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
-        (b"0,1\n1,2\n", "is empty"),
+        (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
         (b"", "is empty"),
         (
             b"time_s,up_mbps\n0," + b"1" * 2_000_000,
