@@ -135,3 +135,13 @@ def test_rows_of_a_known_format_may_be_uneven(tmp_path):
     path.write_text("time_s up_mbps note\n0\n")
     with pytest.raises(UserError, match="line 2: up_mbps: is empty"):
         list(FileTable(path, uneven=True).rows(COLUMNS))
+
+
+@pytest.mark.parametrize("name", ["street.bag", "street.mcap", "street/metadata.yaml"])
+def test_a_bag_is_named_with_what_reads_it(tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("")
+    given = path.parent if name.endswith(".yaml") else path
+    with pytest.raises(UserError, match=r"street.*: is a ROS bag, .*genie-sim-ros"):
+        FileTable(given)
