@@ -21,18 +21,15 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import compare_tables, registry, seed_runs
+from genie_sim.analysis import registry, seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.errors import Suggesting, UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
 from genie_sim.record import results
-from genie_sim.report import comparison, html_page, notebook, template
 from genie_sim.report.output import Output
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
@@ -43,6 +40,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from genie_sim.analysis.compare import ComparedRuns
     from genie_sim.paper.reproduce import Reproduction
     from genie_sim.study.sweep_table import SweepTable
     from genie_sim.study.work import Workers
@@ -107,12 +105,14 @@ class Run(results.Run):
         """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the
         run's folder.
         """
+        from genie_sim.report import html_page
+
         path = _report_path(self, path)
         html_page.write(path, self)
         return path
 
     def _repr_html_(self) -> str:
-        return notebook.run_html(self)
+        return _run_html(self)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -162,12 +162,20 @@ class Runs(Suggesting, SeedRuns):
     @typed
     def report(self, path: str | Path | None = None) -> Path:
         """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
+        from genie_sim.report import comparison, template
+
         path = _report_path(self, path)
         template.write(path, comparison.seeds_page(self))
         return path
 
     def _repr_html_(self) -> str:
-        return notebook.run_html(self)
+        return _run_html(self)
+
+
+def _run_html(run: Run | Runs) -> str:
+    from genie_sim.report import notebook
+
+    return notebook.run_html(run)
 
 
 def _long(run: results.Run | SeedRuns) -> "pd.DataFrame":
@@ -191,6 +199,8 @@ def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
         raise UserError(
             "report: a run without a folder needs a path, such as run.report('report.html')"
         )
+    from genie_sim.report import template
+
     return run.folder / template.NAME
 
 
@@ -349,6 +359,8 @@ def compare(
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
     ``load``. Raises ``UserError`` for what cannot be compared.
     """
+    from genie_sim.analysis import compare as comparing
+
     if not results_:
         raise UserError("compare: expected at least one run, or its folder")
     runs = [
@@ -366,14 +378,16 @@ def compare(
 class Comparison:
     """Runs compared: ``table`` and ``settings`` for pandas, ``text()``, figures and a page."""
 
-    _made: comparing.ComparedRuns
+    _made: "ComparedRuns"
 
     @cached_property
     def table(self) -> "pd.DataFrame":
         """One row per metric and method; see ``analysis.compare.Difference``."""
         import pandas as pd
 
-        return pd.DataFrame(self._made.rows, columns=comparing.Difference._fields)
+        from genie_sim.analysis.compare import Difference
+
+        return pd.DataFrame(self._made.rows, columns=Difference._fields)
 
     @cached_property
     def settings(self) -> "pd.DataFrame":
@@ -389,6 +403,8 @@ class Comparison:
         """A sentence for each arm that is compared with another: in what it is better or worse, by
         how much, and how sure that is.
         """
+        from genie_sim.analysis.verdict import verdicts
+
         return verdicts(self._made)
 
     @property
@@ -396,18 +412,26 @@ class Comparison:
         """The differences with their intervals, overlaid distributions of response times, and
         latency against accuracy.
         """
+        from genie_sim.report import comparison
+
         return comparison.figures(self._made)
 
     def text(self, format: str = "markdown") -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
+        from genie_sim.analysis import compare_tables
+
         return compare_tables.text(self._made, format)
 
     @typed
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""
+        from genie_sim.report import comparison
+
         return comparison.write(self._made, expanded(folder))
 
     def _repr_html_(self) -> str:
+        from genie_sim.report import notebook
+
         return notebook.comparison_html(self._made)
 
 

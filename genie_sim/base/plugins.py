@@ -144,9 +144,15 @@ def own_faults_told() -> Iterator[None]:
     """
     try:
         yield
+    except UserError as error:
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+        place = own_place(frame, line)  # one that the class raised itself
+        if place is None:
+            raise
+        raise UserError(f"{place.split(' (', 1)[0]}: {error}") from error
     except BaseException as error:
         fault = own_fault(error)
-        if fault is None or isinstance(error, UserError | KeyboardInterrupt):
+        if fault is None or isinstance(error, KeyboardInterrupt):
             raise
         raise UserError(fault) from error
 

@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis import compare_tables, registry, renderers, summary
-from genie_sim.analysis import figures as of_runs
 from genie_sim.analysis.compare import ComparedRuns, compare
-from genie_sim.analysis.metric_plot import metric_values
 from genie_sim.analysis.seed_runs import ABOUT, SeedRuns, is_seeds_folder, load, with_methods
 from genie_sim.analysis.side_by_side import side_by_side
 from genie_sim.analysis.style import PAGE_IN
@@ -65,6 +63,7 @@ class Results:
             self._refuse("--label", self.labels, IS_SWEEP)
             return self._sweep().figures(width_in or PAGE_IN)
         with provenance.of_this_version(folder):
+            from genie_sim.analysis import figures as of_runs
             from genie_sim.paper import figures
 
             run = self._run()
@@ -85,6 +84,8 @@ class Results:
             drawn = self.figures(width_in)
             _check_name(name, drawn, has_metrics=not self._is_evaluation)
             return drawn[name]
+        from genie_sim.analysis import figures as of_runs
+        from genie_sim.analysis.metric_plot import metric_values
         from genie_sim.paper import figures
 
         with provenance.of_this_version(self.folders[0]):
@@ -101,9 +102,6 @@ class Results:
 
     def table(self, format: str, metrics: Sequence[str] = ()) -> str:
         """The numbers in one of ``renderers.FORMATS``, of all metrics or of these."""
-        from genie_sim.paper import printed as printed_paper
-        from genie_sim.study import printed
-
         renderers.checked(format)
         if len(self.folders) > 1:
             return compare_tables.text(self._compared(metrics), format)
@@ -112,9 +110,13 @@ class Results:
             self._refuse("--methods", self.methods, IS_EVALUATION)
             self._refuse("--label", self.labels, IS_EVALUATION)
             self._refuse("--metrics", metrics, IS_EVALUATION)
+            from genie_sim.paper import printed as printed_paper
+
             return printed_paper.table(printed_paper.read_rows(folder), format)
         if self._is_sweep:
             self._refuse("--label", self.labels, IS_SWEEP)
+            from genie_sim.study import printed
+
             return printed.table_of(folder, format, self.methods, metrics, self.allow_changed)
         with provenance.of_this_version(folder):
             return summary.table(self._run(), format, metrics)

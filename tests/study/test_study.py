@@ -874,6 +874,8 @@ def test_files_of_others_in_the_folder_of_the_parts_stay(uninterrupted, caplog):
         Path("results/s/parts", name).write_text("mine")
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert all(Path("results/s/parts", name).read_text() == "mine" for name in others)
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert "parts: not of a sweep, left alone" in told and "notes.json and 1 more" in told
 
 
 @pytest.mark.unix

@@ -17,9 +17,8 @@ from scipy.spatial import cKDTree
 
 from genie_sim.base.classes import CANONICAL
 from genie_sim.base.geometry import Array
-from genie_sim.worlds.town.objects import ObjectColumns
-from genie_sim.worlds.town.streets import Street, Streets
-from genie_sim.worlds.town.view import (
+from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.view import (
     HALF_C,
     Flags,
     Ints,
@@ -29,6 +28,7 @@ from genie_sim.worlds.town.view import (
     between,
     in_view,
 )
+from genie_sim.worlds.town.streets import Street, Streets
 
 ROUNDING_M = 1e-6
 

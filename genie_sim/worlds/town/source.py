@@ -13,13 +13,13 @@ import numpy as np
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 from genie_sim.data.source import FrameSource
-from genie_sim.worlds.town.frames import SceneFrames
-from genie_sim.worlds.town.objects import TownObject
+from genie_sim.worlds.scene.frames import SceneFrames
+from genie_sim.worlds.scene.objects import TownObject
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
-    from genie_sim.worlds.town.frames import TownFrame
+    from genie_sim.worlds.scene.frames import TownFrame
     from genie_sim.worlds.town.town import Town, TownDrive
 
 # Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before

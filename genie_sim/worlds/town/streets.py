@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.worlds.town.laws import FittedLaws
-from genie_sim.worlds.town.objects import TownObject, town_object
+from genie_sim.worlds.scene.laws import FittedLaws
+from genie_sim.worlds.scene.objects import TownObject, town_object
 from genie_sim.worlds.town.rules import (
     CLEAR_M,
     GHOST_BESIDE_M,

@@ -11,16 +11,16 @@ from dataclasses import asdict
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
+from genie_sim.worlds.scene.objects import ObjectColumns, TownObject
+from genie_sim.worlds.scene.surrogate import LAWS
+from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import SceneDrive
-from genie_sim.worlds.town.laws import FittedLaws, detector_laws
-from genie_sim.worlds.town.objects import ObjectColumns, TownObject
 from genie_sim.worlds.town.places import Places
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
-from genie_sim.worlds.town.surrogate import LAWS
-from genie_sim.worlds.town.view import VisibleObjects
 
 # near Karlsruhe, where KITTI was recorded; the town itself is made up
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)

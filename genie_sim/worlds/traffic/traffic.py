@@ -18,12 +18,12 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import SceneDrive, SceneFrames
-from genie_sim.worlds.town.laws import detector_laws
-from genie_sim.worlds.town.objects import ObjectColumns, TownObject, town_object
-from genie_sim.worlds.town.surrogate import LAWS
-from genie_sim.worlds.town.view import VisibleObjects
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.frames import SceneDrive, SceneFrames
+from genie_sim.worlds.scene.laws import detector_laws
+from genie_sim.worlds.scene.objects import ObjectColumns, TownObject, town_object
+from genie_sim.worlds.scene.surrogate import LAWS
+from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType
 from genie_sim.worlds.traffic.view import TrafficView

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from genie_sim.worlds.town.frames import CAMERA_UP_M
-from genie_sim.worlds.town.objects import ObjectColumns
-from genie_sim.worlds.town.view import (
+from genie_sim.worlds.scene.frames import CAMERA_UP_M
+from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.view import (
     HALF_C,
     HALF_S,
     Flags,

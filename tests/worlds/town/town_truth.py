@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator
 
-from genie_sim.worlds.town.objects import TownObject
+from genie_sim.worlds.scene.objects import TownObject
 from genie_sim.worlds.town.streets import Street, VehicleStream
 from genie_sim.worlds.town.town import Town
 

@@ -11,12 +11,11 @@ import numpy as np
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Detection
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.laws import FittedLaws
-from genie_sim.worlds.town.noise import mix
-from genie_sim.worlds.town.objects import ObjectColumns, town_object
-from genie_sim.worlds.town.rules import MAX_VIEW_M
-from genie_sim.worlds.town.view import SceneObjects, ViewPoses, in_view
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.laws import MAX_VIEW_M, FittedLaws
+from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.objects import ObjectColumns, town_object
+from genie_sim.worlds.scene.view import SceneObjects, ViewPoses, in_view
 from tools.make.town_fit.copula import Pairs, normal_scores
 from tools.make.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 

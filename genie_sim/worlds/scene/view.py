@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.base.geometry import Array
-from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, ObjectColumns
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
 
 NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
 Bits = np.ndarray[Any, np.dtype[np.uint64]]

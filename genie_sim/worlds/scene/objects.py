@@ -9,8 +9,8 @@ import numpy as np
 from genie_sim.base.classes import SIZES
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
-from genie_sim.worlds.town.laws import GroupLaws
-from genie_sim.worlds.town.noise import NORMAL_MASK, mix, normals
+from genie_sim.worlds.scene.laws import GroupLaws
+from genie_sim.worlds.scene.noise import NORMAL_MASK, mix, normals
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).
