@@ -104,11 +104,11 @@ def run(
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method.
     """
-    loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
-    label = results.checked_label(label)
+    label, output = results.checked_label(label), _output(report, figures)
     _check_jobs(jobs)
     if observer is not None and (jobs > 1 or out is not None):
         raise UserError("observer: is for one run in memory, without jobs and out")
+    loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
     if out is None:
         return Run.of(
             run_folder.run_in_memory(loaded, progress, label=label, workers=jobs, observer=observer)
@@ -118,7 +118,7 @@ def run(
             loaded,
             expanded(out),
             progress,
-            _output(report, figures),
+            output,
             label=label,
             workers=jobs,
         )

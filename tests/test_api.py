@@ -351,7 +351,9 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
         (lambda: gs.load(5), "folder"),
         (lambda: gs.compare(), "compare"),
         (lambda: gs.compare(5), "results"),
+        (lambda: gs.run("3car_hetero", methods={"genie": {}}), "methods"),
         (lambda: gs.sweep("3car_hetero", 5), "axes"),
+        (lambda: gs.sweep("3car_hetero", {}), "axes"),
         (lambda: gs.load_scenario(b"x"), "source"),
     ],
 )

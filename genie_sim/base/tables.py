@@ -186,6 +186,8 @@ class FileTable:
                     content.append(line)
                 if len(content) == 2:
                     break
+        if not content and not comment:
+            raise UserError(f"{path}: is empty")
         first, second = [*content, "", ""][:2]
         mark = next((mark for mark in MARKS if mark in first), BLANKS)
         if mark == BLANKS and not uneven and len(first.split()) != len(second.split()):

@@ -142,12 +142,10 @@ def _described(
 def _refuse_scenario(name: str) -> None:
     """Raises ``UserError`` for a scenario without an axis."""
     from genie_sim.base import files
+    from genie_sim.study.design import refuse_scenario
 
     if name not in files.available(files.SWEEP) and name in files.available(files.SCENARIO):
-        raise UserError(
-            f"{name} is a scenario: say what varies, such as --axis fleet.cars=10,20, or run it "
-            f"with several seeds: genie-sim run {name} --seeds 5"
-        )
+        refuse_scenario(name)
 
 
 def _write_design(path: Path, described: dict[str, Any], methods: str | None) -> None:

@@ -31,7 +31,7 @@ MAX_WHOLE = 2**63 - 1
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepFunction:
     """A quantity that keeps its value from one row to the next.
 
     ``t_ns`` begins at 0. The last value lasts as long as the one before; after that the recording
@@ -87,14 +87,14 @@ class LinkRecording:
     digest: str
     about: Mapping[str, Any] = field(compare=False)
 
-    def steps(self, column: str, loops: bool) -> Steps:
+    def steps(self, column: str, loops: bool) -> StepFunction:
         """A column over time. Raises ``UserError`` if there is none."""
         self.check(column)
         values = self.columns[column]
         if column != "rtt_ns" and not loops and values[-1] == 0:
             text = "ends with a rate of 0, so that nothing would ever get through; use 'loop: true'"
             raise UserError(f"{self.path}: column {column}: {text}")
-        return Steps(self.columns["t_ns"], values, loops)
+        return StepFunction(self.columns["t_ns"], values, loops)
 
     def check(self, *columns: str) -> None:
         """Raises ``UserError`` unless there are these columns."""

@@ -106,10 +106,10 @@ def _claim(row: Mapping[str, Any]) -> str:
     cells = [
         f"{escape(row['claim'] + kind)}<details><summary>test</summary><dl>{more}</dl></details>",
         escape(row["paper"]),
-        f"{escape(printed.number(row))} <small>{escape(row['ours'])}</small>",
+        f'{escape(printed.number(row))} <small class="long">{escape(row["ours"])}</small>',
         f'<span class="verdict v{claims.VERDICTS.index(row["verdict"])}">'
         f"{escape(printed.verdict(row))}</span>",
-        escape(printed.reason(row)),
+        f'<div class="why">{escape(printed.reason(row))}</div>',
     ]
     columns = "".join(f"<td>{cell}</td>" for cell in cells)
     return f'<tr id="{escape(row["id"])}"><th scope="row">{escape(row["id"])}</th>{columns}</tr>'

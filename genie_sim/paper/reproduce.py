@@ -6,7 +6,7 @@ is tested.
 
 import logging
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -207,15 +207,16 @@ def reproduce(
     UserError
         If ``out`` cannot be written.
     """
-    if out is not None:
-        provenance.check_writable(out.parent)
-        provenance.check_replaceable(out)
-    edited = sources.edited_set_ups()
-    for line in edited:
-        log.warning("%s", line)
     used = declared_seeds()[: QUICK_SEEDS if quick else None]
     if seeds is not None:
         used = tuple(range(1, seeds + 1))
+    if out is not None:
+        provenance.check_writable(out.parent)
+        provenance.check_replaceable(out)
+        check_kept(out, used)
+    edited = sources.edited_set_ups()
+    for line in edited:
+        log.warning("%s", line)
     planned = runs.planned(used)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
@@ -235,6 +236,20 @@ def reproduce(
             write(folder, made)
         show(out, made)
     return replace(made, folder=out)
+
+
+def check_kept(out: Path, used: Collection[int]) -> None:
+    """Raises ``UserError`` where a result would be lost: a run's, or that of an evaluation with
+    seeds that are not ``used`` now.
+    """
+    path = provenance.contained(out, "run.json")
+    if not path.is_file():
+        return
+    about = provenance.read_json(path)
+    before = about.get("seeds") if isinstance(about, dict) else None
+    if not isinstance(before, list) or not all(seed in used for seed in before):
+        what = f"the evaluation of {len(before)} seeds" if before else "another result"
+        raise UserError(f"{out}: holds {what}, which is kept; choose another --out")
 
 
 def declared_seeds() -> tuple[int, ...]:

@@ -10,11 +10,9 @@ import platform
 import re
 import secrets
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +122,8 @@ def environment() -> dict[str, Any]:
 
 def _packages() -> dict[str, str]:
     """The versions of those that are installed."""
+    from importlib import metadata
+
     versions = {}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -386,6 +386,8 @@ def _commit() -> str | None:
     if not (root / ".git").exists():
         path = PACKAGE_FOLDER / "shipped" / COMMIT_FILE
         return path.read_text(encoding="utf-8").strip() if path.is_file() else None
+    import subprocess
+
     try:
         git = [
             "git",

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.record.provenance import Attempt, contained, derived
-from genie_sim.report import comparison, html_page, template
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
@@ -39,6 +37,9 @@ class Output:
 
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
+        from genie_sim.analysis import summary
+        from genie_sim.report import comparison, html_page, template
+
         with attempt("summary.md"):
             template.write(folder / "summary.md", summary.markdown(results))
         drawn = None

@@ -207,7 +207,7 @@ def _figure(figure: "Figure", svg: bytes) -> str:
 def packed(value: Any) -> str:
     """JSON, compressed, in letters that end no element."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    return base64.b64encode(zlib.compress(text.encode(), level=6)).decode()
+    return base64.b64encode(zlib.compress(text.encode(), level=3)).decode()
 
 
 def _palette() -> str:

@@ -125,7 +125,7 @@ def test_a_wrong_number_of_seeds_is_one_line(seeds, capsys, tmp_path):
 
 def test_the_library_takes_whole_numbers_alone():
     for seeds in (0, -1, 1.5, "2", True):
-        with pytest.raises(gs.UserError, match=r"seeds: .*expected a whole number from 1 on"):
+        with pytest.raises(gs.UserError, match=r"seeds: .*expected a whole number"):
             gs.reproduce(seeds=seeds)
 
 
@@ -134,6 +134,11 @@ def test_nothing_is_overwritten_that_is_no_result(tmp_path):
     (tmp_path / "out" / "mine.txt").write_text("mine")
     with pytest.raises(gs.UserError, match="choose another --out"):
         reproduce(tmp_path / "out", seeds=1)
+    (tmp_path / "out" / "mine.txt").unlink()
+    for about in ({"seeds": [1, 2]}, {"facts": {}}):  # an evaluation with more seeds, and a run
+        (tmp_path / "out" / "run.json").write_text(json.dumps(about))
+        with pytest.raises(gs.UserError, match="is kept; choose another --out"):
+            reproduce(tmp_path / "out", seeds=1)
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

@@ -259,7 +259,7 @@ MISTAKES = {
     "no seeds": (
         "seeds: 3",
         "seeds: 0",
-        "s.yaml: seeds: must be a list, or how many: at least 1, not 0",
+        "s.yaml: seeds: must be a list, or how many: 1 to 1,000,000, not 0",
     ),
     "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
     "samples of nothing": (
@@ -877,6 +877,8 @@ def test_files_of_others_in_the_folder_of_the_parts_stay(uninterrupted, caplog):
         Path("results/s/parts", name).write_text("mine")
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert all(Path("results/s/parts", name).read_text() == "mine" for name in others)
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert "parts: not of a sweep, left alone" in told and "notes.json and 1 more" in told
 
 
 @pytest.mark.unix
