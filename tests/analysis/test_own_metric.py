@@ -120,8 +120,7 @@ def test_its_number_may_be_of_numpy():
     assert {(type(number.value), number.value, number.n) for number in numbers} == {(float, 3.0, 2)}
 
 
-def test_a_scenario_without_any_is_what_it_was():
-    plain = plain_data(load_scenario("street_1car_homo"))
-    assert "metrics" not in plain
+def test_a_scenario_has_none_unless_it_names_some():
+    assert plain_data(load_scenario("street_1car_homo"))["metrics"] == []
     with pytest.raises(UserError, match=r"metrics.0.: unknown metric 'streaming_f1'"):
         load_scenario("street_1car_homo", ["metrics=[streaming_f1]"])
