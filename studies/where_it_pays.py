@@ -142,9 +142,8 @@ def simulated(
         {"condition": {"list": conditions}},
         {"methods": list(methods), "record": ["held", "resources"]},
         seeds=seeds,
-        every_run=True,
         out=OUT / step,
-    )
+    ).every_run
     runs = runs[(runs["placement"] == runs["metric"].map(SHOWN)) & (runs["component"] == "")]
     by = ["condition", "seed", "method"]
     table = runs.pivot_table("value", by, "metric", sort=False)

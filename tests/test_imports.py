@@ -46,12 +46,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "runs": (*_READ, *_RESULTS),
     "study": (*_READ, *_RESULTS, "runs"),
     "paper": ("scenario", "record", "analysis", "report", "runs", "study"),
-    "api": (*_READ, *_RESULTS, "runs", "study", "paper"),
-    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
+    "kinds": ("scenario", "record", "analysis", "report", "runs", "study", "paper"),
+    "api": (*_READ, *_RESULTS, "runs", "study", "paper", "kinds"),
+    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper", "kinds"),
     "__main__": ("cli",),
     "extend": ("core", "tracks", "sim", "methods", "recommended", "data", "record", "analysis"),
 }
-IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
+IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "kinds", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}

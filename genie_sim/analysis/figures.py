@@ -324,7 +324,7 @@ def resource_use(
     labels = [textwrap.fill(name, TITLE_CHARACTERS) for name in names]
     axis.set_yticks(range(len(names)), labels)
     axis.set_ylim(max(len(names), 1) - 0.5, -0.5)
-    axis.set_xlim(0, 1.02)
+    axis.set_xlim(-0.02, 1.03)
     axis.xaxis.set_major_formatter(FuncFormatter(percent_tick))
     axis.set_xlabel("utilization")
     finish(figure, "Use of the busiest devices and links", footer, [axis])
@@ -380,6 +380,7 @@ def _reuse_bars(
     tilted = longest_in > 1.05 * room_in
     figure, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)
     axis.errorbar([], [], yerr=[], color="black", linewidth=1, capsize=3, label=whiskers)
+    upright = 0.38 * room_in < 6 * CHARACTER_IN
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
         drawing = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
         for x, (_, method, seeds) in enumerate(groups):
@@ -389,10 +390,11 @@ def _reuse_bars(
                 x + 0.38 * (side - 0.5),
                 of_placement,
                 drawing,
-                upright=0.38 * room_in < 6 * CHARACTER_IN,
+                upright=upright,
             )
     axis.set_xticks(range(len(groups)), labels, rotation=90 if tilted else 0)
     axis.set_xlim(-0.6, len(groups) - 0.4)
+    axis.margins(y=0.3 if upright else 0.12)  # room for the numbers above the bars
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
     axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
@@ -441,13 +443,14 @@ def _reuse_bar(
     whiskers = np.clip([end for end in interval(means) if end is not None], 0, 1)
     if len(seeds) == 1:
         whiskers = running_reuse(seeds[0])["ratio"]
+    top = mean
     if len(whiskers):
-        ends = [[max(mean - whiskers.min(), 0)], [max(whiskers.max() - mean, 0)]]
+        top = max(mean, float(whiskers.max()))
+        ends = [[max(mean - whiskers.min(), 0)], [top - mean]]
         axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    drawing = {"ha": "center", "va": "bottom", "bbox": box, "rotation": turn}
+    drawing = {"ha": "center", "va": "bottom", "rotation": turn}
     axis.annotate(
-        percent_text(mean, digits=2), (left, 0), (0, 3), textcoords="offset points", **drawing
+        percent_text(mean, digits=2), (left, top), (0, 2), textcoords="offset points", **drawing
     )
 
 

@@ -6,6 +6,7 @@ of LaTeX or a formula of a spreadsheet.
 
 import csv
 import io
+import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
@@ -327,7 +328,9 @@ def _lines(row: Row) -> list[str]:
 
 
 def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """All numbers as CSV, to ten digits; no cell is a formula to a spreadsheet."""
+    """All numbers as CSV, to ten digits, one that is not defined as an empty field; no cell is a
+    formula to a spreadsheet.
+    """
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
     writer.writerow(names)
@@ -336,7 +339,16 @@ def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     return to.getvalue()
 
 
+def exact_changed(
+    names: Sequence[str], rows: Iterable[Sequence[Any]], changed: Sequence[str]
+) -> str:
+    """The same, with a column that names files which were changed since, where any was."""
+    if not changed:
+        return exact(names, rows)
+    return exact([*names, "changed"], ((*row, " ".join(changed)) for row in rows))
+
+
 def _exact_cell(cell: Any) -> Any:
     if isinstance(cell, float):
-        return significant(cell, digits=10)
+        return None if math.isnan(cell) else significant(cell, digits=10)
     return harmless(one_line(cell)) if isinstance(cell, str) else cell

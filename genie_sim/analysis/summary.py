@@ -238,12 +238,8 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
     """
     main = main_table(run, metrics)
     if format == "csv":
-        names = [*METRIC_FIELDS]
         rows = [metric.row for metric in run.measured if not metrics or metric.metric in metrics]
-        if run.changed:
-            names.append("changed")
-            rows = [(*row, " ".join(run.changed)) for row in rows]
-        return renderers.exact(names, rows)
+        return renderers.exact_changed(METRIC_FIELDS, rows, run.changed)
     if format == "latex":
         return _latex(run, main, metrics)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.paper import claims, curves, numbers, printed
+from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.paper.evidence import MIN_SEEDS, Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
@@ -21,7 +20,8 @@ from genie_sim.report.template import Page, Section
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FILES = (numbers.FILE, curves.FILE, printed.VERDICTS)
+    from genie_sim.paper.reproduce import Reproduction
+
 TITLE = "The paper's evaluation, simulated"
 ABOUT_CLAIMS = (
     "he: heterogeneous edges; ho: homogeneous edges. Here: mean over the seeds and its 95 % "
@@ -44,29 +44,18 @@ ACCURACY = (
 )
 
 
-def page(
-    folder: Path, allow_changed: bool = False, drawn: "Mapping[str, Figure] | None" = None
-) -> str:
-    """The page about the evaluation in ``folder``; figures that were ``drawn`` are not drawn again.
-    Raises ``UserError`` for a folder that is not whole, and, unless they are allowed, for files
-    that were changed since they were written.
+def page(made: "Reproduction", drawn: "Mapping[str, Figure] | None" = None) -> str:
+    """The page about an evaluation; figures that were ``drawn`` are not drawn again. Raises
+    ``UserError``.
     """
-    from genie_sim.paper import figures
-
-    rows = printed.read_rows(folder)
-    with provenance.of_this_version(folder):
-        about = printed.read_about(folder)
-        changed = provenance.changed_files(folder, about.get("digests"), FILES)
-        provenance.refuse_changed(folder, changed, allow_changed)
-        evidence = Evidence(numbers.read(folder))
-        if drawn is None:
-            drawn = figures.of_evaluation(folder, allow_changed=allow_changed)
+    about, rows, evidence = made.about, made.rows, Evidence(made.numbers)
+    with provenance.of_this_version(made.folder):
         seeds = len(about["seeds"])
         return Page(
             kind="an evaluation",
             name=TITLE,
             about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
-            warning=provenance.warning(changed),
+            warning=provenance.warning(made.changed),
             sections=[
                 Section(
                     "What of the paper holds",
@@ -76,7 +65,10 @@ def page(
                         template.note(ABOUT_CLAIMS),
                     ],
                 ),
-                Section("The paper's figures", [template.figures(drawn)]),
+                Section(
+                    "The paper's figures",
+                    [template.figures(made.figures() if drawn is None else drawn)],
+                ),
                 Section(
                     "How accurate the answers are",
                     [template.note(ABOUT_ACCURACY), template.table(accuracy(evidence))],

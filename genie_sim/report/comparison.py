@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from genie_sim.analysis import compare_tables, renderers, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.paths import usable
 from genie_sim.record import provenance
@@ -35,12 +35,16 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
     frames: dict[int, list[Columns]] = {}  # by seed
     for arm in comparison.arms:
         for seed, run in arm.runs.items():
+            if not run.tables:
+                continue
             of_method = run.tables["frames"].where(method=arm.method.name)
             frames.setdefault(seed, []).append(of_method.assign(method=arm.label))
     title = " and ".join(comparison.names)
-    seeds = [concat(of_seed) for of_seed in frames.values()]
     footer = comparison.by
-    drawn = {"latency_cdf": latency_cdf({title: seeds}, methods, footer, width_in)}
+    drawn = {}
+    if frames:
+        seeds = [concat(of_seed) for of_seed in frames.values()]
+        drawn["latency_cdf"] = latency_cdf({title: seeds}, methods, footer, width_in)
     if any(row.difference is not None for row in comparison.rows):
         drawn = {"differences": differences(comparison, footer, width_in), **drawn}
     if drawable({title: metrics}):
@@ -122,13 +126,6 @@ def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> s
             origin="the runs in the folder 'runs' beside this page. The numbers are also in "
             "summary.md and table.csv.",
         ).text()
-
-
-def seeds_page_of(folder: Path, allow_changed: bool = False) -> str:
-    """The same of a study's folder. Raises ``UserError``."""
-    runs = load(folder, allow_changed=allow_changed)
-    assert isinstance(runs, SeedRuns)
-    return seeds_page(runs)
 
 
 def page_of_table(

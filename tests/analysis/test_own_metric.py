@@ -79,7 +79,7 @@ def test_its_words_travel_with_the_results_and_its_code_does_not_run(
     (tmp_path / "own_metric.py").write_text("raise AssertionError('ran')")
     monkeypatch.setattr(registry, "_told", {})
     with own_code(allowed=False):
-        run = seed_runs.load(folder)
+        run = seed_runs.load_run(folder)
         for format in ("markdown", "latex"):
             assert r"slow frames [%]" in summary.table(run, format).replace("\\%", "%")
             assert "a number" in summary.table(run, format)

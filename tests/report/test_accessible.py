@@ -13,6 +13,7 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.paper import page as evaluation
+from genie_sim.paper.reproduce import Reproduction
 from tests.browser import Browser
 from tests.checkout import copied
 
@@ -56,7 +57,7 @@ def page_of(what: str, run: gs.Run, folder: Path) -> Path:
     with mock.patch.object(
         evaluation, "_means", lambda evidence: means(evidence).cut(slice(None), slice(20))
     ):
-        text = evaluation.page(few, allow_changed=True)
+        text = Reproduction.read(few, allow_changed=True).page()
     (folder / "report.html").write_text(text, encoding="utf-8")
     return folder / "report.html"
 

@@ -13,7 +13,7 @@ import pytest
 import genie_sim as gs
 from genie_sim.cli.main import main
 from genie_sim.paper import claims, printed
-from genie_sim.paper import page as evaluation
+from genie_sim.paper.reproduce import FILES, Reproduction
 from genie_sim.record import provenance
 from genie_sim.report import template
 from tests.checkout import copied
@@ -26,7 +26,7 @@ SHOWN = "[...document.querySelectorAll('tbody tr[id^=C]:not([hidden])')].map(row
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return evaluation.page(PAPER)
+    return Reproduction.read(PAPER).page()
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def folder() -> Path:
 
 def signed(folder: Path) -> Path:
     """The same folder with the digests of its files as they are now."""
-    digests = provenance.digests(folder, evaluation.FILES)
+    digests = provenance.digests(folder, FILES)
     rewritten(folder / "run.json", lambda about: about.update(digests=digests))
     return folder
 
@@ -65,7 +65,7 @@ def test_every_claim_is_there_with_what_was_found_and_judged(page):
 def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
     rewritten(folder / "run.json", lambda about: about.update(platform="moon", python="4"))
-    assert evaluation.page(folder) == page
+    assert Reproduction.read(folder).page() == page
 
 
 # The command
@@ -165,7 +165,7 @@ def test_a_click_on_a_claim_opens_its_test_and_command(browser, file):
 
 def test_markup_in_results_is_shown_as_text(browser, folder):
     rewritten(folder / "verdicts.json", lambda rows: rows[0].update(claim=EVIL, note=EVIL))
-    Path("report.html").write_text(evaluation.page(signed(folder)), encoding="utf-8")
+    Path("report.html").write_text(Reproduction.read(signed(folder)).page(), encoding="utf-8")
     assert Path("report.html").read_text(encoding="utf-8").count("<script") == 2
     browser.open(Path("report.html"))
     assert browser.evaluate("document.querySelector('#C1').cells[1].textContent").startswith(EVIL)
@@ -177,4 +177,4 @@ def test_markup_in_results_is_shown_as_text(browser, folder):
 @pytest.mark.slow
 def test_a_page_that_cannot_be_written_is_named():
     with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
-        template.write(Path("no/such/r.html"), evaluation.page(PAPER))
+        template.write(Path("no/such/r.html"), Reproduction.read(PAPER).page())

@@ -51,7 +51,7 @@ PYTHON = """\
 [Python](api.md) shows how to use these, [Extend it](../extend/method.md) how to add to them.
 
 ::: genie_sim.api
-    options: {members: [run, sweep, load, compare, differences, load_scenario, Run, Runs, Plots]}
+    options: {members: [run, sweep, load, compare, load_scenario, Run, Runs, Comparison, Plots]}
 """
 
 NULL = "A column holds measurements. Null means unknown or never, not zero.\n"
