@@ -213,7 +213,9 @@ def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
     are somebody's and stay.
     """
     check_replaceable(final)
-    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
+    # absolute: code of the user's own may change the current folder meanwhile
+    place = final.absolute()
+    partial = place.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
     try:
         with ExitStack() as locks:
             with usable(final):
@@ -224,10 +226,10 @@ def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
                     locks.enter_context(locked(partial))
             yield partial
             with usable(final):
-                _take_over(final, partial, shown)
+                _take_over(place, partial, shown)
                 _sync(partial)
-                _take_place(partial, final)
-                sync_folder(final.parent)
+                _take_place(partial, place)
+                sync_folder(place.parent)
     except UserError as error:
         if str(partial) not in str(error):
             raise
