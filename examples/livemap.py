@@ -183,7 +183,7 @@ class Reporter(LocalAndRemote):
         subscribed: tuple[str, ...],
         published: tuple[str, ...],
     ) -> None:
-        super().__init__(name, controller, subscribed, published)
+        super().__init__(name, subscribed, published)
         self._controller = controller
         self._on_board: Image | None = None
 

@@ -40,7 +40,7 @@ def design(trial: optuna.Trial) -> dict[str, Any]:
 def measure(designs: Designs, seeds: Sequence[int], folder: Path) -> pd.DataFrame:
     """Mean and 95 % interval over the seeds: a row for each design and metric."""
     axes = {"design": {"list": designs}}
-    table = gs.sweep(SCENARIO, axes, FIXED, seeds=list(seeds), out=folder)
+    table = gs.sweep(SCENARIO, axes, FIXED, seeds=list(seeds), out=folder).metrics
     shown = table["metric"].isin(METRICS) & (table["placement"] == "all")
     return table[shown & (table["component"] == "")].set_index(["design", "metric"])
 

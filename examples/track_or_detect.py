@@ -141,7 +141,7 @@ class Handler(LocalAndRemote):
         subscribed: tuple[str, ...],
         published: tuple[str, ...],
     ) -> None:
-        super().__init__(name, state, subscribed, published)
+        super().__init__(name, subscribed, published)
         self._choice, self._tracks = state
         self._waiting: deque[Image] = deque()
         self._at_edge: Image | None = None

@@ -12,13 +12,13 @@ from genie_sim.version import VERSION
 
 if TYPE_CHECKING:
     from genie_sim.api import (
+        Comparison,
         Plots,
         Run,
         Runs,
         Scenario,
         UserError,
         compare,
-        differences,
         load,
         load_scenario,
         reproduce,
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 __version__ = VERSION
 __all__ = [
+    "Comparison",
     "Plots",
     "Run",
     "Runs",
@@ -36,7 +37,6 @@ __all__ = [
     "UserError",
     "__version__",
     "compare",
-    "differences",
     "load",
     "load_scenario",
     "reproduce",

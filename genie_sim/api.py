@@ -16,45 +16,40 @@ import json
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import compare_tables, registry, seed_runs
+from genie_sim import kinds
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.verdict import verdicts
-from genie_sim.base.errors import Suggesting, UserError, short_repr
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import plain, typed
 from genie_sim.base.settings import plain_data
+from genie_sim.kinds import Run, Runs
 from genie_sim.record import results
-from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.output import Output
+from genie_sim.report.result import Comparison, Result
 from genie_sim.runs import folder as run_folder
 from genie_sim.runs.simulate import Observer
 from genie_sim.scenario import reading
 from genie_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
     from genie_sim.paper.reproduce import Reproduction
-    from genie_sim.study.sweep_table import SweepTable
+    from genie_sim.study.sweep import Sweep
     from genie_sim.study.work import Workers
 
 __all__ = [
+    "Comparison",
     "Plots",
     "Run",
     "Runs",
     "Scenario",
     "UserError",
     "compare",
-    "differences",
     "load",
     "load_scenario",
     "reproduce",
@@ -64,134 +59,6 @@ __all__ = [
 ]
 
 Settings = Mapping[str, Any] | Sequence[str]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Run(results.Run):
-    """A finished run in hand: its tables (see ``record.results.Run``), metrics, figures and
-    page.
-    """
-
-    @cached_property
-    def scenario(self) -> Scenario:
-        """The scenario as it was run."""
-        return reading.read_scenario(self.facts["scenario"], where=self.name)
-
-    @cached_property
-    def metrics(self) -> "pd.DataFrame":
-        """One row per metric: metric, method, placement, component, value, unit, low, high, n; see
-        ``MetricValue``.
-        """
-        return _long(self)
-
-    def table(self) -> "pd.DataFrame":
-        """The values of ``metrics`` with a column a method, and a row for each metric, placement
-        and component.
-        """
-        return _wide(self)
-
-    @property
-    def plot(self) -> Plots:
-        """The figures: ``run.plot.latency_cdf()``."""
-        return Plots(self)
-
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
-        returns its path. Raises ``UserError``.
-        """
-        return run_folder.save(self, expanded(out))
-
-    @typed
-    def report(self, path: str | Path | None = None) -> Path:
-        """Writes one HTML page to look at the run in a browser; default: ``report.html`` in the
-        run's folder.
-        """
-        path = _report_path(self, path)
-        html_page.write(path, self)
-        return path
-
-    def _repr_html_(self) -> str:
-        return notebook.run_html(self)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Runs(Suggesting, SeedRuns):
-    """Runs with several seeds in hand. ``runs`` are the single ones; metrics, tables and figures
-    are means over them, with 95 % intervals.
-    """
-
-    runs: Sequence[Run]
-
-    @cached_property
-    def metrics(self) -> "pd.DataFrame":
-        """One row per metric, as of a run: ``value`` is the mean over seeds, ``low`` and ``high``
-        the ends of its 95 % t interval, and ``n`` the number of runs that define it.
-        """
-        return _long(self)
-
-    @cached_property
-    def every_run(self) -> "pd.DataFrame":
-        """One row per metric and seed."""
-        import pandas as pd
-
-        return pd.concat([run.metrics.assign(seed=run.seed) for run in self.runs])
-
-    def table(self) -> "pd.DataFrame":
-        """The means with a column a method, and a row for each metric, placement and component."""
-        return _wide(self)
-
-    @property
-    def plot(self) -> Plots:
-        """The figures, with bands and intervals: ``runs.plot.latency_cdf()``."""
-        return Plots(self)
-
-    def compare(self, methods: Sequence[str] = ()) -> "Comparison":
-        """The paired differences between the methods, seed by seed."""
-        return compare(self, methods=methods)
-
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
-        each. Raises ``UserError``.
-        """
-        for run in self.runs:
-            run.save(out)
-        return expanded(out)
-
-    @typed
-    def report(self, path: str | Path | None = None) -> Path:
-        """Writes one HTML page about all runs; default: ``report.html`` in their folder."""
-        path = _report_path(self, path)
-        html_page.write_text(path, comparison.seeds_page(self))
-        return path
-
-    def _repr_html_(self) -> str:
-        return notebook.run_html(self)
-
-
-def _long(run: results.Run | SeedRuns) -> "pd.DataFrame":
-    import pandas as pd
-
-    return pd.DataFrame([asdict(metric) for metric in run.measured])
-
-
-def _wide(run: Run | Runs) -> "pd.DataFrame":
-    """The index and the columns keep the order of the metrics and methods."""
-    index = ["metric", "placement", "component"]
-    wide = run.metrics.pivot(index=index, columns="method", values="value")
-    places = run.metrics[index].drop_duplicates().itertuples(index=False, name=None)
-    return wide.reindex(index=list(places), columns=[method.name for method in run.methods])
-
-
-def _report_path(run: Run | Runs, path: str | Path | None) -> Path:
-    if path is not None:
-        return expanded(path)
-    if run.folder is None:
-        raise UserError(
-            "report: a run without a folder needs a path, such as run.report('report.html')"
-        )
-    return run.folder / html_page.NAME
 
 
 @typed
@@ -237,21 +104,21 @@ def run(
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method.
     """
-    loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
-    label = results.checked_label(label)
+    label, output = results.checked_label(label), _output(report, figures)
     _check_jobs(jobs)
     if observer is not None and (jobs > 1 or out is not None):
         raise UserError("observer: is for one run in memory, without jobs and out")
+    loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
     if out is None:
-        return _one_in_hand(
+        return Run.of(
             run_folder.run_in_memory(loaded, progress, label=label, workers=jobs, observer=observer)
         )
-    return _one_in_hand(
+    return Run.of(
         run_folder.run_to_folder(
             loaded,
             expanded(out),
             progress,
-            _output(report, figures),
+            output,
             label=label,
             workers=jobs,
         )
@@ -304,8 +171,7 @@ def run_seeds(
             reports=output.page,
         )
         work.run(workers, progress=progress)
-        runs = _in_hand(seed_runs.load(work.finish(output).folder))
-    assert isinstance(runs, Runs)
+        runs = Runs.read(work.finish(output).folder)
     if out is None:
         return Runs([replace(run, folder=None) for run in runs.runs], None, label)
     return runs
@@ -317,98 +183,44 @@ def _output(report: bool, figures: bool) -> Output:
 
 
 @typed
-def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | SweepTable":
-    """The run in a result folder, the runs of one with several seeds, or the table of a sweep, as
-    ``sweep`` returns it.
+def load(folder: str | Path, *, allow_changed: bool = False) -> "Run | Runs | Sweep | Reproduction":
+    """What a result folder holds: a run, the runs of several seeds, a sweep, or the paper's
+    evaluation. Each has ``metrics``, ``figures()``, ``text()``, ``report()``, ``compare()`` and
+    ``rerun()``; see ``report.result.Result``.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and for files that were
-    changed since the run wrote them. With ``allow_changed`` these are read all the same; the run's
-    ``changed`` names them, and every table, figure and page made of it says so.
+    changed since they were written. With ``allow_changed`` these are read all the same; the
+    result's ``changed`` names them, and every table, figure and page made of it says so.
     """
-    folder = expanded(folder)
-    if (folder / seed_runs.ABOUT).is_file() and not seed_runs.is_seeds_folder(folder):
-        from genie_sim.study.sweep_table import SweepTable
-
-        return SweepTable.read(folder, allow_changed)
-    return _in_hand(seed_runs.load(folder, allow_changed=allow_changed))
+    loaded: Any = kinds.load(expanded(folder), allow_changed=allow_changed)
+    return loaded  # type: ignore[no-any-return]
 
 
 @typed
 def compare(
-    *results_: results.Run | SeedRuns | str | Path,
+    *results_: Result | results.Run | SeedRuns | str | Path,
     methods: Sequence[str] | str = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
     allow_changed: bool = False,
-) -> "Comparison":
-    """Compares runs, or result folders, or the methods of one: differences with intervals, by seed
-    where there are several of a setting, else by blocks of one second. Only seeds that all have are
-    compared.
+) -> Comparison:
+    """Compares results, or result folders, or the methods of one: differences with intervals, by
+    seed where there are several of a setting, else by blocks of one second. Only seeds that all
+    have are compared, and of sweeps and evaluations only the settings that all have.
 
-    ``methods``: which, the first of them to compare with. ``labels``: what the settings are called,
+    ``methods``: which, the first of them to compare with. ``labels``: what the results are called,
     in their order. ``metrics``: which, by default those that matter most. ``allow_changed`` as in
     ``load``. Raises ``UserError`` for what cannot be compared.
     """
     if not results_:
         raise UserError("compare: expected at least one run, or its folder")
-    runs = [
-        result
-        if isinstance(result, results.Run | SeedRuns)
-        else seed_runs.load(result, allow_changed=allow_changed)
+    in_hand: list[Any] = [
+        load(result, allow_changed=allow_changed) if isinstance(result, str | Path) else result
         for result in results_
     ]
-    own = (metric.metric for run in runs for metric in run.measured)
-    registry.checked(metrics, own, "metrics")
-    return Comparison(comparing.compare(runs, methods, labels, metrics))
-
-
-@dataclass(frozen=True)
-class Comparison:
-    """Runs compared: ``table`` and ``settings`` for pandas, ``text()``, figures and a page."""
-
-    _made: comparing.ComparedRuns
-
-    @cached_property
-    def table(self) -> "pd.DataFrame":
-        """One row per metric and method; see ``analysis.compare.Difference``."""
-        import pandas as pd
-
-        return pd.DataFrame(self._made.rows, columns=comparing.Difference._fields)
-
-    @cached_property
-    def settings(self) -> "pd.DataFrame":
-        """What differs: a row per setting, a column per result."""
-        import pandas as pd
-
-        return pd.DataFrame.from_dict(
-            dict(self._made.settings), orient="index", columns=list(self._made.names)
-        )
-
-    @property
-    def verdicts(self) -> list[str]:
-        """A sentence for each arm that is compared with another: in what it is better or worse, by
-        how much, and how sure that is.
-        """
-        return verdicts(self._made)
-
-    @property
-    def figures(self) -> "Mapping[str, Figure]":
-        """The differences with their intervals, overlaid distributions of response times, and
-        latency against accuracy.
-        """
-        return comparison.figures(self._made)
-
-    def text(self, format: str = "markdown") -> str:
-        """The table as ``markdown``, ``csv`` or ``latex``."""
-        return compare_tables.text(self._made, format)
-
-    @typed
-    def report(self, folder: str | Path) -> Path:
-        """Writes a page, figures and tables into a folder."""
-        return comparison.write(self._made, expanded(folder))
-
-    def _repr_html_(self) -> str:
-        return notebook.comparison_html(self._made)
+    comparison = Comparison(in_hand, _names("methods", methods), labels, metrics)
+    comparison.compared  # noqa: B018 - what cannot be compared is told at once
+    return comparison
 
 
 @typed
@@ -421,17 +233,16 @@ def sweep(
     methods: Sequence[str] | str = (),
     label: str = "",
     samples: int | None = None,
-    every_run: bool = False,
     jobs: int | None = None,
     out: str | Path | None = None,
     progress: Progress | None = None,
-) -> "SweepTable":
+) -> "Sweep":
     """Simulates a scenario along axes, every point with all seeds. Raises ``UserError``.
 
-    Returns one row per point, metric, method, placement and component: the axes' values, the mean
-    over seeds (``value``), its 95 % t interval (``low``, ``high``) and the number of ``runs``. The
-    table draws the figures of the sweep: ``table.plot.along("gate")``, ``table.plot.heat("gate",
-    "link")``.
+    The sweep's ``metrics`` are a table: one row per point, metric, method, placement and component,
+    with the axes' values, the mean over seeds (``value``), its 95 % t interval (``low``, ``high``)
+    and the number ``n`` of runs; ``every_run`` has one row a run instead. It draws its figures
+    (``sweep.plot.along("gate")``) and compares (``sweep.differences("method", to="remote")``).
 
     Parameters
     ----------
@@ -451,8 +262,6 @@ def sweep(
         What figures and the page call the sweep.
     samples : int, optional
         How many points are drawn where axes are random.
-    every_run : bool
-        Whether to return one row per run instead, which ``differences`` takes.
     jobs : int, optional
         Processes; by default one per core.
     out : str or Path, optional
@@ -463,7 +272,7 @@ def sweep(
     """
     from genie_sim.study.design import fixed_settings, read_design, sweep_of
     from genie_sim.study.study import Study
-    from genie_sim.study.sweep_table import SweepTable
+    from genie_sim.study.sweep import Sweep
 
     names = _names("methods", methods)
     more = {
@@ -489,7 +298,8 @@ def sweep(
         )
         work.run(_workers(jobs, given, names), progress=progress)
         status = work.finish(Output(page=out is not None))
-        return SweepTable.read(status.folder, every_run=every_run)
+        swept = Sweep.read(status.folder)
+    return swept if out is not None else replace(swept, folder=None)
 
 
 @typed
@@ -531,21 +341,6 @@ def reproduce(
     return evaluation.reproduce(folder, quick=quick, seeds=seeds, workers=jobs, progress=progress)
 
 
-def differences(runs: "pd.DataFrame", along: str, to: Any) -> "pd.DataFrame":
-    """Paired differences in a sweep's runs (``sweep(..., every_run=True)`` or ``runs.parquet``): of
-    every value of the column ``along``, an axis or ``method``, from the value ``to``, seed by seed,
-    with 95 % t intervals.
-
-    Raises ``UserError``.
-    """
-    from genie_sim.study import tables
-
-    if not hasattr(runs, "columns"):
-        raise UserError(f"runs: {short_repr(runs)}: expected the table of a sweep")
-    axes = list(runs.columns[len(tables.BEFORE_AXES) : runs.columns.get_loc("metric")])
-    return tables.differences(runs, axes, along, to)
-
-
 @typed
 def load_scenario(
     source: str | Path | Mapping[str, Any] | Scenario,
@@ -570,17 +365,6 @@ def load_scenario(
     except UserError as error:
         # on the command line settings come from --set, in Python they do not
         raise UserError(str(error).removeprefix("--set ")) from error
-
-
-def _in_hand(run: results.Run | SeedRuns) -> Run | Runs:
-    """What was read or simulated, as the class with metrics, figures and a page."""
-    if isinstance(run, SeedRuns):
-        return Runs([_one_in_hand(of_seed) for of_seed in run.runs], run.folder, run.label)
-    return _one_in_hand(run)
-
-
-def _one_in_hand(run: results.Run) -> Run:
-    return Run(**{field.name: getattr(run, field.name) for field in fields(run)})
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

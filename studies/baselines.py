@@ -99,12 +99,12 @@ def simulated(start: str, cases: dict[str, Any], laps: int) -> None:
     if laps > 1:
         settings["cars[*].route.laps"] = laps
     axes = {"case": {"list": cases}, "consumer": CONSUMERS}
-    table = gs.sweep("baselines", axes, settings, seeds=3, out=OUT / start)
+    table = gs.sweep("baselines", axes, settings, seeds=3, out=OUT / start).metrics
     table = table[table["metric"].isin(KEPT) & table["component"].isin(["", "lap 2"])]
     columns = ["case", "consumer", "metric", "method", "placement", "unit"]
     kept = Path(f"results/baselines/{start}.csv")
     kept.parent.mkdir(parents=True, exist_ok=True)
-    table[[*columns, "value", "low", "high", "runs"]].round(4).to_csv(kept, index=False)
+    table[[*columns, "value", "low", "high", "n"]].round(4).to_csv(kept, index=False)
     of_all = table[table["placement"] == "all"]
     print(of_all.pivot_table("value", [*columns[:2], "method"], "metric", sort=False).round(3))
 

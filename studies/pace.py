@@ -58,9 +58,8 @@ def means() -> pd.DataFrame:
         {"condition": {"list": DRIVE | sequences(SEQUENCES)}},
         {"methods": methods(), "record": ["held"]},
         seeds=SEEDS,
-        every_run=True,
         out=OUT,
-    )
+    ).every_run
     f1 = runs[(runs["metric"] == "streaming_f1") & (runs["component"] == "")]
     drives = f1["condition"].str.partition(",")[0].rename("drive")
     return f1.pivot_table("value", drives, "method", aggfunc="mean")[[str(ms) for ms in EVERY_MS]]

@@ -54,11 +54,11 @@ def main() -> None:
     provenance.write_json(FULL_RUN, {row["id"]: row["verdict"] for row in rows})
     claims.full_run.cache_clear()
     rows = judge(Evidence(table))
-    made = Reproduction(rows, table, curves.read(PAPER / curves.FILE))
     about = provenance.read_json(PAPER / "run.json")
-    write(PAPER, made, about)
-    show(PAPER, made, about)
-    for name, figure in made.figures.items():
+    made = Reproduction(rows, table, curves.read(PAPER / curves.FILE), about)
+    write(PAPER, made)
+    show(PAPER, made)
+    for name, figure in made.figures().items():
         save(figure, REPOSITORY / "docs" / "images", f"paper_{name}", ["png"])
     for document in DOCUMENTS:
         path = REPOSITORY / document

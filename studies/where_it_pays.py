@@ -105,7 +105,7 @@ def windows(trace_file: str) -> dict[str, Any]:
     cars = gs.load_scenario("3car_recommended").cars
     begins_ends_ns = [car.route.window_ns for car in cars]
     return {
-        f"cars[{car}].route.window": f"[{begin_ns / 1e9} s, {end_s:.9f} s]"
+        f"cars[{car}].route.window": [f"{begin_ns / 1e9} s", f"{end_s:.9f} s"]
         for car, (begin_ns, end_ns) in enumerate(begins_ends_ns)
         if end_ns / 1e9 > end_s
     }
@@ -142,9 +142,8 @@ def simulated(
         {"condition": {"list": conditions}},
         {"methods": list(methods), "record": ["held", "resources"]},
         seeds=seeds,
-        every_run=True,
         out=OUT / step,
-    )
+    ).every_run
     runs = runs[(runs["placement"] == runs["metric"].map(SHOWN)) & (runs["component"] == "")]
     by = ["condition", "seed", "method"]
     table = runs.pivot_table("value", by, "metric", sort=False)

@@ -81,7 +81,8 @@ class Browser:
         while not self._loaded:
             self._event()
         self.evaluate(
-            "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+            "Promise.resolve(typeof shown === 'undefined' ? 0 : shown).then(() => new Promise("
+            "done => requestAnimationFrame(() => requestAnimationFrame(done))))"
         )
 
     def size(self, width: int, height: int, *, dark: bool = False, calm: bool = False) -> None:

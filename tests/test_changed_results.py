@@ -116,7 +116,7 @@ def test_what_is_made_of_changed_files_says_so(folder, capsys):
     warning = "CHANGED since the results were written: metrics.json, scenario.resolved.yaml"
     assert main(["report", str(folder), "--allow-changed"]) == 0
     page = (folder / "report.html").read_text(encoding="utf-8")
-    assert json.dumps(warning)[1:-1] in page
+    assert warning in page
     for format in ("markdown", "latex"):
         capsys.readouterr()
         assert main(["table", str(folder), "--format", format, "--allow-changed"]) == 0

@@ -46,12 +46,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "runs": (*_READ, *_RESULTS),
     "study": (*_READ, *_RESULTS, "runs"),
     "paper": ("scenario", "record", "analysis", "report", "runs", "study"),
-    "api": (*_READ, *_RESULTS, "runs", "study", "paper"),
-    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper"),
+    "kinds": ("scenario", "record", "analysis", "report", "runs", "study", "paper"),
+    "api": (*_READ, *_RESULTS, "runs", "study", "paper", "kinds"),
+    "cli": (*_READ, *_RESULTS, "runs", "study", "api", "paper", "kinds"),
     "__main__": ("cli",),
     "extend": ("core", "tracks", "sim", "methods", "recommended", "data", "record", "analysis"),
 }
-IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "version"}
+IN_THE_ROOT = {"__init__", "__main__", "api", "extend", "kinds", "version"}
 
 CORE_MAY_IMPORT = {*sys.stdlib_module_names, "numpy", "genie_sim"}
 PROVIDED_BY = {"cv2": "opencv-python-headless", "requests": "pooch", "yaml": "pyyaml"}
@@ -68,6 +69,7 @@ LATE = (
     "simpy",
     "joblib",
     "distributed",
+    "pykitti",
 )
 
 
@@ -228,6 +230,12 @@ def test_the_command_line_starts_without_heavy_libraries():
 def test_a_scenario_is_read_without_heavy_libraries():
     """The shell's completion and the real Genies read settings, too."""
     assert not set(LATE) & _loaded_by("import genie_sim.scenario.reading")
+
+
+@pytest.mark.process
+def test_code_of_ones_own_starts_without_pandas():
+    """A fault or a metric, of which a run starts several processes."""
+    assert set(LATE) & _loaded_by("import genie_sim.extend") <= {"simpy", "cv2"}
 
 
 @pytest.mark.process

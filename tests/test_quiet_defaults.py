@@ -9,19 +9,17 @@ from typing import Any
 
 import pytest
 
-from genie_sim import api
+from genie_sim import api, kinds
 from genie_sim.analysis import seed_runs
-from genie_sim.cli import outputs
 from genie_sim.record import results
 from genie_sim.report.output import DEFAULT_OUTPUT, Output
-from genie_sim.study import printed
 
 
 def default(call: Callable[..., Any], name: str) -> Any:
     return inspect.signature(call).parameters[name].default
 
 
-@pytest.mark.parametrize("module", [api, results, seed_runs, printed])
+@pytest.mark.parametrize("module", [api, kinds, results, seed_runs])
 def test_changed_results_are_refused_unless_they_are_allowed(module: ModuleType):
     readers = [
         call
@@ -31,10 +29,6 @@ def test_changed_results_are_refused_unless_they_are_allowed(module: ModuleType)
     assert readers
     for call in readers:
         assert default(call, "allow_changed") in (False, inspect.Parameter.empty), call
-
-
-def test_what_is_shown_is_of_unchanged_results_unless_they_are_allowed():
-    assert default(outputs.Results, "allow_changed") is False
 
 
 def test_several_seeds_have_a_page_and_no_figures():

@@ -1,29 +1,31 @@
 """Compares finished runs: the methods of one, or the same methods under other settings.
 
-Differences are paired. With at least two seeds in common, by seed: the 95 % t interval of the
-differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
-that says nothing of other seeds or drives. Seeds that not all settings have are left out, so that
-the numbers of a row agree.
+Of sweeps and evaluations each setting is compared by itself. Differences are paired. With at least
+two seeds in common, by seed: the 95 % t interval of the differences. With one, by blocks of one
+second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or
+drives. Settings and seeds that not all results have are left out, so that the numbers of a row
+agree.
 """
 
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from genie_sim.analysis.metric import LOWER, MAIN, Sample, half_of_pair
 from genie_sim.analysis.metrics import of_method, samples
 from genie_sim.analysis.registry import definition, shown, with_formulas
-from genie_sim.analysis.seed_runs import SeedRuns, means_of, seeds_text
+from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, interval
 from genie_sim.analysis.tidy import is_negligible
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
 from genie_sim.record.results import MethodInfo, MetricValue, Run, checked_label
 
+Value = TypeVar("Value")
 SEEDS, BLOCKS = "seeds", "blocks of 1 s"
 MAX_NAME = 32  # characters
 OUTCOME = ("genie_sim", "devices", "plugins")  # what decides a run's outcome besides the scenario
@@ -43,6 +45,7 @@ class ComparedMethod:
     title: str
     method: MethodInfo
     runs: Mapping[int, Run]
+    cell: str = ""
 
 
 class Difference(NamedTuple):
@@ -114,24 +117,36 @@ class ComparedRuns:
         return f"95 % intervals of paired differences, by {' and '.join(units)}"
 
 
+class Compared(Protocol):
+    """What can be compared: a run, several seeds, a sweep, an evaluation."""
+
+    @property
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
+        """By its name each setting, as runs by seed; one that is all there is has no name."""
+
+
 def compare(
-    runs: Sequence[Run | SeedRuns],
+    results: Sequence[Compared],
     methods: Sequence[str] = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
 ) -> ComparedRuns:
-    """Compares runs, seed by seed. Runs that differ in nothing but the seed are one setting.
+    """Compares results, seed by seed. Runs that differ in nothing but the seed are one.
 
-    ``methods``: which, in this order (default: all). ``labels``: what the settings are called, in
-    the order in which they come. ``metrics``: which, by default those of tables. The first setting
-    is what the others are compared with, under the same method; of one setting alone, the first
-    method. Raises UserError for runs that cannot be compared.
+    ``methods``: which, in this order (default: all). ``labels``: what the results are called, in
+    the order in which they come. ``metrics``: which, by default those of tables. The first result
+    is what the others are compared with, under the same method; of one alone, the first method of
+    each setting. Raises UserError for results that cannot be compared.
     """
-    comparison = compared(runs, methods, labels, metrics)
+    comparison = compared(results, methods, labels, metrics)
     if not any(row.against for row in comparison.rows):
         if metrics and not comparison.rows and len(comparison.arms) > 1:
             measured = {
-                metric.metric for run in runs for metric in run.measured if metric.value is not None
+                metric.metric
+                for arm in comparison.arms
+                for run in arm.runs.values()
+                for metric in run.measured
+                if metric.value is not None
             }
             if measured.intersection(metrics):
                 names = ", ".join(metrics)
@@ -154,65 +169,95 @@ def no_value(*metrics: str) -> str:
 
 
 def compared(
-    results: Sequence[Run | SeedRuns],
+    results: Sequence[Compared],
     methods: Sequence[str] = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
 ) -> ComparedRuns:
     """As ``compare``, also where there is only one method of one setting."""
-    runs = [run for result in results for run in result.runs]
+    runs = [run for result in results for run in result.cells.get("", {}).values()]
     folder = next((run.folder for run in runs if run.folder is not None), None)
     with provenance.of_this_version(folder):
-        return _compared(runs, methods, labels, metrics)
+        sides: list[Mapping[str, Mapping[int, Run]]] = [{"": by} for by in settings_of(runs)]
+        sides += [result.cells for result in results if "" not in result.cells]
+        return _compared(sides, methods, labels, metrics)
 
 
 def _compared(
-    runs: Sequence[Run], methods: Sequence[str], labels: Sequence[str], metrics: Sequence[str]
+    sides: Sequence[Mapping[str, Mapping[int, Run]]],
+    methods: Sequence[str],
+    labels: Sequence[str],
+    metrics: Sequence[str],
 ) -> ComparedRuns:
-    settings = settings_of(runs)
-    names = names_of(settings, labels)
-    settings, left_out = _of_common_seeds(settings, names)
+    """Of each result its settings, by the names that these have in every result."""
+    firsts = [_any(_any(side)) for side in sides]
+    names = names_of(firsts, labels)
+    cells, left_out = _common(sides, names)
     arms: list[ComparedMethod] = []
     references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
-    for place, (name, by_seed) in enumerate(zip(names, settings, strict=True)):
-        for method in _chosen(_any(by_seed), methods):
-            label, title = method.name, method.title
-            if len(settings) > 1:
-                label, title = f"{name}: {label}", f"{name}: {title}"
-            arm = ComparedMethod(label, title, method, by_seed)
-            reference = _reference(arm, arms, place, len(settings))
-            if reference is not None:
-                references[label] = reference
-            arms.append(arm)
+    for cell, by_name in cells.items():
+        firsts_of_cell: dict[str, ComparedMethod] = {}  # what the others are compared with
+        for name, by_seed in by_name.items():
+            for method in _chosen(_any(by_seed), methods):
+                place = ", ".join(filter(None, [name if len(sides) > 1 else "", cell]))
+                label, title = (
+                    f"{place}: {text}" if place else text for text in (method.name, method.title)
+                )
+                arm = ComparedMethod(label, title, method, by_seed, cell)
+                key = method.name if len(sides) > 1 else ""
+                if name == names[0]:
+                    firsts_of_cell.setdefault(key, arm)
+                if firsts_of_cell.get(key, arm) is not arm:
+                    references[label] = firsts_of_cell[key]
+                arms.append(arm)
     of_rows = {arm.label: _samples(arm) for arm in arms}
     rows = []
     for metric in metrics or _shown(arms):
         for arm in arms:
             reference = references.get(arm.label)
             row = _difference(metric, arm, reference)
-            if row is not None and reference is not None and len(settings[0]) == 1:
+            if row is not None and reference is not None and len(arm.runs) == 1:
                 row = _over_blocks(row, of_rows[arm.label], of_rows[reference.label])
             if row is not None:
                 rows.append(row)
-    warning = " ".join(f"{run.name}-{run.run_id}: {run.warning}." for run in runs if run.changed)
-    differing = _settings([_any(by_seed) for by_seed in settings])
-    return ComparedRuns(arms, rows, names, differing, warning, left_out, metrics)
+    changed = (run for side in sides for by in side.values() for run in by.values() if run.changed)
+    warning = " ".join(dict.fromkeys(f"{run.name}-{run.run_id}: {run.warning}." for run in changed))
+    return ComparedRuns(arms, rows, names, _settings(firsts), warning, left_out, metrics)
 
 
-def _of_common_seeds(
-    settings: Sequence[Mapping[int, Run]], names: Sequence[str]
-) -> tuple[list[dict[int, Run]], str]:
-    """The runs of those seeds that all settings have, and a sentence that says so where others are
-    left out. Raises ``UserError`` where they have none in common.
+def _common(
+    sides: Sequence[Mapping[str, Mapping[int, Run]]], names: Sequence[str]
+) -> tuple[dict[str, dict[str, dict[int, Run]]], str]:
+    """By setting and by result the runs of those seeds that all results have, and a sentence that
+    says so where others are left out. Raises ``UserError`` where they have none in common.
     """
-    common = [seed for seed in settings[0] if all(seed in by_seed for by_seed in settings)]
-    of_each = [f"{name} has {seeds_text([*by])}" for name, by in zip(names, settings, strict=True)]
-    if not common:
-        raise UserError(f"compare: no seed in common: {'; '.join(of_each)}")
-    chosen = [{seed: by_seed[seed] for seed in common} for by_seed in settings]
-    if all(len(by_seed) == len(common) for by_seed in settings):
-        return chosen, ""
-    return chosen, f"Only the common {seeds_text(common)}: {'; '.join(of_each)}."
+    left_out: dict[str, None] = {}
+    cells: dict[str, dict[str, dict[int, Run]]] = {}
+    for cell in sides[0]:
+        if not all(cell in side for side in sides):
+            continue
+        settings = [side[cell] for side in sides]
+        common = [seed for seed in settings[0] if all(seed in by for by in settings)]
+        of_each = "; ".join(
+            f"{name} has {seeds_text([*by])}" for name, by in zip(names, settings, strict=True)
+        )
+        if not common:
+            raise UserError(f"compare: no seed in common: {of_each}")
+        if any(len(by) > len(common) for by in settings):
+            left_out[f"Only the common {seeds_text(common)}: {of_each}."] = None
+        cells[cell] = {
+            name: {seed: by[seed] for seed in common}
+            for name, by in zip(names, settings, strict=True)
+        }
+    if not cells:
+        of_each = "; ".join(
+            f"{name} has {short_repr(', '.join(side) or 'one setting')}"
+            for name, side in zip(names, sides, strict=True)
+        )
+        raise UserError(f"compare: no setting in common: {of_each}")
+    if any(len(side) > len(cells) for side in sides):
+        left_out[f"Only the {len(cells)} settings that all results have."] = None
+    return cells, " ".join(left_out)
 
 
 def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
@@ -223,21 +268,9 @@ def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
     )
 
 
-def _any(by_seed: Mapping[int, Run]) -> Run:
-    """The first run of a setting."""
-    return next(iter(by_seed.values()))
-
-
-def _reference(
-    arm: ComparedMethod, arms: Sequence[ComparedMethod], place: int, settings: int
-) -> ComparedMethod | None:
-    """What an arm of the setting at ``place`` is compared with: an earlier one of ``arms``."""
-    if settings == 1:
-        return arms[0] if arms else None
-    if place == 0:
-        return None
-    of_first = [other for other in arms if other.runs is arms[0].runs]
-    return next((other for other in of_first if other.method.name == arm.method.name), None)
+def _any(values: Mapping[Any, Value]) -> Value:
+    """The first of them."""
+    return next(iter(values.values()))
 
 
 def _chosen(run: Run, names: Sequence[str]) -> list[MethodInfo]:
@@ -262,25 +295,24 @@ def settings_of(runs: Sequence[Run]) -> list[dict[int, Run]]:
     return list(settings.values())
 
 
-def names_of(settings: Sequence[Mapping[int, Run]], labels: Sequence[str]) -> list[str]:
-    """What the settings are called: as the user says, with ``labels`` or with that of each run,
-    else by themselves. Raises UserError for labels that do not tell them apart.
+def names_of(runs: Sequence[Run], labels: Sequence[str]) -> list[str]:
+    """What settings are called, of each of which this is a run: as the user says, with ``labels``
+    or with that of each run, else by themselves. Raises UserError for labels that do not tell them
+    apart.
     """
-    if labels and len(labels) != len(settings):
-        raise UserError(f"compare: {len(labels)} labels for {len(settings)} settings")
-    own_labels = [_any(by_seed).label for by_seed in settings]
-    given = [checked_label(label) for label in labels] or own_labels
-    names = [label or name for label, name in zip(given, _names_by_content(settings), strict=True)]
+    if labels and len(labels) != len(runs):
+        raise UserError(f"compare: {len(labels)} labels for {len(runs)} settings")
+    given = [checked_label(label) for label in labels] or [run.label for run in runs]
+    names = [label or name for label, name in zip(given, _names_by_content(runs), strict=True)]
     if len(set(names)) < len(names):
         raise UserError(f"compare: two settings have the same label: {', '.join(names)}")
     return names
 
 
-def _names_by_content(settings: Sequence[Mapping[int, Run]]) -> list[str]:
-    """What the settings are called by themselves: by their scenarios, else by the settings that
-    differ, if these are short, else by the runs' ids.
+def _names_by_content(runs: Sequence[Run]) -> list[str]:
+    """What they are called by themselves: by their scenarios, else by the settings that differ, if
+    these are short, else by the runs' ids.
     """
-    runs = [_any(by_seed) for by_seed in settings]
     names = [run.name for run in runs]
     if len(set(names)) == len(names):
         return names
@@ -348,9 +380,9 @@ def _over_blocks(
 
 def _samples(arm: ComparedMethod) -> dict[str, Sample]:
     """Of each metric that is made of rows those of an arm with one run."""
-    if len(arm.runs) > 1:
-        return {}
     run = _any(arm.runs)
+    if len(arm.runs) > 1 or not run.tables:
+        return {}
     names = {metric.metric for metric in run.measured}
     return samples(with_formulas(names), of_method(run.tables, arm.method.name))
 

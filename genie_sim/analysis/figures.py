@@ -8,7 +8,6 @@ matplotlib.
 """
 
 import io
-import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -26,7 +25,6 @@ from genie_sim.analysis.compare import compared
 from genie_sim.analysis.difference_plot import differences
 from genie_sim.analysis.drawing import (
     Panels,
-    Table,
     draw_band,
     figure_grid,
     finish,
@@ -46,7 +44,7 @@ from genie_sim.analysis.genie_metrics import (
 )
 from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.latency_cdf import latency_cdf
-from genie_sim.analysis.resource_metrics import running_use
+from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.statistics import interval, mean_bands, thinned
 from genie_sim.analysis.style import (
@@ -59,20 +57,12 @@ from genie_sim.analysis.style import (
 )
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.text import natural_key, percent_text
-from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import MethodInfo, Run
+from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 Tables = Mapping[str, Sequence[Columns]]
 Methods = Sequence[MethodInfo]
 
-RESOURCE_KINDS = {
-    "accelerator": "accelerators busy",
-    "cpu": "CPUs busy",
-    "link": "links busy",
-    "cell": "cells busy",
-    "queue": "messages waiting",
-}
 # Of each format: the metadata keys of a figure's title and description, and those to suppress.
 FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "svg": ("Title", "Description", ("Date", "Creator")),
@@ -80,9 +70,8 @@ FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "pdf": ("Title", "Subject", ("CreationDate", "Creator", "Producer")),
 }
 ALWAYS = "latency_cdf"  # the figure of every run
-MIN_USE = 0.01
 FEW_EVENTS = 50
-MAX_COLUMNS = 4  # of methods beside each other
+ROW_SHARE = 0.6  # of the height of a row, over which the points of methods stand
 
 
 def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figure]:
@@ -101,7 +90,7 @@ def makers(
     run : Run or SeedRuns
         What is drawn.
     width_in : float, optional
-        How wide figures are, in inches; by default as fits each. Use needs a page.
+        How wide figures are, in inches; by default as fits each.
     footer : str, optional
         Names the run; by default as it does itself.
     """
@@ -109,7 +98,6 @@ def makers(
     metrics = {run.title: run.measured}
     frames = {run.title: tables_of(run, "frames")}
     lookups = {run.title: tables_of(run, "lookups")}
-    resources = tables_of(run, "resources")
     drawn: dict[str, Callable[[], Figure]] = {}
     if drawable(metrics):
         drawn["latency_accuracy"] = partial(latency_accuracy, metrics, methods, footer, width_in)
@@ -118,8 +106,8 @@ def makers(
     drawn["latency_cdf_of_answered"] = partial(cdf, of="answered")
     if any(metric.metric in PART.values() for metric in run.measured):
         drawn["time_parts"] = partial(time_parts, run.measured, methods, footer, width_in)
-    if all(map(len, resources)):
-        drawn["resources"] = partial(resource_use, resources, methods, footer)
+    if busiest(run.measured):
+        drawn["resources"] = partial(resource_use, run.measured, methods, footer, width_in)
     if any(map(len, lookups[run.title])):
         for draw in (image_reuse, object_reuse, confidence_boost):
             drawn[draw.__name__] = partial(draw, lookups, methods, footer, width_in)
@@ -297,56 +285,49 @@ def _boost_curve(seeds: Sequence[Columns]) -> tuple[Any, Any, Any, Any] | None:
 
 
 @in_style()
-def resource_use(resources: Table | Sequence[Table], methods: Methods, footer: str = "") -> Figure:
-    """Utilization of accelerators, CPUs and links, and queue lengths over simulated time; a column
-    a method.
-
-    Each point is the mean of the last second. What is never used by 1 % (queues: never holds a
-    message) is left out, and so is a kind of which nothing is used. Each host has its colour and
-    marker in every panel; of a host, the second link or queue is dashed, the third dotted. More
-    than eight hosts are drawn as their range and median. Of several seeds a curve is the mean of
-    theirs.
+def resource_use(
+    metrics: Sequence[MetricValue],
+    methods: Methods,
+    footer: str = "",
+    width_in: float | None = None,
+) -> Figure:
+    """Utilization of the busiest accelerators, CPUs and links, a row each, with a point for each
+    method; of several seeds with its 95 % interval.
     """
-    seeds = seeds_of(resources)
-    methods = [method for method in methods if (seeds[0]["method"] == method.name).any()]
-    used = {
-        kind: [
-            _used([rows.where(kind=kind, method=method.name) for rows in seeds])
-            for method in methods
+    names = sorted(busiest(metrics)[:MAX_RESOURCES], key=natural_key)
+    height_in = 0.6 + 0.18 * max(len(names), 1)
+    figure, axis = one_panel(width_in or COLUMN_IN, height_in, ax=None)
+    styles = style.method_styles([method.name for method in methods])
+    for place, (number, method) in enumerate(zip(styles, methods, strict=True)):
+        aside = ROW_SHARE * ((place + 0.5) / len(methods) - 0.5)
+        points = [
+            (metric.value, names.index(metric.component) + aside, metric.low, metric.high)
+            for metric in metrics
+            if (metric.metric, metric.method) == ("utilization", method.name)
+            and metric.component in names
+            and metric.value is not None
         ]
-        for kind in RESOURCE_KINDS
-        if (seeds[0]["kind"] == kind).any()
-    }
-    used = {kind: curves for kind, curves in used.items() if any(curves)} or dict(
-        list(used.items())[:1]
-    )
-    hosts = sorted(
-        {_host(name) for of_kind in used.values() for curves in of_kind for name in curves},
-        key=natural_key,
-    )
-    kinds, columns = max(len(used), 1), min(max(len(methods), 1), MAX_COLUMNS)
-    blocks = max(-(-len(methods) // columns), 1)  # of methods, one below the other
-    figure = Figure(figsize=(PAGE_IN, 0.4 + 1.15 * kinds * blocks))
-    grid = figure.subplots(kinds * blocks, columns, sharex=True, sharey="row", squeeze=False)
-    for row, (kind, of_kind) in enumerate(used.items()):
-        names = sorted({name for curves in of_kind for name in curves}, key=natural_key)
-        for place, curves in enumerate(of_kind):
-            axis = grid[place // columns * kinds + row, place % columns]
-            _draw_use(axis, curves, names, hosts)
-            if kind != "queue":
-                axis.set_ylim(0, 1.05)
-                axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        for block in range(blocks):
-            grid[block * kinds + row, 0].set_ylabel(RESOURCE_KINDS[kind])
-    for place, method in enumerate(methods):
-        grid[place // columns * kinds, place % columns].set_title(method.title)
-    for axis in grid[-kinds:, (len(methods) - 1) % columns + 1 :].flat:
-        axis.remove()
-    for axis in grid[-1]:
-        axis.set_xlabel("simulated time [s]")
-    finish(
-        figure, "Use of devices and links, and queues, over simulated time", footer, list(grid.flat)
-    )
+        drawing: dict[str, Any] = {
+            "color": style.method_colour(number),
+            "marker": style.method_marker(number),
+            "markersize": 3.5,
+            "linestyle": "",
+            "capsize": 2,
+            "label": method.title,
+        }
+        reach = [
+            [0.0 if low is None else max(value - low, 0.0) for value, _, low, _ in points],
+            [0.0 if high is None else max(high - value, 0.0) for value, _, _, high in points],
+        ]
+        x, y = [value for value, *_ in points], [row for _, row, *_ in points]
+        axis.errorbar(x, y, xerr=reach if any(map(any, reach)) else None, **drawing)
+    labels = [textwrap.fill(name, TITLE_CHARACTERS) for name in names]
+    axis.set_yticks(range(len(names)), labels)
+    axis.set_ylim(max(len(names), 1) - 0.5, -0.5)
+    axis.set_xlim(-0.02, 1.03)
+    axis.xaxis.set_major_formatter(FuncFormatter(percent_tick))
+    axis.set_xlabel("utilization")
+    finish(figure, "Use of the busiest devices and links", footer, [axis])
     return figure
 
 
@@ -399,6 +380,7 @@ def _reuse_bars(
     tilted = longest_in > 1.05 * room_in
     figure, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)
     axis.errorbar([], [], yerr=[], color="black", linewidth=1, capsize=3, label=whiskers)
+    upright = 0.38 * room_in < 6 * CHARACTER_IN
     for side, (placement, where) in enumerate(PLACEMENTS.items()):
         drawing = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
         for x, (_, method, seeds) in enumerate(groups):
@@ -408,10 +390,11 @@ def _reuse_bars(
                 x + 0.38 * (side - 0.5),
                 of_placement,
                 drawing,
-                upright=0.38 * room_in < 6 * CHARACTER_IN,
+                upright=upright,
             )
     axis.set_xticks(range(len(groups)), labels, rotation=90 if tilted else 0)
     axis.set_xlim(-0.6, len(groups) - 0.4)
+    axis.margins(y=0.3 if upright else 0.12)  # room for the numbers above the bars
     axis.set_ylim(0, None)
     axis.grid(axis="x", visible=False)
     axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
@@ -460,13 +443,14 @@ def _reuse_bar(
     whiskers = np.clip([end for end in interval(means) if end is not None], 0, 1)
     if len(seeds) == 1:
         whiskers = running_reuse(seeds[0])["ratio"]
+    top = mean
     if len(whiskers):
-        ends = [[max(mean - whiskers.min(), 0)], [max(whiskers.max() - mean, 0)]]
+        top = max(mean, float(whiskers.max()))
+        ends = [[max(mean - whiskers.min(), 0)], [top - mean]]
         axis.errorbar(left, mean, yerr=ends, color="black", linewidth=1, capsize=3)
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    drawing = {"ha": "center", "va": "bottom", "bbox": box, "rotation": turn}
+    drawing = {"ha": "center", "va": "bottom", "rotation": turn}
     axis.annotate(
-        percent_text(mean, digits=2), (left, 0), (0, 3), textcoords="offset points", **drawing
+        percent_text(mean, digits=2), (left, top), (0, 2), textcoords="offset points", **drawing
     )
 
 
@@ -477,70 +461,3 @@ def _with_genies(panels: Tables, methods: Methods) -> list[tuple[int, MethodInfo
     }
     styles = style.method_styles([method.name for method in methods])
     return [pair for pair in zip(styles, methods, strict=True) if pair[1].name in names]
-
-
-def _use(samples: Columns) -> tuple[Any, Any]:
-    """Time [s], and over the last second the mean length of a queue or the share of time spent
-    serving.
-    """
-    t_ns, total_ns = running_use(samples)
-    begin_ns = np.maximum(t_ns - NS_PER_S, 0.0)
-    span_ns = np.maximum(t_ns - begin_ns, 1.0)
-    return t_ns[1:] / NS_PER_S, ((total_ns - np.interp(begin_ns, t_ns, total_ns)) / span_ns)[1:]
-
-
-def _used(of_kind: Sequence[Columns]) -> dict[str, tuple[Any, Any]]:
-    """The curve of each resource that is used at all; of several seeds, the mean of theirs over the
-    time that all of them have.
-    """
-    seeds = [
-        {name: _use(samples) for name, samples in rows.by("t_ns").groups("resource")}
-        for rows in of_kind
-    ]
-    curves = {name: curve for name, curve in seeds[0].items() if len(seeds) == 1}
-    for name in seeds[0] if len(seeds) > 1 else ():
-        of_seeds = [of_seed[name] for of_seed in seeds if name in of_seed]
-        t_s = of_seeds[0][0]
-        t_s = t_s[t_s <= min(times[-1] for times, _ in of_seeds)]
-        curves[name] = t_s, np.mean([np.interp(t_s, *curve) for curve in of_seeds], axis=0)
-    return {name: curve for name, curve in curves.items() if curve[1].max() >= MIN_USE}
-
-
-def _draw_use(
-    axis: Axes, curves: dict[str, tuple[Any, Any]], names: list[str], hosts: list[str]
-) -> None:
-    if not curves:
-        axis.text(
-            0.5, 0.5, "not used", transform=axis.transAxes, ha="center", va="center", color="0.35"
-        )
-    elif len(hosts) <= len(style.HOSTS):
-        for name, (t_s, values) in curves.items():
-            host = _host(name)
-            place = hosts.index(host)
-            nth = [other for other in names if _host(other) == host].index(name)
-            drawing: dict[str, Any] = {
-                "color": style.HOSTS[place],
-                "linestyle": ("-", "--", ":")[min(nth, 2)],
-            }
-            drawing |= {
-                "marker": style.MARKERS[place],
-                "markevery": ((place + 0.5) / 8 / len(style.HOSTS), 1 / 8),
-            }
-            axis.plot(
-                t_s,
-                values,
-                linewidth=1.0,
-                markersize=3.5,
-                label=host if nth == 0 else None,
-                **drawing,
-            )
-    else:
-        t_s = np.unique(np.concatenate([t for t, _ in curves.values()]))
-        values = np.stack([np.interp(t_s, *curve) for curve in curves.values()])
-        axis.fill_between(t_s, values.min(0), values.max(0), color="0.8", label="range")
-        axis.plot(t_s, np.median(values, axis=0), color="black", linewidth=1.2, label="median")
-
-
-def _host(resource: str) -> str:
-    """``edge1.accelerator``, ``edge1->car1`` and ``edge1/genie:/image_raw`` to ``edge1``."""
-    return re.split(r"[./]|->", resource)[0]

@@ -7,7 +7,9 @@ nothing of other seeds or drives. Of shares it is Wilson's, with as many rows as
 stands for. Over several seeds it is ``tidy.across_seeds``.
 """
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -112,10 +114,23 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured |
     except Exception as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
         raise UserError(own_fault(error) or text) from error
-    if number is not None and not isinstance(number, Measured):
+    if number is None:
+        return None
+    if not isinstance(number, Measured):
         text = f"its formula must return a Sample, Measured or None, not {short_repr(number)}"
         raise UserError(f"metric {name!r}: {text}")
-    return number
+    return Measured(*(_finite(name, field, end) for field, end in number._asdict().items()))
+
+
+def _finite(name: str, field: str, number: Any) -> Any:
+    """A number of a metric of the user's own, which may be of numpy. Raises ``UserError``."""
+    if number is None:
+        return None
+    with suppress(TypeError, ValueError, OverflowError):
+        if math.isfinite(number):
+            return int(number) if field == "n" else float(number)
+    text = f"{field} must be a finite number, or None where it is not defined"
+    raise UserError(f"metric {name!r}: {text}, not {short_repr(number)}")
 
 
 def rounded(metric: MetricValue) -> MetricValue:

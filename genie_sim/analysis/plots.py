@@ -68,13 +68,10 @@ class Plots(Suggesting):
             return self._of_lookups("confidence_boost", methods, ax)
 
     def resource_use(self) -> "Figure":
-        """Use of devices and links, and queues, over simulated time; it has a panel for each kind
-        and method, and a figure of its own.
-        """
-        from genie_sim.analysis import figures
+        """Utilization of the busiest devices and links; it has a figure of its own."""
+        from genie_sim.analysis.figures import resource_use
 
-        resources = self._tables("resources")
-        return figures.resource_use(resources, self._run.methods, self._run.footer)
+        return resource_use(self._run.measured, self._run.methods, self._run.footer)
 
     def differences(self) -> "Figure":
         """Paired differences of the methods from the first one, with intervals and a line at

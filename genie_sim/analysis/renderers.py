@@ -6,6 +6,7 @@ of LaTeX or a formula of a spreadsheet.
 
 import csv
 import io
+import math
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
@@ -96,16 +97,27 @@ def _are_numbers(table: ResultTable) -> Iterator[bool]:
 
 def html(table: ResultTable) -> str:
     """The title, the table and its notes as a piece of HTML; text is text."""
-    head = "".join(f"<th>{escape(heading)}</th>" for heading in table.headings)
-    body = "".join(
-        f"<tr><th>{escape(title)}</th>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-        for title, *cells in table.texts()
-    )
     below = "".join(f"<p><small>{escape(note)}</small></p>" for note in table.notes if note)
-    return (
-        f"<p><b>{escape(table.title)}</b></p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{below}"
+    return f"<p><b>{escape(table.title)}</b></p>{html_table(table)}{below}"
+
+
+def html_table(table: ResultTable) -> str:
+    """The table alone as HTML; intervals in small letters."""
+    corner, *columns = map(escape, table.headings)
+    head = "".join(f'<th scope="col">{column}</th>' for column in columns)
+    rows = zip(table.texts(intervals=False), table.texts(), strict=True)
+    body = "".join(
+        f'<tr><th scope="row">{escape(title)}</th>{"".join(map(_html_cell, values, texts))}</tr>'
+        for (title, *values), (_, *texts) in rows
     )
+    return f"<table><thead><tr><td>{corner}</td>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _html_cell(value: str, text: str) -> str:
+    """A value and, if the text begins with it, what follows in small letters."""
+    if not text.startswith(f"{value} ("):
+        return f"<td>{escape(text)}</td>"
+    return f"<td>{escape(value)} <small>{escape(text.removeprefix(value).strip())}</small></td>"
 
 
 def terminal(table: ResultTable, width: int, intervals: bool = True) -> str:
@@ -316,7 +328,9 @@ def _lines(row: Row) -> list[str]:
 
 
 def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """All numbers as CSV, to ten digits; no cell is a formula to a spreadsheet."""
+    """All numbers as CSV, to ten digits, one that is not defined as an empty field; no cell is a
+    formula to a spreadsheet.
+    """
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
     writer.writerow(names)
@@ -325,7 +339,16 @@ def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     return to.getvalue()
 
 
+def exact_changed(
+    names: Sequence[str], rows: Iterable[Sequence[Any]], changed: Sequence[str]
+) -> str:
+    """The same, with a column that names files which were changed since, where any was."""
+    if not changed:
+        return exact(names, rows)
+    return exact([*names, "changed"], ((*row, " ".join(changed)) for row in rows))
+
+
 def _exact_cell(cell: Any) -> Any:
     if isinstance(cell, float):
-        return significant(cell, digits=10)
+        return None if math.isnan(cell) else significant(cell, digits=10)
     return harmless(one_line(cell)) if isinstance(cell, str) else cell

@@ -7,7 +7,7 @@ change, not at samples.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,11 @@ import numpy as np
 from genie_sim.analysis.metric import LOWER, MAIN, Metric, Seen, Tables
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
-from genie_sim.record.columns import Columns, Floats
+from genie_sim.record.columns import Columns
+from genie_sim.record.results import MetricValue
+
+MAX_RESOURCES = 12  # that a table or a figure shows
+MIN_USE = 0.01  # a resource that is used less is idle
 
 # What follows the host in the name of a resource.
 AFTER_HOST = re.compile(r"(\.accelerator|\.cpu|/.*)$")
@@ -77,16 +81,14 @@ def views(tables: Tables) -> Iterator[Seen]:
         yield Seen("resources", use, "all" if len(hosts_of) > 1 else placement, name)
 
 
-def running_use(samples: Columns) -> tuple[Floats, Floats]:
-    """Of one resource, in order of time: the instants of its samples [ns], 0 before them, and the
-    time that each of its servers has worked until then [ns]. For a queue: its length times how long
-    it had that.
-    """
-    t_ns = np.concatenate([[0.0], samples.floats("t_ns")])
-    capacity = samples.floats("capacity")
-    if np.isnan(capacity).any():
-        return t_ns, np.concatenate([[0.0], samples.floats("queue_ns")])
-    return t_ns, np.concatenate([[0.0], samples.floats("busy_ns")]) / float(capacity[0])
+def busiest(metrics: Iterable[MetricValue]) -> list[str]:
+    """The devices and links that a method uses by 1 % at least, the busiest first."""
+    highest: dict[str, float] = {}
+    for metric in metrics:
+        if metric.metric == "utilization" and metric.value is not None:
+            highest[metric.component] = max(highest.get(metric.component, 0.0), metric.value)
+    used = [name for name in highest if highest[name] >= MIN_USE]
+    return sorted(used, key=lambda name: (-highest[name], name))
 
 
 def _utilization(use: Use) -> Measured | None:

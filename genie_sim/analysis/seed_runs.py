@@ -12,7 +12,6 @@ from typing import Any
 from genie_sim.analysis.registry import learn
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.base.paths import expanded
 from genie_sim.record import provenance, results
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
@@ -53,6 +52,11 @@ class SeedRuns:
     def title(self) -> str:
         """What people read for them: their label, else the scenario's name."""
         return self.label or self.name
+
+    @property
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
+        """Their one setting, which has no name, as runs by seed."""
+        return {"": {run.seed: run for run in self.runs}}
 
     @property
     def seeds(self) -> list[int]:
@@ -98,7 +102,7 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
             value=_defined(row["value"]),
             low=_defined(row["low"]),
             high=_defined(row["high"]),
-            n=int(row["runs"]),
+            n=int(row["n"]),
             range_low=_defined(row["range_low"]),
             range_high=_defined(row["range_high"]),
         )
@@ -156,15 +160,17 @@ def is_seeds_folder(folder: Path) -> bool:
         return False
 
 
-def load(folder: str | Path, *, allow_changed: bool = False) -> Run | SeedRuns:
-    """The run in a result folder, or the runs of a study without axes; what they say of metrics of
-    users' own is taken from them. Raises ``UserError``.
+def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
+    """The run in a result folder; what it says of metrics of users' own is taken from it. Raises
+    ``UserError``.
     """
-    folder = expanded(folder)
-    if not is_seeds_folder(folder):
-        loaded = results.load(folder, allow_changed=allow_changed)
-        learn(loaded.words, f"{folder / 'run.json'}: metrics")
-        return loaded
+    loaded = results.load(folder, allow_changed=allow_changed)
+    learn(loaded.words, f"{folder / 'run.json'}: metrics")
+    return loaded
+
+
+def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:
+    """The runs of a study without axes. Raises ``UserError``."""
     about, where = read_about(folder), folder / ABOUT
     label = results.checked_label(about.get("label", ""), f"{where}: label")
     seeds = about["sweep"].get("seeds")
@@ -175,9 +181,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run | SeedRuns:
         path = provenance.contained(folder, f"{RUNS}/{folder_name(seed)}")
         if not path.is_dir():
             raise UserError(f"{path}: missing; the study is not finished, run it again")
-        run = load(path, allow_changed=allow_changed)
-        assert isinstance(run, Run)
-        runs.append(replace(run, label=label))
+        runs.append(replace(load_run(path, allow_changed=allow_changed), label=label))
     return SeedRuns(runs, folder, label)
 
 

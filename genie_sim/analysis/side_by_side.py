@@ -10,7 +10,7 @@ from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.record.columns import concat
 from genie_sim.record.results import Run
 
-DRAWN_TABLES = ("frames", "lookups", "resources")
+DRAWN_TABLES = ("frames", "lookups")
 
 
 def side_by_side(
@@ -32,8 +32,8 @@ def side_by_side(
         what differs.
     """
     settings = settings_of([run for result in results for run in result.runs])
-    names = names_of(settings, labels)
     by_seed = [list(runs.values()) for runs in settings]
+    names = names_of([runs[0] for runs in by_seed], labels)
     if len(by_seed) == 1:
         runs = [replace(run, label=names[0] if labels else run.label) for run in by_seed[0]]
         one = runs[0] if len(runs) == 1 else SeedRuns(runs, None, runs[0].label)

@@ -1,11 +1,10 @@
-"""How figures and pages look: sizes, text, and one palette for methods, placements and resources.
+"""How figures and pages look: sizes, text, and one palette for methods and placements.
 
 A method's look is a number: its colour, dashes, marker and hatch. It goes by the method's name, so
 that a method looks the same in every figure and on every page; methods of the user's own go by
-their order. A resource's look goes by its position among those in a panel. Cars and edges are never
-in a method's colour: they are grey, and differ in hatch or dashes. Colours are told apart with any
-colour vision (the first eight after Okabe and Ito), and in greyscale by dashes, markers and
-hatches.
+their order. Cars and edges are never in a method's colour: they are grey, and differ in hatch or
+dashes. Colours are told apart with any colour vision (the first eight after Okabe and Ito), and in
+greyscale by dashes, markers and hatches.
 """
 
 from collections.abc import Sequence
@@ -101,18 +100,6 @@ METHOD_STYLES = {
 }
 FIRST_OWN_STYLES = (4, 5)  # then those after all of METHOD_STYLES
 SAME_COLOUR = 4  # styles of one colour that differ in dashes
-# no method's (Tol)
-HOSTS = ("#332288", "#88CCEE", "#44AA99", "#117733", "#999933", "#DDCC77", "#CC6677", "#882255")
-DARK_HOSTS = (
-    "#9C90F0",
-    "#88CCEE",
-    "#44AA99",
-    "#4FBF74",
-    "#BBBB55",
-    "#DDCC77",
-    "#E08895",
-    "#D873A4",
-)
 # dark pages
 DARK_COLOURS = (
     "#F0B13C",

@@ -8,7 +8,7 @@ from genie_sim.analysis import compare_tables, correctness, prices, renderers
 from genie_sim.analysis.compare import compared
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
-from genie_sim.analysis.genie_metrics import GENIES
+from genie_sim.analysis.genie_metrics import GENIES, of_clients
 from genie_sim.analysis.metric import (
     MAIN,
     RECENT_MS,
@@ -25,6 +25,7 @@ from genie_sim.analysis.registry import (
     definition,
     shown,
 )
+from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.statistics import MIN_SEEDS
@@ -33,8 +34,6 @@ from genie_sim.base.text import one_line
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
 
-MAX_RESOURCES = 12
-MIN_USE = 0.01  # a resource that is used less is idle
 OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (
@@ -212,11 +211,7 @@ class _Numbers:
         for metric in self.metrics:
             if metric.metric == "utilization":
                 by_resource.setdefault(metric.component, {})[metric.method] = metric
-        highest = {name: max(map(_use, uses.values())) for name, uses in by_resource.items()}
-        used = sorted(
-            (name for name in highest if highest[name] >= MIN_USE),
-            key=lambda name: (-highest[name], name),
-        )
+        used = busiest(self.metrics)
         rows = [
             Row(name, [cell(by_resource[name].get(method)) for method in self.titles])
             for name in sorted(used[:MAX_RESOURCES])
@@ -243,12 +238,8 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
     """
     main = main_table(run, metrics)
     if format == "csv":
-        names = [*METRIC_FIELDS]
         rows = [metric.row for metric in run.measured if not metrics or metric.metric in metrics]
-        if run.changed:
-            names.append("changed")
-            rows = [(*row, " ".join(run.changed)) for row in rows]
-        return renderers.exact(names, rows)
+        return renderers.exact_changed(METRIC_FIELDS, rows, run.changed)
     if format == "latex":
         return _latex(run, main, metrics)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
@@ -298,6 +289,30 @@ def overload(run: Run | SeedRuns) -> str:
             shares = f"busy {100 * _use(busiest):.0f} % of the time, {100 * dropped:.0f} % of the"
             which.append(f"{busiest.component} under {method.title} ({shares} frames dropped)")
     return f"Overloaded: {'; '.join(which)}." if which else ""
+
+
+def no_repeats(run: Run | SeedRuns) -> str:
+    """Says under which method no key of the message cache or of the object map came twice, so that
+    nothing could be reused; empty where each did, or nobody looked one up.
+    """
+    which = []
+    for method in run.methods:
+        requests = equal = sightings = updates = 0
+        for tables in tables_of_runs(run):
+            if "lookups" not in tables:
+                continue
+            lookups = tables["lookups"].where(method=method.name)
+            images, seen = of_clients(lookups), lookups.where(kind="sighting")
+            requests += len(images)
+            equal += len(images) - len(images.where(outcome="miss"))
+            sightings += int(seen["requests"].sum())
+            updates += int(seen["updates"].sum())
+        if requests and not equal:
+            which.append(f"none of {requests:,} requests under {method.title} equals another")
+        if sightings and not updates:
+            text = f"none of {sightings:,} sightings under {method.title} is of a stored object"
+            which.append(text)
+    return f"No key repeats: {'; '.join(which)}." if which else ""
 
 
 def about_laws(run: Run | SeedRuns) -> str:
@@ -352,7 +367,7 @@ def markdown(run: Run | SeedRuns) -> str:
         about_laws(run),
     )
     parts += [renderers.markdown_paragraph(about) for about in abouts if about]
-    parts += [renderers.markdown(table).rstrip() for table in _tables(_Numbers(run)) if table.rows]
+    parts += [renderers.markdown(table).rstrip() for table in tables(run)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -370,7 +385,9 @@ def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAI
         rows += numbers.busiest(columns) if of_busiest else numbers.rows([name], columns, True)
     table = ResultTable([column.title for column in columns], rows)
     told = metrics or [name for name, metric in METRICS.items() if metric.tier <= tier]
-    notes = [] if metrics else list(filter(None, [overload(run), about_boxes(run)]))
+    notes = (
+        [] if metrics else list(filter(None, [overload(run), no_repeats(run), about_boxes(run)]))
+    )
     notes += _main_notes(told, numbers)
     laws = run.runs[0].facts.get("laws")
     if laws is not None and not laws["is_known"]:
@@ -404,13 +421,16 @@ def _main_notes(names: Sequence[str], numbers: _Numbers) -> Iterator[str]:
         yield NO_LOOKUPS
 
 
-def _tables(numbers: _Numbers) -> Iterator[ResultTable]:
-    """All tables, of methods in the order in which they ran."""
+def tables(run: Run | SeedRuns) -> Iterator[ResultTable]:
+    """All tables that have a row, of methods in the order in which they ran."""
+    numbers = _Numbers(run)
     for title in SECTIONS:
         table = numbers.section(title)
         if table.rows:
             yield replace(table, notes=list(_notes(title, numbers)))
-    yield numbers.utilization()
+    use = numbers.utilization()
+    if use.rows:
+        yield use
 
 
 def _notes(section: str, numbers: _Numbers) -> Iterator[str]:

@@ -10,6 +10,7 @@ import numpy as np
 from genie_sim.analysis.registry import definition
 from genie_sim.analysis.statistics import MIN_SEEDS, half_of_mean
 from genie_sim.base.text import significant
+from genie_sim.record.results import METRIC_FIELDS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,8 +22,8 @@ NEGLIGIBLE = 0.01  # of the value: differences below it are negligible
 def across_seeds(
     runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
 ) -> "pd.DataFrame":
-    """Mean, 95 % t interval, range and count of each number within the groups ``by``: columns
-    value, low, high, range_low, range_high, runs.
+    """Mean, 95 % t interval, range and, in ``n``, the count of the runs that define it, of each
+    number within the groups ``by``: these columns and the fields of ``MetricValue``.
 
     The unit of replication is the seed: with several runs of a group under one seed, their mean
     counts once. There is no interval of fewer than ``MIN_SEEDS``, where all are equal, or of a
@@ -37,7 +38,7 @@ def across_seeds(
     per_seed = runs.groupby([*keys, "seed"], sort=False, dropna=False).agg(columns)
     grouped = per_seed.groupby(keys, sort=False, dropna=False)
     spread, count = grouped["value"].std().to_numpy(), grouped["value"].count().to_numpy()
-    rows = grouped.mean().reset_index().assign(runs=count)
+    rows = grouped.mean().reset_index().assign(n=count)
     least = grouped["n"].min().to_numpy() if "n" in runs else np.full(len(rows), np.inf)
     names, means = rows["metric"].tolist(), rows["value"].to_numpy()
     metrics = {name: definition(name) for name in set(names) if isinstance(name, str)}
@@ -55,7 +56,7 @@ def across_seeds(
     numbers = ["value", "low", "high", "range_low", "range_high"]
     for name in numbers:  # ten digits: processors add up in different orders
         rows[name] = [significant(number, digits=10) for number in rows[name]]
-    return rows[[*keys, *numbers, "runs"]]
+    return rows[[*by, *METRIC_FIELDS]]
 
 
 def is_negligible(difference: float | None, value: float | None) -> bool:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.paths import expanded
+from genie_sim.base.paths import check_is_file, expanded
 from genie_sim.version import PACKAGE_FOLDER
 
 log = logging.getLogger(__name__)
@@ -40,18 +40,10 @@ def find(kind: FileKind, path_or_name: str | Path) -> Path:
     text = str(path_or_name)
     path = expanded(text)
     if len(path.parts) > 1 or path.suffix or isinstance(path_or_name, Path):
-        # for example a name longer than the file system allows
-        with as_user_error(str(text), OSError):
-            if path.is_file():
-                return path
-            known = (
-                f"; the {kind.what} {path.stem!r} needs no path"
-                if path.stem in available(kind)
-                else ""
-            )
-            raise UserError(
-                f"{text}: {'is a folder, not a file' if path.is_dir() else 'no such file'}{known}"
-            )
+        is_shipped = path.stem in available(kind)
+        shipped_too = f"; the {kind.what} {path.stem!r} needs no path" if is_shipped else ""
+        check_is_file(path, text, shipped_too)
+        return path
     own, shipped = (root / kind.folder / f"{text}{kind.suffix}" for root in (Path(), _shipped()))
     with as_user_error(text, OSError):
         if own.is_file():

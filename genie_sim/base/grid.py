@@ -68,7 +68,11 @@ class Grid(Generic[Item]):
         return self._cells.get(east_m // self.side_m + north_m // self.side_m * ROW, ())
 
     def inside(self, area: Area) -> Iterator[Item]:
-        """The items of all cells that an area touches, column by column.
+        """The items of all cells that an area touches, column by column."""
+        return itertools.chain.from_iterable(items for _, items in self.occupied(area))
+
+    def occupied(self, area: Area) -> Iterator[tuple[Cell, Sequence[Item]]]:
+        """All cells that an area touches and in which there are items, column by column.
 
         Takes time in proportion to the cells of the area or, if these are many, to the occupied
         cells of the grid.
@@ -83,9 +87,7 @@ class Grid(Generic[Item]):
             cells = self.cells(area)
         else:
             cells = _between(occupied, columns, rows)
-        return itertools.chain.from_iterable(
-            items for cell in cells if (items := occupied.get(cell)) is not None
-        )
+        return ((cell, occupied[cell]) for cell in cells if cell in occupied)
 
 
 def cell_counts(extent_m: Area, cell_m: float) -> tuple[int, int]:

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.parallel import limited_memory
@@ -78,8 +78,6 @@ def read(
         names = list(chosen(file.schema_arrow, told))
         if not trusted:
             _check_size(path, file.metadata, names)
-        # No threads: after reading a Python file they can abort the process at its end
-        # (apache/arrow 34314, 50482).
         table = file.read(names, use_threads=False)
         if not trusted:
             _check_texts(path, table)
@@ -99,7 +97,7 @@ def batches(path: Path, names: Sequence[str], rows: int) -> Iterator[dict[str, l
 
     with regular(path) as file:
         with _readable(path):
-            parquet_file = pq.ParquetFile(file)
+            parquet_file = pq.ParquetFile(_bytes_of(file))
             _check_size(path, parquet_file.metadata, names)
             read_batches = parquet_file.iter_batches(rows, columns=list(names), use_threads=False)
         rows_left = parquet_file.metadata.num_rows
@@ -133,10 +131,18 @@ def opened(
 
     if not os.path.exists(path):  # whatever the name  # noqa: PTH110
         raise UserError(f"{path}: {missing}")
-    # Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1"
-    # for a partition.
     with regular(path) as file, _readable(path, trusted=trusted):
-        yield pq.ParquetFile(file)
+        yield pq.ParquetFile(_bytes_of(file))
+
+
+def _bytes_of(file: BinaryIO) -> "pa.BufferReader":
+    """Exactly this open file: pyarrow takes a path for a URI, and read_table takes a folder "a=1"
+    for a partition. Its bytes, since of a Python file a thread of pyarrow's reads, which may abort
+    the process at its end (apache/arrow 34314, 50482).
+    """
+    import pyarrow as pa
+
+    return pa.BufferReader(file.read())
 
 
 @contextmanager

@@ -12,9 +12,11 @@ from io import BufferedReader
 from pathlib import Path
 from typing import TypeVar
 
+from genie_sim.base.add_ons import INSTALL_ROS
 from genie_sim.base.errors import UserError, as_user_error
 
 PARTIAL = ".partial"
+BAGS = (".bag", ".mcap", ".db3")  # files of ROS; a ROS 2 bag is a folder with a metadata.yaml
 REMEMBERED_FILES = 16  # of each kind
 MAX_TEXT_BYTES = 2**26  # of a text or JSON, which is read as a whole
 Content = TypeVar("Content")
@@ -49,6 +51,20 @@ def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
     with regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def check_is_file(path: Path, where: str = "", more: str = "") -> None:
+    """Raises ``UserError`` unless a path, which users wrote as ``where``, is that of a file: what
+    there is instead, and ``more``.
+    """
+    where = where or str(path)
+    with as_user_error(where, OSError):  # a name longer than the file system allows
+        if path.exists() and (path.suffix in BAGS or (path / "metadata.yaml").is_file()):
+            told = "is a ROS bag, which 'genie-sim import bag' of the add-on reads"
+            raise UserError(f"{where}: {told}: {INSTALL_ROS}")
+        if not path.is_file():
+            what = "is a folder, not a file" if path.is_dir() else "is a device or a pipe"
+            raise UserError(f"{where}: {what if path.exists() else 'no such file'}{more}")
 
 
 @contextmanager

@@ -1,8 +1,10 @@
 """Items that stay where they are, found by place: the nearest, all at a place, all in a sector."""
 
-import math
 from collections.abc import Iterable, Iterator
 from typing import Generic, TypeVar
+
+import numpy as np
+import numpy.typing as npt
 
 from genie_sim.base.grid import Area, Cell, Grid, area_around
 
@@ -27,6 +29,7 @@ class PlaceIndex(Generic[Item]):
     def __init__(self, cell_m: float, reach_m: float) -> None:
         self._reach_m, self._reach2_m2 = MARGIN * reach_m, reach_m**2
         self._grid: Grid[tuple[float, float, Item]] = Grid(cell_m)
+        self._places: dict[Cell, npt.NDArray[np.float64]] = {}  # (n, 2): of the items in a cell
         # Every cell lists the items within reach of it, so that a look-up reads one cell.
         self._within_reach: Grid[tuple[float, float, str, Item]] = Grid(CELL_REACHES * reach_m)
 
@@ -35,13 +38,18 @@ class PlaceIndex(Generic[Item]):
 
     def add(self, item: Item, kind: str, east_m: float, north_m: float) -> None:
         """Puts an item at a place."""
-        self._grid.add(self._grid.cell(east_m, north_m), (east_m, north_m, item))
+        cell = self._grid.cell(east_m, north_m)
+        self._grid.add(cell, (east_m, north_m, item))
+        if cell in self._places:
+            self._places[cell] = np.concatenate((self._places[cell], [(east_m, north_m)]))
         for cell in self._cells(east_m, north_m):
             self._within_reach.add(cell, (east_m, north_m, kind, item))
 
     def remove(self, item: Item, kind: str, east_m: float, north_m: float) -> None:
         """Takes an item from its place. Raises KeyError or ValueError if it is not there."""
-        self._grid.remove(self._grid.cell(east_m, north_m), (east_m, north_m, item))
+        cell = self._grid.cell(east_m, north_m)
+        self._grid.remove(cell, (east_m, north_m, item))
+        self._places.pop(cell, None)
         for cell in self._cells(east_m, north_m):
             self._within_reach.remove(cell, (east_m, north_m, kind, item))
 
@@ -90,19 +98,20 @@ class PlaceIndex(Generic[Item]):
         range_m : float
             How far it reaches from its tip.
         """
-        east_m, north_m = tip
-        ahead_east, ahead_north = ahead
-        hypot = math.hypot
-        items = []
-        for there_east_m, there_north_m, item in self._grid.inside(box):
-            away_east_m, away_north_m = there_east_m - east_m, there_north_m - north_m
-            ahead_m = away_east_m * ahead_east + away_north_m * ahead_north
-            if ahead_m < 0.0 <= min_cosine:
-                continue
-            distance_m = hypot(away_east_m, away_north_m)
-            if distance_m <= range_m and ahead_m >= min_cosine * distance_m:
-                items.append(item)
-        return items
+        items: list[tuple[float, float, Item]] = []
+        places = []
+        for cell, in_cell in self._grid.occupied(box):
+            if cell not in self._places:
+                self._places[cell] = np.array([place for *place, _ in in_cell], np.float64)
+            items += in_cell
+            places.append(self._places[cell])
+        if not places:
+            return []
+        away_east_m, away_north_m = (np.concatenate(places) - tip).T
+        ahead_m = away_east_m * ahead[0] + away_north_m * ahead[1]
+        distance_m = np.hypot(away_east_m, away_north_m)
+        is_inside = (distance_m <= range_m) & (ahead_m >= min_cosine * distance_m)
+        return [items[index][2] for index in is_inside.nonzero()[0].tolist()]
 
     def _cells(self, east_m: float, north_m: float) -> Iterable[Cell]:
         return self._within_reach.cells(area_around(east_m, north_m, self._reach_m))

@@ -67,6 +67,8 @@ def checked_name(what: str, name: object, registry: Mapping[str, object]) -> str
     """
     if isinstance(name, str) and (name in registry or is_own(name)):
         return name
+    if not registry:
+        raise ValueError(f"must be a {what} of your own, package.module:Class, not {name!r}")
     raise ValueError(f"{unknown(what, name, registry)}, or package.module:Class")
 
 
@@ -142,9 +144,15 @@ def own_faults_told() -> Iterator[None]:
     """
     try:
         yield
+    except UserError as error:
+        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
+        place = own_place(frame, line)  # one that the class raised itself
+        if place is None:
+            raise
+        raise UserError(f"{place.split(' (', 1)[0]}: {error}") from error
     except BaseException as error:
         fault = own_fault(error)
-        if fault is None or isinstance(error, UserError | KeyboardInterrupt):
+        if fault is None or isinstance(error, KeyboardInterrupt):
             raise
         raise UserError(fault) from error
 

@@ -64,6 +64,8 @@ def _is_any_of(value: object, kinds: list[type]) -> bool:
         return bool in kinds
     if isinstance(value, Integral) and int in kinds:
         return True
+    if isinstance(value, Mapping) and Mapping not in kinds:
+        return False
     return any(
         all(hasattr(value, name) for name in _members(kind))
         if getattr(kind, "_is_protocol", False)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from genie_sim.base import parquet, units
 from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.paths import usable
+from genie_sim.base.paths import check_is_file, usable
 from genie_sim.base.units import MAX_M, MAX_TIME_S
 
 if TYPE_CHECKING:
@@ -170,8 +170,7 @@ class FileTable:
     def __init__(self, path: Path, *, uneven: bool = False) -> None:
         self.path, self._uneven, self.separator = path, uneven, ","
         self.titles: tuple[str, ...] = ()
-        if not path.is_file():
-            raise UserError(f"{path}: no such file")
+        check_is_file(path)
         self._is_text = path.suffix != ".parquet"
         if not self._is_text:
             with parquet.opened(path) as file:
@@ -187,6 +186,8 @@ class FileTable:
                     content.append(line)
                 if len(content) == 2:
                     break
+        if not content and not comment:
+            raise UserError(f"{path}: is empty")
         first, second = [*content, "", ""][:2]
         mark = next((mark for mark in MARKS if mark in first), BLANKS)
         if mark == BLANKS and not uneven and len(first.split()) != len(second.split()):

@@ -30,17 +30,19 @@ def _own_code(context: click.Context, _: object, value: bool) -> None:
 
 
 class _Path(click.Path):
-    """A path, with the user's home where the shell has not put it. Raises ``UserError`` for what no
-    screen can show.
+    """A path, with the user's home where the shell has not put it. Raises ``UserError`` for an
+    empty one, and what no screen can show.
     """
 
     def convert(
         self, value: Any, parameter: click.Parameter | None, context: click.Context | None
     ) -> Path:
-        if (bad := _UNPRINTABLE.search(str(value))) and parameter is not None:
-            raise UserError(
-                f"{parameter.opts[0]}: {short_repr(str(value))} holds the character {bad[0]!r}"
+        bad = _UNPRINTABLE.search(str(value))
+        if parameter is not None and (bad or not str(value)):
+            problem = (
+                f"{short_repr(str(value))} holds the character {bad[0]!r}" if bad else "is empty"
             )
+            raise UserError(f"{parameter.opts[0]}: {problem}")
         return expanded(value)
 
 

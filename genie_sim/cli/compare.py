@@ -47,26 +47,21 @@ def compare(
     Of one result alone, its methods are compared. Seeds that not all results have are left out; a
     line says so.
     """
-    from genie_sim.analysis import compare_tables, registry, renderers
-    from genie_sim.analysis.compare import compare as compare_runs
-    from genie_sim.analysis.seed_runs import load
-    from genie_sim.analysis.verdict import verdicts
-    from genie_sim.report import comparison
+    from genie_sim import kinds
+    from genie_sim.analysis import compare_tables, renderers
+    from genie_sim.report.result import Comparison
 
     renderers.checked(format)
-    runs = [load(folder, allow_changed=allow_changed) for folder in folders]
-    rows = registry.checked(
-        listed("--metrics", metrics),
-        (metric.metric for run in runs for metric in run.measured),
-    )
-    compared = compare_runs(runs, listed("--methods", methods), labels, rows)
-    click.echo(compare_tables.text(compared, format), nl=False)
+    results = [kinds.load(folder, allow_changed=allow_changed) for folder in folders]
+    shown = listed("--methods", methods), labels, listed("--metrics", metrics)
+    comparison = Comparison(results, *shown)
+    click.echo(comparison.text(format), nl=False)
     if format == "markdown":
         click.echo()
-        for sentence in verdicts(compared):
+        for sentence in comparison.verdicts:
             click.echo(one_line(sentence))
-        click.echo(compare_tables.about(compared))
-        for path, values in compared.settings.items():
+        click.echo(compare_tables.about(comparison.compared))
+        for path, values in comparison.compared.settings.items():
             click.echo(one_line(f"{path}: {' | '.join(values)}"))
     if out is not None:
-        click.echo(f"Report: {comparison.write(compared, out)}", err=format != "markdown")
+        click.echo(f"Report: {comparison.report(out)}", err=format != "markdown")

@@ -70,8 +70,8 @@ def figures(
     genie-sim figures results/3car_hetero-65c23e86c242 --format svg,pdf
     genie-sim figures results/wifi results/lte --only latency_cdf --methods genie --out cdf.pdf
     """
+    from genie_sim import kinds
     from genie_sim.analysis.figures import FORMATS, save_all
-    from genie_sim.cli.outputs import Results
     from genie_sim.record import provenance
 
     width_in = arguments.width_in(width)
@@ -86,11 +86,11 @@ def figures(
             raise UserError(
                 f"{'--out' if is_file else '--format'}: {unknown('format', one, FORMATS)}"
             )
-    results = Results(folders, listed("--methods", methods), labels, allow_changed)
+    result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
     if only is None or name is None:
-        drawn = results.figures(width_in)
+        drawn = result.figures(width_in)
     else:
-        drawn = {name: results.figure(only, width_in)}
+        drawn = {name: result.figure(only, width_in)}
     if out is None and len(folders) > 1:
         raise UserError("figures: of several results: say where to, with --out")
     if out is None:

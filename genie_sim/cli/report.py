@@ -5,23 +5,15 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError
-from genie_sim.cli import terminal
 from genie_sim.cli.arguments import PATH, changed_option, own_code_option
 
 
 @click.command()
-@click.argument("folder", type=PATH, help="A result folder of 'run' or 'reproduce'.")
+@click.argument("folder", type=PATH, help="A result folder of any kind.")
 @click.option(
     "--start", default="0 s", help="Where the replay of a long run begins, such as '60 s'."
 )
 @click.option("--out", type=PATH, help="The page to write; default: report.html in the folder.")
-@click.option(
-    "--pictures",
-    metavar="DIR",
-    type=PATH,
-    help="KITTI's folder: the replay shows its frames, which stay where they are.",
-)
-@click.option("--copy-pictures", is_flag=True, help="The page holds small copies of the frames.")
 @changed_option
 @own_code_option
 def report(
@@ -29,8 +21,6 @@ def report(
     folder: Path,
     start: str,
     out: Path | None,
-    pictures: Path | None,
-    copy_pictures: bool,
     allow_changed: bool,
 ) -> None:
     """Write one HTML page about the results in a folder."""
@@ -40,34 +30,18 @@ def report(
         start_ns = units.duration_ns(start)
     except ValueError as error:
         raise UserError(f"--start: {error}") from error
-    if copy_pictures and pictures is None:
-        raise UserError("--copy-pictures: --pictures says where they are")
-    from genie_sim.analysis.seed_runs import is_seeds_folder
-    from genie_sim.paper import page as evaluation
-    from genie_sim.record import results
-    from genie_sim.report import comparison, html_page
-    from genie_sim.report.run_pictures import kitti_pictures
-    from genie_sim.study import printed
+    from genie_sim import kinds
+    from genie_sim.report import template
 
-    path = out if out is not None else folder / terminal.PAGE
-    page = None
-    if (folder / "verdicts.json").is_file():
-        page = evaluation.page
-    elif is_seeds_folder(folder):
-        page = comparison.seeds_page_of
-    elif (folder / "sweep.json").is_file():
-        page = printed.page_of
-    if page is None:
-        run = results.load(folder, allow_changed=allow_changed)
-        frames = None
-        if pictures is not None:
-            frames = kitti_pictures(run, pictures, copied=copy_pictures)
-        html_page.write(path, run, start_ns, frames)
-    elif start_ns or pictures is not None:
-        option = "--start" if start_ns else "--pictures"
+    result = kinds.load(folder, allow_changed=allow_changed)
+    if isinstance(result, kinds.Run):
+        page = result.page(start_ns)
+    elif start_ns:
         raise UserError(
-            f"{option}: {folder} holds no single run; only the page of a run has a replay"
+            f"--start: {folder} holds no single run; only the page of a run has a replay"
         )
     else:
-        html_page.write_text(path, page(folder, allow_changed))
+        page = result.page()
+    path = out if out is not None else folder / template.NAME
+    template.write(path, page)
     click.echo(f"Report: {path}")

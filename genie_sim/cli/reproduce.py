@@ -10,7 +10,7 @@ from genie_sim.cli.terminal import ProgressBar
 
 
 @click.command()
-@click.option("--quick", is_flag=True, help="Two seeds: a coarse answer in a minute.")
+@click.option("--quick", is_flag=True, help="Two seeds: a coarse answer, in a minute on two cores.")
 @click.option(
     "--seeds", type=COUNT, metavar="N", help="So many seeds, from 1 on; default: the assumptions'."
 )

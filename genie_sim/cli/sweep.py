@@ -74,7 +74,7 @@ def sweep(
         arguments.only("with --scheduler", *of_all)
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
-    from genie_sim.analysis.seed_runs import load
+    from genie_sim import kinds
     from genie_sim.base import files, parallel
     from genie_sim.record.results import checked_label
     from genie_sim.study.design import fixed_settings, load_design, read_design
@@ -101,7 +101,7 @@ def sweep(
         _write_design(work.folder / WRITTEN, described, methods)
     done = work.finish()
     if done.complete and not work.design.axes:
-        print_results(load(done.folder), page=True, figures=False)
+        print_results(kinds.Runs.read(done.folder), page=True, figures=False)
     elif done.complete:
         click.echo(
             f"{done.points:,} points, {done.runs:,} runs\n"
@@ -142,12 +142,10 @@ def _described(
 def _refuse_scenario(name: str) -> None:
     """Raises ``UserError`` for a scenario without an axis."""
     from genie_sim.base import files
+    from genie_sim.study.design import refuse_scenario
 
     if name not in files.available(files.SWEEP) and name in files.available(files.SCENARIO):
-        raise UserError(
-            f"{name} is a scenario: say what varies, such as --axis fleet.cars=10,20, or run it "
-            f"with several seeds: genie-sim run {name} --seeds 5"
-        )
+        refuse_scenario(name)
 
 
 def _write_design(path: Path, described: dict[str, Any], methods: str | None) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.cli.arguments import (
+    PATH,
     changed_option,
     labels_option,
     listed,
@@ -22,6 +23,7 @@ from genie_sim.cli.arguments import (
 @shown_methods_option
 @metrics_option
 @labels_option
+@click.option("--out", type=PATH, help="A file for the table, instead of printing it.")
 @changed_option
 @own_code_option
 def table(
@@ -31,16 +33,28 @@ def table(
     methods: str | None,
     metrics: str | None,
     labels: tuple[str, ...],
+    out: Path | None,
     allow_changed: bool,
 ) -> None:
     """Print the numbers of results as a table for a paper.
 
-    LaTeX needs the packages booktabs and siunitx.
+    LaTeX needs the packages booktabs, siunitx and array.
 
     \b
-    genie-sim table results/3car_hetero-65c23e86c242 --format latex
+    genie-sim table results/3car_hetero-65c23e86c242 --format latex --out latency.tex
     """
-    from genie_sim.cli.outputs import Results
+    from genie_sim import kinds
+    from genie_sim.analysis import renderers
+    from genie_sim.base.paths import atomic_write, usable
 
-    results = Results(folders, listed("--methods", methods), labels, allow_changed)
-    click.echo(results.table(format, listed("--metrics", metrics)), nl=False)
+    renderers.checked(format)
+    result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
+    text = result.text(format, listed("--metrics", metrics))
+    if out is None:
+        click.echo(text, nl=False)
+        return
+    with usable(out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(out) as beside:
+            beside.write_text(text, encoding="utf-8")
+    click.echo(f"Table: {out}")

@@ -13,6 +13,7 @@ from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex
 
 Answers = dict[str, Answer]  # by the topic they were published on
+MAX_TIMELESS = 10_000  # so many requests without a deadline wait at most
 
 
 class MessageCache:
@@ -164,9 +165,10 @@ class PendingIndex:
         pending = self.by_key(topic, key)
         return None if pending is None or pending.answered else pending
 
-    def open(self, header: Header, pending: PendingRequest) -> None:
+    def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
         """A request waits from now on, one of this header at a time. Deadlines must not decrease
-        from call to call.
+        from call to call. Returns those that it pushes out: of requests without a deadline the
+        oldest.
         """
         if not self._waiting:
             self.next_deadline_ns = pending.deadline_ns
@@ -176,16 +178,15 @@ class PendingIndex:
         if pending.forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
+        if pending.deadline_ns is None and len(self._waiting) > MAX_TIMELESS:
+            return [self._remove_oldest()]
+        return []
 
     def expire(self, now_ns: int) -> list[PendingRequest]:
         """Removes and returns the requests whose deadline has come."""
         expired = []
         while self.next_deadline_ns is not None and self.next_deadline_ns <= now_ns:
-            identity, pending = self._waiting.popleft()
-            self.next_deadline_ns = self._waiting[0][1].deadline_ns if self._waiting else None
-            del self._by_header[identity]
-            self.close(pending)
-            expired.append(pending)
+            expired.append(self._remove_oldest())
         return expired
 
     def close(self, pending: PendingRequest) -> None:
@@ -195,3 +196,10 @@ class PendingIndex:
             if self._open.get((pending.topic, pending.key)) is pending:
                 del self._open[pending.topic, pending.key]
                 self._keys[pending.topic].discard(pending.key)
+
+    def _remove_oldest(self) -> PendingRequest:
+        identity, pending = self._waiting.popleft()
+        self.next_deadline_ns = self._waiting[0][1].deadline_ns if self._waiting else None
+        del self._by_header[identity]
+        self.close(pending)
+        return pending

@@ -250,7 +250,7 @@ class GenieNode:
             deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
             waiting = [requester] if is_run else []
             pending = PendingRequest(topic, key, deadline_ns, is_run, waiting, answered=set())
-            pending_requests.open(header, pending)  # line 15
+            effects += _unanswered(pending_requests.open(header, pending))  # line 15
         if not requester.neighbour:
             effects += self._map_answers(message)
         return effects

@@ -204,7 +204,8 @@ class ObjectMap:
         in_sector = self._places.in_sector(
             sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m
         )
-        return [stored for stored in in_sector if stored.confidence >= self.threshold]
+        threshold = self.threshold
+        return [stored for stored in in_sector if stored.confidence >= threshold]
 
     def _add(
         self, seen: Detection, location: Location, now_ns: int, header: Header | None

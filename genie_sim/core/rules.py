@@ -183,8 +183,8 @@ class GenieRules:
     """Whether misses go to neighbours. `false` is an ablation."""
 
     request_expiry_ns: Annotated[int, Bounds(above=0)] | None = 2_000_000_000
-    """After this time an unanswered request is forgotten. Assumed; `null` (never) is the literal
-    reading."""
+    """After this time an unanswered request is forgotten. Assumed; `null` is the literal reading:
+    when 10,000 later ones have come."""
 
     miss_policy: MissPolicy = "immediate"
     """What a client gets on a miss: the map's objects at once and the detection later, the first

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
-import cv2
 import numpy as np
 
 from genie_sim.base import plugins
@@ -111,6 +110,8 @@ class YoloxNano(OnnxDetector):
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """BGR from 0 to 255, as it is."""
+        import cv2
+
         picture, scale = letterbox(image_bgr, self.size)
         blob = np.empty((1, 3, *picture.shape[:2]), np.float32)
         for plane, channel in zip(blob[0], cv2.split(picture), strict=True):

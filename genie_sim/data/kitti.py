@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pykitti
 
 from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
@@ -108,6 +107,8 @@ class KittiDrive:
         """Points (n, 3) of the laser scan of a frame, in the laser's frame; ``None`` where the
         drive has no scan.
         """
+        import pykitti
+
         path = self.scan_paths.get(index)
         if path is None:
             return None
@@ -276,6 +277,8 @@ def _drive_folder(root: Path, drive: str) -> Path:
 
 def _raw(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None) -> _Layout:
     """Of a raw drive."""
+    import pykitti
+
     folder = _drive_folder(root, drive)
     date, number = drive.split("/")
     calibration_files = [folder.parent / name for name in CALIBRATION_FILES]
@@ -308,6 +311,8 @@ def _raw(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None
 
 def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic | None) -> _Layout:
     """Of a sequence of the odometry benchmark."""
+    import pykitti
+
     number = drive.removeprefix(ODOMETRY)
     places = [root / name for name in ODOMETRY_FOLDERS if (root / name / "sequences").is_dir()]
     if not places:
@@ -370,6 +375,8 @@ def _packet(path: Path) -> Array:
     """Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad] in the file of an OXTS
     packet.
     """
+    import pykitti
+
     told = as_user_error(f"{path}: is no OXTS packet", *BROKEN)
     with regular(path), told, np.errstate(all="ignore"):
         packets = pykitti.utils.load_oxts_packets_and_poses([path])

@@ -31,7 +31,7 @@ MAX_WHOLE = 2**63 - 1
 
 
 @dataclass(frozen=True)
-class Steps:
+class StepFunction:
     """A quantity that keeps its value from one row to the next.
 
     ``t_ns`` begins at 0. The last value lasts as long as the one before; after that the recording
@@ -87,14 +87,14 @@ class LinkRecording:
     digest: str
     about: Mapping[str, Any] = field(compare=False)
 
-    def steps(self, column: str, loops: bool) -> Steps:
+    def steps(self, column: str, loops: bool) -> StepFunction:
         """A column over time. Raises ``UserError`` if there is none."""
         self.check(column)
         values = self.columns[column]
         if column != "rtt_ns" and not loops and values[-1] == 0:
             text = "ends with a rate of 0, so that nothing would ever get through; use 'loop: true'"
             raise UserError(f"{self.path}: column {column}: {text}")
-        return Steps(self.columns["t_ns"], values, loops)
+        return StepFunction(self.columns["t_ns"], values, loops)
 
     def check(self, *columns: str) -> None:
         """Raises ``UserError`` unless there are these columns."""
@@ -167,6 +167,8 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
     """The ranges, the gaps and the way of a recorded link, for the report of its import."""
     times_s = [(t_ns - columns["t_ns"][0]) / NS_PER_S for t_ns in columns["t_ns"]]
     report.read("rows", len(times_s))
+    if len(times_s) == 1:
+        report.warn("one row alone: its values hold all the time")
     for name, (unit, factor) in TOLD.items():
         if name in columns:
             values = [value * factor for value in columns[name]]

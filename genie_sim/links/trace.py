@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.links.recording import LinkRecording, Steps, read
+from genie_sim.links.recording import LinkRecording, StepFunction, read
 from genie_sim.sim.link_model import LinkEnds, Sender
 
 if TYPE_CHECKING:
@@ -80,22 +80,26 @@ class RecordedLink:
 
     def sender(self, network: "Network", ends: LinkEnds) -> "RecordedSender":
         column, constant_bps = ("up_bps", self.up_bps) if ends.up else ("down_bps", self.down_bps)
-        rates = Steps([0], [constant_bps], True)
-        rates_at, rtts_at = (self._position(network, ends, None, rates),) * 2
+        rates = StepFunction([0], [constant_bps], True)
+        rates_at, rtts_at = (self._position(network, ends, None, rates.period_ns),) * 2
         if self.rate is not None and column in (recording := read(self.rate)).columns:
             rates = recording.steps(column, self.loop)
-            rates_at = self._position(network, ends, recording, rates)
-        rtts = Steps([0], [2 * self.delay_ns], True)
+            rates_at = self._position(network, ends, recording, rates.period_ns)
+        rtts = StepFunction([0], [2 * self.delay_ns], True)
         if self.rtt is not None:
             recording = read(self.rtt)
             rtts = recording.steps("rtt_ns", self.loop)
-            rtts_at = self._position(network, ends, recording, rtts)
+            rtts_at = self._position(network, ends, recording, rtts.period_ns)
         return RecordedSender(
             network, ends, rates=rates, rates_at=rates_at, rtts=rtts, rtts_at=rtts_at
         )
 
     def _position(
-        self, network: "Network", ends: LinkEnds, recording: LinkRecording | None, steps: Steps
+        self,
+        network: "Network",
+        ends: LinkEnds,
+        recording: LinkRecording | None,
+        period_ns: int,
     ) -> Callable[[int], int]:
         """Where in a recording a link is at a time [ns]."""
         if self.offset == "begin" or recording is None:
@@ -103,7 +107,7 @@ class RecordedLink:
         if self.offset == "position" and ends.car is not None:
             return _nearest(recording, network, ends.car)
         name = ends.name if ends.car is None else ends.car  # both directions begin together
-        offset_ns = int(network.draws("trace").uniform(name) * steps.period_ns)
+        offset_ns = int(network.draws("trace").uniform(name) * period_ns)
         return lambda now_ns: now_ns + offset_ns
 
 
@@ -129,7 +133,7 @@ class RecordedSender(Sender):
         Where the link is.
     ends : LinkEnds
         Which direction of which link.
-    rates, rtts : Steps
+    rates, rtts : StepFunction
         The rate [bit/s] and the round trip [ns] over the recordings' time.
     rates_at, rtts_at : callable
         Where in the recordings it is at a time [ns].
@@ -140,9 +144,9 @@ class RecordedSender(Sender):
         network: "Network",
         ends: LinkEnds,
         *,
-        rates: Steps,
+        rates: StepFunction,
         rates_at: Callable[[int], int],
-        rtts: Steps,
+        rtts: StepFunction,
         rtts_at: Callable[[int], int],
     ) -> None:
         super().__init__(network, ends)

@@ -169,16 +169,19 @@ class Router(LocalAndRemote):
     back.
     """
 
+    def __init__(self, name: str, scheduler: Scheduler, *topics: tuple[str, ...]) -> None:
+        super().__init__(name, *topics)
+        self._scheduler = scheduler
+
     def on_message(
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
-        scheduler: Scheduler = self._state
         if topic != self._images:
             route: Route = "local" if topic.endswith(LOCAL) else "remote"
-            scheduler.answered(route, message.header, now_ns)
+            self._scheduler.answered(route, message.header, now_ns)
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
-        choices = scheduler.choose(message.header, message.size_bytes, now_ns)
+        choices = self._scheduler.choose(message.header, message.size_bytes, now_ns)
         if not choices:
             return [Expired(message.header)]
         return [self._request(message, choice) for choice in choices]

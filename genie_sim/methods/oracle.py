@@ -105,18 +105,21 @@ class OracleInterceptor(LocalAndRemote):
     counts.
     """
 
+    def __init__(self, name: str, history: AnswerHistory, *topics: tuple[str, ...]) -> None:
+        super().__init__(name, *topics)
+        self._history = history
+
     def on_message(
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
-        history: AnswerHistory = self._state
         if topic != self._images:
             assert isinstance(message, Detections)
-            history.add(message)
+            self._history.add(message)
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
-        right = history.right(message.content.detections)
+        right = self._history.right(message.content.detections)
         outcome = "miss" if right is None else "hit"
-        lookup = ImageLookup(message.header, outcome, "client", len(history))
+        lookup = ImageLookup(message.header, outcome, "client", len(self._history))
         if right is None:
             return [
                 lookup,

@@ -2,7 +2,6 @@
 
 import math
 from functools import partial
-from typing import Any
 
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
@@ -101,17 +100,12 @@ class LocalAndRemote(Interceptor):
     ----------
     name : str
         Of the node, such as ``car1/router``.
-    state : object
-        What the subclass decides by.
     subscribed, published : tuple of str
         T_S and T_P of the car's detector: one topic each.
     """
 
-    def __init__(
-        self, name: str, state: Any, subscribed: tuple[str, ...], published: tuple[str, ...]
-    ) -> None:
+    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
         self.name = name
-        self._state = state
         (self._images,) = subscribed
         (self._objects,) = published
 

@@ -7,7 +7,6 @@ A mark called "paper" is a number that the paper prints, drawn in the figure tha
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,12 @@ from genie_sim.analysis.metric import DEADLINE_MS
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import PAGE_IN
 from genie_sim.base.text import percent_text
-from genie_sim.paper import curves, numbers, printed, sources
+from genie_sim.paper import curves, numbers, sources
 from genie_sim.paper.checks import ALL, CASE, HE, HO
 from genie_sim.paper.claims import load_claims
 from genie_sim.paper.curves import Curves, Key
 from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.numbers import METHODS, placed
-from genie_sim.record import provenance
 from genie_sim.record.results import Run
 
 log = logging.getLogger(__name__)
@@ -49,26 +47,12 @@ PREFIX = "paper_"  # of the figures of a run
 PRINTED = {claim.id: claim.expect for claim in load_claims()}
 
 
-def of_evaluation(
-    evaluation: Path, width_in: float | None = None, allow_changed: bool = False
-) -> dict[str, Figure]:
-    """The five figures of an evaluation, by file name, by default as wide as a page. Raises
-    ``UserError``, also for files that were changed since they were written, unless they are
-    allowed.
-    """
-    about = printed.read_about(evaluation)
-    changed = provenance.changed_files(
-        evaluation, about.get("digests"), [numbers.FILE, curves.FILE]
-    )
-    provenance.refuse_changed(evaluation, changed, allow_changed)
-    drawn = curves.read(evaluation / curves.FILE)
-    return of_numbers(numbers.read(evaluation), drawn, width_in)
-
-
 def of_numbers(
     table: pd.DataFrame, drawn: Curves, width_in: float | None = None
 ) -> dict[str, Figure]:
-    """The same of numbers and curves in hand."""
+    """The five figures of an evaluation's numbers and curves, by file name, by default as wide as a
+    page.
+    """
     evidence = Evidence(table)
     seeds = len(evidence.seeds)
     footer = f"genie-sim reproduce, {seeds} seed{'s' * (seeds > 1)}"

@@ -126,6 +126,27 @@ def differences(known: Mapping[Number, float], found: Mapping[Number, float]) ->
     return lines
 
 
+def table_differences(known: "pd.DataFrame", found: "pd.DataFrame") -> list[str]:
+    """The same of two evaluations' tables, with the run that each number is of."""
+    lines = []
+    sides = [_by_run(table) for table in (known, found)]
+    for place in sorted({*sides[0], *sides[1]}):
+        before, now = (side.get(place, {}) for side in sides)
+        variant, scenario, seed = place
+        lines += [
+            f"{scenario}, {variant}, seed {seed}: {line}" for line in differences(before, now)
+        ]
+    return lines
+
+
+def _by_run(table: "pd.DataFrame") -> dict[tuple[str, str, int], Numbers]:
+    names = ["variant", "scenario", "seed", *Number._fields, "value"]
+    runs: dict[tuple[str, str, int], Numbers] = {}
+    for variant, scenario, seed, *number, value in table[names].itertuples(index=False, name=None):
+        runs.setdefault((variant, scenario, int(seed)), {})[Number(*number)] = value
+    return runs
+
+
 def _of_answers(frames: Columns) -> Numbers:
     """Of each method the early percentiles of first answers; its times to the result, a detection
     or a cached answer of this very frame; each car's times; and what the last third of the frames

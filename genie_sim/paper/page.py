@@ -1,24 +1,38 @@
 """The page of an evaluation: verdicts with their evidence, the paper's figures, and all numbers."""
 
-import base64
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title
-from genie_sim.analysis.result_table import ResultTable
-from genie_sim.paper import claims, curves, numbers, printed
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL, CASE
 from genie_sim.paper.evidence import MIN_SEEDS, Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.record import provenance
-from genie_sim.report import html_page
+from genie_sim.report import template
+from genie_sim.report.template import Page, Section
 
-FILES = (numbers.FILE, curves.FILE, printed.VERDICTS)
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from genie_sim.paper.reproduce import Reproduction
+
 TITLE = "The paper's evaluation, simulated"
+ABOUT_CLAIMS = (
+    "he: heterogeneous edges; ho: homogeneous edges. Here: mean over the seeds and its 95 % "
+    "interval. The set-ups were chosen with outcomes in sight: what holds describes the paper and "
+    "predicts nothing."
+)
+ABOUT_ACCURACY = (
+    "The paper does not measure it. Against KITTI's labels: what the consumer holds at each "
+    "instant, mean over the six scenarios with its 95 % interval; the zero-delay detector is the "
+    "detector's own answer without any delay."
+)
 ACCURACY = (
     "object_precision",
     "object_recall_static",
@@ -30,56 +44,75 @@ ACCURACY = (
 )
 
 
-def page(folder: Path, allow_changed: bool = False) -> str:
-    """The page about the evaluation in ``folder``. Raises ``UserError`` for a folder that is not
-    whole, and, unless they are allowed, for files that were changed since they were written.
+def page(made: "Reproduction", drawn: "Mapping[str, Figure] | None" = None) -> str:
+    """The page about an evaluation; figures that were ``drawn`` are not drawn again. Raises
+    ``UserError``.
     """
-    rows = printed.read_rows(folder)
-    with provenance.of_this_version(folder):
-        elsewhere = "The verdicts are also in verdicts.md beside it."
-        data = page_data(folder, rows, allow_changed)
-        scripts = ("evaluation.js",)
-        return html_page.assemble(
-            "evaluation.html", scripts, TITLE, data, elsewhere=elsewhere, pictures="data:"
-        )
+    about, rows, evidence = made.about, made.rows, Evidence(made.numbers)
+    with provenance.of_this_version(made.folder):
+        seeds = len(about["seeds"])
+        return Page(
+            kind="an evaluation",
+            name=TITLE,
+            about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
+            warning=provenance.warning(made.changed),
+            sections=[
+                Section(
+                    "What of the paper holds",
+                    [
+                        *(f"<p>{escape(text)}</p>" for text in claims.sentences(rows)),
+                        _claims(rows),
+                        template.note(ABOUT_CLAIMS),
+                    ],
+                ),
+                Section(
+                    "The paper's figures",
+                    [template.figures(made.figures() if drawn is None else drawn)],
+                ),
+                Section(
+                    "How accurate the answers are",
+                    [template.note(ABOUT_ACCURACY), template.table(accuracy(evidence))],
+                ),
+                Section("All numbers", [template.table(_means(evidence), filtered=True)], True),
+            ],
+            notes=[*printed.notes(rows), *about["edited"]],
+            origin="numbers.parquet. Versions and digests are in run.json beside this page, the "
+            "verdicts also in verdicts.md.",
+        ).text()
 
 
-def page_data(
-    folder: Path, rows: list[dict[str, Any]], allow_changed: bool = False
-) -> dict[str, Any]:
-    """Everything on the page, as plain JSON values; nothing of when, where and how fast it was
-    made.
-    """
-    about = printed.read_about(folder)
-    changed = provenance.changed_files(folder, about.get("digests"), FILES)
-    provenance.refuse_changed(folder, changed, allow_changed)
-    evidence = Evidence(numbers.read(folder))
-    judged = accuracy(evidence)
-    return {
-        "about": {
-            "name": TITLE,
-            "description": "",
-            "warning": provenance.warning(changed),
-            **{name: about[name] for name in ("genie_sim", "quick", "seeds")},
-        },
-        "methods": [],
-        "notes": [*printed.notes(rows), *about["edited"]],
-        "sentences": claims.sentences(rows),
-        "verdicts": claims.VERDICTS,
-        "kinds": claims.KINDS,
-        "claims": [
-            row
-            | {
-                "found": printed.number(row),
-                "said": printed.verdict(row),
-                "reason": printed.reason(row),
-            }
-            for row in rows
-        ],
-        "figures": list(_figures(folder, allow_changed)),
-        "accuracy": [judged.headings, *judged.texts()],
-        "numbers": list(_means(evidence)),
+def _claims(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The table of the claims, each with its test and what shows it, which open on a click."""
+    headings = ("the paper says", "the paper", "here", "verdict", "why")
+    head = "".join(f'<th scope="col">{heading}</th>' for heading in headings)
+    body = "".join(map(_claim, rows))
+    table = f"<table><thead><tr><td></td>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return template.filterable(template.boxed(table, "Claims"))
+
+
+def _claim(row: Mapping[str, Any]) -> str:
+    kind = f" ({row['kind']})" if "input" in row["kind"] else ""
+    facts = {
+        "Paper": row["where"],
+        "Section": row["section"],
+        "Kind": f"{row['kind']}: {claims.KINDS[row['kind']]}",
+        "Test": row["test"],
+        "Shown by": row["command"],
+        "Minutes": str(row["minutes"]),
     }
+    more = "".join(
+        f"<div><dt>{name}</dt><dd>{escape(value)}</dd></div>" for name, value in facts.items()
+    )
+    cells = [
+        f"{escape(row['claim'] + kind)}<details><summary>test</summary><dl>{more}</dl></details>",
+        escape(row["paper"]),
+        f'{escape(printed.number(row))} <small class="long">{escape(row["ours"])}</small>',
+        f'<span class="verdict v{claims.VERDICTS.index(row["verdict"])}">'
+        f"{escape(printed.verdict(row))}</span>",
+        f'<div class="why">{escape(printed.reason(row))}</div>',
+    ]
+    columns = "".join(f"<td>{cell}</td>" for cell in cells)
+    return f'<tr id="{escape(row["id"])}"><th scope="row">{escape(row["id"])}</th>{columns}</tr>'
 
 
 def accuracy(evidence: Evidence) -> ResultTable:
@@ -108,23 +141,14 @@ def _with_interval(values: np.ndarray) -> str:
     return f"{mean:.3g} ({low:.3g} to {high:.3g})"
 
 
-def _figures(folder: Path, allow_changed: bool) -> Iterator[dict[str, str]]:
-    """The figures, as text for the source of a picture, where scripts in them would not run."""
-    from genie_sim.analysis.figures import svg
-    from genie_sim.paper import figures
-
-    for name, figure in figures.of_evaluation(folder, allow_changed=allow_changed).items():
-        title = str(figure.get_label()).partition("\n")[0]
-        source = f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"
-        yield {"name": name, "title": title, "source": source}
-
-
-def _means(evidence: Evidence) -> Iterator[list[Any]]:
-    """Every number of the scenarios as they are: scenario, name, mean and its 95 % interval."""
+def _means(evidence: Evidence) -> ResultTable:
+    """Every number of the scenarios as they are: its mean and its 95 % interval."""
+    rows = []
     for scenario in (*ALL, CASE):
         for number in evidence.numbers_of(scenario):
             values = evidence.of(scenario, number)
             if not np.isnan(values).any():
-                ends = [float(f"{end:.6g}") for end in interval(values)]
-                known = ends if len(values) >= MIN_SEEDS else [ends[0], None, None]
-                yield [scenario, str(number), *known]
+                mean, low, high = interval(values)
+                ends = (low, high) if len(values) >= MIN_SEEDS else (None, None)
+                rows.append(Row(scenario, [Cell(str(number)), Cell(mean, *ends)]))
+    return ResultTable(["number", "mean"], rows, corner="scenario")

@@ -134,11 +134,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
 
 
 def table(rows: Sequence[Row], format: str) -> str:
-    """The table in ``markdown``; in ``csv`` with all digits. Raises ``UserError``."""
-    if format == "csv":
-        names = ["id", "section", "kind", "claim", "paper", "ours", "value", "low", "high"]
-        names += ["unit", "n", "verdict", "full_run", "note", "why", "command", "minutes"]
-        return renderers.exact(names, ([row[name] for name in names] for row in rows))
+    """The table in ``markdown``. Raises ``UserError`` for another format."""
     if format == "markdown":
         return f"{in_markdown(rows)}\n"
     raise UserError("--format: an evaluation has markdown and csv")

@@ -6,21 +6,27 @@ is tested.
 
 import logging
 import tempfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from genie_sim.analysis import registry, renderers
+from genie_sim.analysis.registry import definition
+from genie_sim.analysis.tidy import across_seeds
+from genie_sim.base.errors import Suggesting, UserError
 from genie_sim.base.parallel import workers_here
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.progress import Progress
 from genie_sim.paper import claims, curves, numbers, page, printed, runs, sources
 from genie_sim.paper.checks import judge
-from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.evidence import BASE, Evidence
 from genie_sim.paper.sources import ASSUMPTIONS
 from genie_sim.record import provenance
-from genie_sim.report import html_page
+from genie_sim.record.results import Run
+from genie_sim.report import template
+from genie_sim.report.result import Result, cells_of
 from genie_sim.scenario.yaml_input import read_mapping
 
 if TYPE_CHECKING:
@@ -32,12 +38,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 QUICK_SEEDS = 2
 FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "case_study")
+FILES = (numbers.FILE, curves.FILE, printed.VERDICTS)  # what is read, besides run.json
 # what is derived from the numbers
-SHOWN = (printed.DOCUMENT, html_page.NAME, *(f"figures/{name}.svg" for name in FIGURES))
+SHOWN = (printed.DOCUMENT, template.NAME, *(f"figures/{name}.svg" for name in FIGURES))
 
 
-@dataclass(frozen=True, eq=False)
-class Reproduction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reproduction(Suggesting, Result):
     """A finished evaluation.
 
     Parameters
@@ -49,11 +56,104 @@ class Reproduction:
         value.
     curves : mapping
         The points that figures draw.
+    about : mapping
+        How it came about: seeds, edited set-ups, and the versions of sources and packages.
+    folder : Path or None
+        Where it is; ``None`` for one in memory.
+    changed : sequence of str
+        Files that were changed since they were written.
     """
 
-    rows: Sequence[Mapping[str, Any]]
+    rows: Sequence[dict[str, Any]]
     numbers: "pd.DataFrame"
     curves: "Curves"
+    about: Mapping[str, Any]
+    folder: Path | None = None
+    changed: Sequence[str] = ()
+
+    @classmethod
+    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Reproduction":
+        """See ``Result``."""
+        with provenance.of_this_version(folder):
+            rows = printed.read_rows(folder)
+            about = printed.read_about(folder)
+            changed = provenance.changed_files(folder, about.get("digests"), FILES)
+            provenance.refuse_changed(folder, changed, allow_changed)
+            drawn = curves.read(folder / curves.FILE)
+            return cls(rows, numbers.read(folder), drawn, about, folder, changed)
+
+    def __repr__(self) -> str:
+        where = self.folder if self.folder is not None else "not written to a folder"
+        return f"<Reproduction of the paper, {len(self.about['seeds'])} seeds, {where}>"
+
+    @cached_property
+    def metrics(self) -> "pd.DataFrame":
+        """One row per variant, scenario and number: the mean over seeds, and its 95 % t interval;
+        see ``MetricValue``.
+        """
+        names = [*numbers.Number._fields, "variant", "scenario"]
+        table = self.numbers.astype(dict.fromkeys(names, str))
+        units = {name: definition(name).unit_in_files for name in set(table["metric"])}
+        runs = table.assign(unit=table["metric"].map(units))
+        return across_seeds(runs, ["variant", "scenario"])
+
+    @cached_property
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
+        """Each scenario of the paper as runs by seed, with the numbers of methods as a whole."""
+        facts = {
+            "scenario": {"name": "evaluation"},
+            "devices": {},
+            "genie_sim": self.about["genie_sim"],
+            "methods": [asdict(method) for method in numbers.METHODS],
+        }
+        run_id = provenance.run_id({"sources": self.about.get("sources")})
+        like = Run(run_id, facts, "", {}, (), changed=self.changed)
+        return cells_of(self.numbers[self.numbers["variant"] == BASE], ["scenario"], like)
+
+    def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Reproduction":
+        """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
+        else.
+        """
+        for option, given in (("--methods", methods), ("--label", label)):
+            if given:
+                where = self.folder or "an evaluation"
+                raise UserError(
+                    f"{option}: {where} is an evaluation: its figures and its table are of claims"
+                )
+        return self
+
+    def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
+        """The table of the paper in ``markdown``; in ``csv`` every number of each scenario, or
+        these ``metrics``, as means over seeds.
+        """
+        if renderers.checked(format) == "csv":
+            table = self.metrics
+            if registry.checked(metrics, table["metric"]):
+                table = table[table["metric"].isin(metrics)]
+            rows = table.itertuples(index=False, name=None)
+            return renderers.exact_changed(list(table.columns), rows, self.changed)
+        if metrics:
+            raise UserError(
+                "--metrics: the table of an evaluation is of claims; --format csv has them"
+            )
+        return printed.table(self.rows, format)
+
+    def page(self) -> str:
+        """See ``Result``."""
+        return page.page(self)
+
+    def rerun(self, progress: Progress | None = None) -> Iterator[str]:
+        """A line for each number that differs, and one for all."""
+        if self.folder is None:
+            raise UserError("rerun: the result has no folder")
+        planned = runs.planned(self.about["seeds"])
+        with tempfile.TemporaryDirectory() as scratch:
+            again, _ = runs.simulate(planned, Path(scratch), workers_here(), progress)
+        different = numbers.table_differences(self.numbers, again)
+        yield from different
+        if different:
+            raise UserError(f"{self.folder}: {len(different)} numbers do not reproduce")
+        yield f"{self.folder}: reproduced, {len(again):,} numbers of {len(planned):,} runs"
 
     @property
     def sentences(self) -> list[str]:
@@ -67,12 +167,12 @@ class Reproduction:
 
         return pd.DataFrame(self.rows).set_index("id")
 
-    @cached_property
-    def figures(self) -> "Mapping[str, Figure]":
+    def figures(self, width_in: float | None = None) -> "Mapping[str, Figure]":
         """The five figures of the paper, by name."""
         from genie_sim.paper import figures
 
-        return figures.of_numbers(self.numbers, self.curves)
+        with provenance.of_this_version(self.folder):
+            return figures.of_numbers(self.numbers, self.curves, width_in)
 
     def _repr_html_(self) -> str:
         return printed.html(self.rows)
@@ -107,34 +207,49 @@ def reproduce(
     UserError
         If ``out`` cannot be written.
     """
-    if out is not None:
-        provenance.check_writable(out.parent)
-        provenance.check_replaceable(out)
-    edited = sources.edited_set_ups()
-    for line in edited:
-        log.warning("%s", line)
     used = declared_seeds()[: QUICK_SEEDS if quick else None]
     if seeds is not None:
         used = tuple(range(1, seeds + 1))
+    if out is not None:
+        provenance.check_writable(out.parent)
+        provenance.check_replaceable(out)
+        check_kept(out, used)
+    edited = sources.edited_set_ups()
+    for line in edited:
+        log.warning("%s", line)
     planned = runs.planned(used)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
         measured, drawn = runs.simulate(planned, store, workers or workers_here(), progress)
-    made = Reproduction(judge(Evidence(measured)), measured, drawn)
+    about = {
+        "format": printed.FORMAT,
+        "quick": quick,
+        "seeds": list(used),
+        "edited": edited,
+        "sources": sources.digests(),
+        # the sources say which code it was; a commit is lost where it is rewritten
+        **{name: one for name, one in provenance.environment().items() if name != "commit"},
+    }
+    made = Reproduction(judge(Evidence(measured)), measured, drawn, about)
     if out is not None:
-        about = {
-            "format": printed.FORMAT,
-            "quick": quick,
-            "seeds": list(used),
-            "edited": edited,
-            "sources": sources.digests(),
-            # the sources say which code it was; a commit is lost where it is rewritten
-            **{name: one for name, one in provenance.environment().items() if name != "commit"},
-        }
         with provenance.result_folder(out, SHOWN) as folder:
-            write(folder, made, about)
-        show(out, made, about)
-    return made
+            write(folder, made)
+        show(out, made)
+    return replace(made, folder=out)
+
+
+def check_kept(out: Path, used: Collection[int]) -> None:
+    """Raises ``UserError`` where a result would be lost: a run's, or that of an evaluation with
+    seeds that are not ``used`` now.
+    """
+    path = provenance.contained(out, "run.json")
+    if not path.is_file():
+        return
+    about = provenance.read_json(path)
+    before = about.get("seeds") if isinstance(about, dict) else None
+    if not isinstance(before, list) or not all(seed in used for seed in before):
+        what = f"the evaluation of {len(before)} seeds" if before else "another result"
+        raise UserError(f"{out}: holds {what}, which is kept; choose another --out")
 
 
 def declared_seeds() -> tuple[int, ...]:
@@ -142,26 +257,28 @@ def declared_seeds() -> tuple[int, ...]:
     return tuple(read_mapping(ASSUMPTIONS)["evaluation"]["seeds"])
 
 
-def write(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
-    """Writes the numbers; ``about``: how they came about. Raises ``UserError``."""
+def write(folder: Path, made: Reproduction) -> None:
+    """Writes the numbers. Raises ``UserError``."""
     numbers.write(folder, made.numbers)
     curves.write(folder / curves.FILE, made.curves)
     provenance.write_json(folder / printed.VERDICTS, made.rows)
     inputs = {path.name: sha256_of(path) for path in sources.INPUTS}
-    digests = provenance.digests(folder, page.FILES)
-    provenance.write_json(folder / "run.json", {**about, "inputs": inputs, "digests": digests})
+    digests = provenance.digests(folder, FILES)
+    provenance.write_json(folder / "run.json", {**made.about, "inputs": inputs, "digests": digests})
 
 
-def show(folder: Path, made: Reproduction, about: Mapping[str, Any]) -> None:
+def show(folder: Path, made: Reproduction) -> None:
     """Writes what is derived from the numbers in the folder. Raises ``NotDerivedError``."""
     from genie_sim.analysis.figures import save_all
 
+    drawn = None
     with provenance.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(made.numbers))
-            document = printed.document(made.rows, accuracy, about["edited"])
-            html_page.write_text(folder / printed.DOCUMENT, document)
+            document = printed.document(made.rows, accuracy, made.about["edited"])
+            template.write(folder / printed.DOCUMENT, document)
         with attempt("figures"):
-            save_all(made.figures, provenance.contained(folder, "figures"), ["svg"])
-        with attempt(html_page.NAME):
-            html_page.write_text(folder / html_page.NAME, page.page(folder))
+            drawn = made.figures()
+            save_all(drawn, provenance.contained(folder, "figures"), ["svg"])
+        with attempt(template.NAME):
+            template.write(folder / template.NAME, page.page(made, drawn))

@@ -46,24 +46,25 @@ class PacedRemote(Remote):
 class PacedSender(LocalAndRemote):
     """Sends a frame up if its pacer lets it, and passes the answers on."""
 
+    def __init__(self, name: str, pacer: Pacer, *topics: tuple[str, ...]) -> None:
+        super().__init__(name, *topics)
+        self._pacer = pacer
+
     def on_message(
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
-        pacer: Pacer = self._state
-        expired: list[Effect] = [Expired(loss.header) for loss in pacer.expire(now_ns)]
+        expired: list[Effect] = [Expired(loss.header) for loss in self._pacer.expire(now_ns)]
         if topic != self._images:
-            arrival = pacer.answered(message.header, now_ns)
+            arrival = self._pacer.answered(message.header, now_ns)
             expired += [Expired(loss.header) for loss in arrival.lost]
             return [*expired, Publish(self._objects, message)]
         assert isinstance(message, Image)
-        if not pacer.sends(message.header, message.pose.heading_rad, now_ns):
+        if not self._pacer.sends(message.header, message.pose.heading_rad, now_ns):
             return [*expired, Expired(message.header)]
         return [*expired, Publish(self._images + REMOTE, message)]
 
     def next_deadline_ns(self) -> int | None:
-        pacer: Pacer = self._state
-        return pacer.next_deadline_ns()
+        return self._pacer.next_deadline_ns()
 
     def on_deadline(self, now_ns: int) -> list[Effect]:
-        pacer: Pacer = self._state
-        return [Expired(loss.header) for loss in pacer.expire(now_ns)]
+        return [Expired(loss.header) for loss in self._pacer.expire(now_ns)]

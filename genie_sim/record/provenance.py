@@ -10,11 +10,9 @@ import platform
 import re
 import secrets
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +122,8 @@ def environment() -> dict[str, Any]:
 
 def _packages() -> dict[str, str]:
     """The versions of those that are installed."""
+    from importlib import metadata
+
     versions = {}
     for name in PACKAGES:
         with suppress(metadata.PackageNotFoundError):
@@ -213,7 +213,9 @@ def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
     are somebody's and stay.
     """
     check_replaceable(final)
-    partial = final.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
+    # absolute: code of the user's own may change the current folder meanwhile
+    place = final.absolute()
+    partial = place.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
     try:
         with ExitStack() as locks:
             with usable(final):
@@ -224,10 +226,10 @@ def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
                     locks.enter_context(locked(partial))
             yield partial
             with usable(final):
-                _take_over(final, partial, shown)
+                _take_over(place, partial, shown)
                 _sync(partial)
-                _take_place(partial, final)
-                sync_folder(final.parent)
+                _take_place(partial, place)
+                sync_folder(place.parent)
     except UserError as error:
         if str(partial) not in str(error):
             raise
@@ -386,6 +388,8 @@ def _commit() -> str | None:
     if not (root / ".git").exists():
         path = PACKAGE_FOLDER / "shipped" / COMMIT_FILE
         return path.read_text(encoding="utf-8").strip() if path.is_file() else None
+    import subprocess
+
     try:
         git = [
             "git",

@@ -130,6 +130,11 @@ class Run:
         return (self,)
 
     @property
+    def cells(self) -> "Mapping[str, Mapping[int, Run]]":
+        """Its one setting, which has no name, as runs by seed."""
+        return {"": {self.seed: self}}
+
+    @property
     def seed(self) -> int:
         """The root of all random streams."""
         return int(self.facts["scenario"]["seed"])

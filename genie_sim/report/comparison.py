@@ -1,26 +1,26 @@
 """A comparison as figures, and as one page for a browser."""
 
-import base64
 from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from genie_sim.analysis import compare_tables, renderers, summary
 from genie_sim.analysis.compare import ComparedRuns, as_metrics, compared
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.analysis.seed_runs import SeedRuns, load, seeds_text
-from genie_sim.analysis.style import COLUMN_IN
+from genie_sim.analysis.seed_runs import SeedRuns, seeds_text
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.base.paths import usable
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns, concat
-from genie_sim.report import html_page
-from genie_sim.version import VERSION
+from genie_sim.report import html_page, template
+from genie_sim.report.template import Page, Section
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PAGE = "compare.html"
+OF_SEEDS = ("differences", "latency_accuracy", *html_page.FIGURES)
 
 
 def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[str, Figure]":
@@ -35,12 +35,16 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
     frames: dict[int, list[Columns]] = {}  # by seed
     for arm in comparison.arms:
         for seed, run in arm.runs.items():
+            if not run.tables:
+                continue
             of_method = run.tables["frames"].where(method=arm.method.name)
             frames.setdefault(seed, []).append(of_method.assign(method=arm.label))
     title = " and ".join(comparison.names)
-    seeds = [concat(of_seed) for of_seed in frames.values()]
     footer = comparison.by
-    drawn = {"latency_cdf": latency_cdf({title: seeds}, methods, footer, width_in)}
+    drawn = {}
+    if frames:
+        seeds = [concat(of_seed) for of_seed in frames.values()]
+        drawn["latency_cdf"] = latency_cdf({title: seeds}, methods, footer, width_in)
     if any(row.difference is not None for row in comparison.rows):
         drawn = {"differences": differences(comparison, footer, width_in), **drawn}
     if drawable({title: metrics}):
@@ -48,105 +52,80 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
     return drawn
 
 
-def page(comparison: ComparedRuns) -> str:
-    """The text of the page; the figures are in it."""
-    name = " and ".join(comparison.names)
-    data = _page_data(comparison, figures(comparison)) | {
-        "origin": "the result folders that were given. "
-        "All numbers are in table.csv beside this page."
-    }
-    return html_page.assemble(
-        "compare.html",
-        ("compare.js",),
-        f"{name}, compared",
-        data,
-        elsewhere="The numbers are also in table.md and table.csv beside it.",
-        pictures="data:",
+def page(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> str:
+    """The text of the page, with the figures of the comparison."""
+    headings = ["setting", *comparison.names]
+    settings = ResultTable.of_texts(
+        headings, [[path, *values] for path, values in comparison.settings.items()]
     )
+    same = "" if settings.rows else "None: the methods of one setting are compared."
+    name = " and ".join(comparison.names)
+    return Page(
+        kind="a comparison",
+        name=name,
+        title=f"{name}, compared",
+        about=["Runs that saw the same frames, side by side."],
+        warning=comparison.warning,
+        sections=[
+            Section("In short", [template.listed(verdicts(comparison))]),
+            Section("Figures", [template.figures(drawn)]),
+            _differences(comparison),
+            Section("Settings that differ", [template.table(settings), template.note(same)]),
+        ],
+        origin="the result folders that were given. All numbers are in table.csv beside this page.",
+    ).text()
 
 
-def seeds_page(runs: SeedRuns) -> str:
+def _differences(comparison: ComparedRuns) -> Section:
+    rows = template.table(compare_tables.pairs(comparison), filtered=True)
+    about = template.note(compare_tables.about(comparison))
+    return Section("Differences", [about, rows] if rows else [])
+
+
+def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> str:
     """The text of the page about runs with several seeds: their means, the differences between
-    their methods, their figures, and the way to the page of each run. Raises ``UserError``.
+    their methods, their figures, and the way to the page of each run. Figures that were ``drawn``
+    are not drawn again. Raises ``UserError``.
     """
-    from genie_sim.analysis.figures import of_run
+    from genie_sim.analysis.figures import makers
 
     with provenance.of_this_version(runs.folder):
-        comparison = compared([runs])
-        drawn = figures(comparison) | of_run(runs)
-        means = summary.main_table(runs)
-        data = _page_data(comparison, drawn)
-        seeds = seeds_text(runs.seeds)
-        about = data["about"] | {
-            "name": runs.title,
-            "description": runs.runs[0].facts["scenario"]["description"],
-            "seeds": seeds,
-        }
-        data |= {
-            "about": about,
-            "means": {
-                "headings": means.headings,
-                "rows": means.texts(),
-                "note": summary.about_seeds(runs),
-            },
-            "runs": [
-                [f"seed {run.seed}", run.run_id, f"runs/{run.folder.name}/{html_page.NAME}"]
-                for run in runs.runs
-                if run.folder is not None and (run.folder / html_page.NAME).is_file()
+        if drawn is None:
+            drawn = {name: draw() for name, draw in makers(runs).items() if name in OF_SEEDS}
+        comparison, seeds = compared([runs]), seeds_text(runs.seeds)
+        pages = [
+            f'<li><a href="runs/{escape(run.folder.name)}/{template.NAME}">seed {run.seed}, run '
+            f"{run.run_id}</a></li>"
+            for run in runs.runs
+            if run.folder is not None and (run.folder / template.NAME).is_file()
+        ]
+        links = f"<ul>{''.join(pages)}</ul>" if pages else ""
+        description = str(runs.runs[0].facts["scenario"]["description"])
+        return Page(
+            kind="a run with several seeds",
+            name=runs.title,
+            title=f"{runs.title}, {seeds}",
+            about=[*filter(None, [description]), f"{seeds[0].upper()}{seeds[1:]}."],
+            warning=comparison.warning,
+            sections=[
+                Section("In short", [template.listed(verdicts(comparison))]),
+                Section(
+                    "Means",
+                    [
+                        template.note(summary.about_seeds(runs)),
+                        template.table(summary.main_table(runs)),
+                    ],
+                ),
+                Section(
+                    "Figures",
+                    [template.figures({name: drawn[name] for name in OF_SEEDS if name in drawn})],
+                ),
+                _differences(comparison),
+                Section("Each run", [links]),
             ],
-            "origin": "the runs in the folder 'runs' beside this page.",
-        }
-        return html_page.assemble(
-            "compare.html",
-            ("compare.js",),
-            f"{runs.title}, {seeds}",
-            data,
-            elsewhere="The numbers are also in summary.md and table.csv beside it.",
-            pictures="data:",
-        )
-
-
-def seeds_page_of(folder: Path, allow_changed: bool = False) -> str:
-    """The same of a study's folder. Raises ``UserError``."""
-    runs = load(folder, allow_changed=allow_changed)
-    assert isinstance(runs, SeedRuns)
-    return seeds_page(runs)
-
-
-def _page_data(comparison: ComparedRuns, drawn: "Mapping[str, Figure]") -> dict[str, Any]:
-    name, table = " and ".join(comparison.names), compare_tables.pairs(comparison)
-    return {
-        "about": {
-            "genie_sim": VERSION,
-            "name": name,
-            "description": "Runs that saw the same frames, side by side.",
-            "names": list(comparison.names),
-            "arms": [arm.title for arm in comparison.arms],
-            "warning": comparison.warning,
-        },
-        "methods": [],
-        "verdicts": verdicts(comparison),
-        "about_rows": compare_tables.about(comparison),
-        "headings": table.headings,
-        "rows": table.texts(),
-        "settings": [[path, *values] for path, values in comparison.settings.items()],
-        "figures": _pictures(drawn),
-        "means": None,
-        "runs": [],
-        "notes": [],
-    }
-
-
-def _pictures(drawn: "Mapping[str, Figure]") -> list[dict[str, Any]]:
-    return [
-        {
-            "name": file,
-            "title": str(figure.get_label()).partition("\n")[0],
-            "wide": bool(figure.get_figwidth() > COLUMN_IN),
-            "source": _picture(figure),
-        }
-        for file, figure in drawn.items()
-    ]
+            origin="the runs in the folder 'runs' beside this page. The numbers are also in "
+            "summary.md and table.csv.",
+        ).text()
 
 
 def page_of_table(
@@ -155,35 +134,17 @@ def page_of_table(
     """The text of a page about one table, whose title is the page's, and its figures: ``about``
     says what it is of, ``arms`` are the titles of the methods.
     """
-    data = {
-        "about": {
-            "genie_sim": VERSION,
-            "name": table.title,
-            "description": about,
-            "names": [],
-            "arms": list(arms),
-            "warning": "",
-        },
-        "methods": [],
-        "verdicts": [],
-        "about_rows": "",
-        "headings": ["", *table.headings],
-        "rows": table.texts(),
-        "settings": [],
-        "figures": _pictures(drawn),
-        "means": None,
-        "runs": [],
-        "notes": [],
-        "origin": "the runs of the sweep. All numbers are in table.csv beside this page.",
-    }
-    return html_page.assemble(
-        "compare.html",
-        ("compare.js",),
-        table.title,
-        data,
-        elsewhere="The numbers are also in table.csv beside it.",
-        pictures="data:",
-    )
+    untitled = ResultTable(table.columns, table.rows, notes=table.notes, corner=table.corner)
+    return Page(
+        kind="a sweep",
+        name=table.title,
+        about=[about, f"Methods: {', '.join(arms)}."],
+        sections=[
+            Section("Figures", [template.figures(drawn)]),
+            Section("Numbers", [template.table(untitled, filtered=True)]),
+        ],
+        origin="the runs of the sweep. All numbers are in table.csv beside this page.",
+    ).text()
 
 
 def write(comparison: ComparedRuns, folder: Path) -> Path:
@@ -195,17 +156,12 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for name, suffix in renderers.FORMATS.items():
-        html_page.write_text(folder / f"table{suffix}", compare_tables.text(comparison, name))
+        template.write(folder / f"table{suffix}", compare_tables.text(comparison, name))
+    drawn: dict[str, Figure] = {}
     with provenance.derived(folder) as attempt:
         with attempt("figures"):
             drawn = figures(comparison)
             save_all(drawn, provenance.contained(folder, "figures"), ("svg", "png"))
         with attempt(PAGE):
-            html_page.write_text(folder / PAGE, page(comparison))
+            template.write(folder / PAGE, page(comparison, drawn))
     return folder / PAGE
-
-
-def _picture(figure: "Figure") -> str:
-    from genie_sim.analysis.figures import svg
-
-    return f"data:image/svg+xml;base64,{base64.b64encode(svg(figure)).decode()}"

@@ -5,11 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import summary
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import RUN_FIGURES
 from genie_sim.record.provenance import Attempt, contained, derived
-from genie_sim.report import comparison, html_page
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
@@ -39,8 +37,12 @@ class Output:
 
     def make(self, results: "Run | SeedRuns", folder: Path, attempt: Attempt) -> None:
         """The same, each by an ``attempt`` of ``derived``."""
+        from genie_sim.analysis import summary
+        from genie_sim.report import comparison, html_page, template
+
         with attempt("summary.md"):
-            html_page.write_text(folder / "summary.md", summary.markdown(results))
+            template.write(folder / "summary.md", summary.markdown(results))
+        drawn = None
         if self.figures:
             from genie_sim.analysis import figures  # imports matplotlib
 
@@ -48,12 +50,12 @@ class Output:
                 drawn = figures.of_run(results)
                 figures.save_all(drawn, contained(folder, "figures"), self.figures)
         if self.page:
-            with attempt(html_page.NAME):
+            with attempt(template.NAME):
                 if isinstance(results, SeedRuns):
-                    page = comparison.seeds_page(results)
+                    page = comparison.seeds_page(results, drawn)
                 else:
-                    page = html_page.page(results)
-                html_page.write_text(folder / html_page.NAME, page)
+                    page = html_page.page(results, drawn=drawn)
+                template.write(folder / template.NAME, page)
 
 
 DEFAULT_OUTPUT = Output()

@@ -2,8 +2,8 @@
 as JSON.
 
 A long run does not fit into one page. Then a stretch of it is kept, with every frame, step, look-up
-and change of the object maps in it, rather than a thinned whole that would show a hit here and hide
-the next; the page says which.
+and held object in it, rather than a thinned whole that would show a hit here and hide the next; the
+page says which.
 """
 
 from collections.abc import Iterator
@@ -13,20 +13,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from genie_sim.analysis import style
-from genie_sim.base.classes import SIZES
-from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import NO_TEXT, Columns, Text
 from genie_sim.report.packing import UNKNOWN, US, deltas, integers, scaled
-from genie_sim.report.replay_hosts import hosts_over_time, shown_hosts
-from genie_sim.report.replay_pictures import Pictures, pictures_of
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
 
     Column = np.ndarray[Any, Any]
 
-# of frames, look-ups, map changes, steps and held objects together: about 7 MB of JSON
+# of frames, look-ups, steps and held objects together
 MAX_ROWS = 200_000
+LINES = 48  # of methods that differ in colour or dashes
 KINDS = ("image", "sighting", "boost")
 OUTCOMES = ("miss", "hit", "coalesced")
 WHICHS = ("first", "fresh", "both", "result")
@@ -56,14 +54,13 @@ class _Names:
         return of_rows
 
 
-def replay_data(
-    run: "Run", start_ns: int, notes: list[str], pictures: Pictures | None = None
-) -> dict[str, Any] | None:
-    """The stretch of the run from ``start_ns`` on that fits into a page, with the ``pictures`` of
-    its frames; ``None`` if no poses were written down.
+def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
+    """The stretch of the run from ``start_ns`` on that fits into a page; ``None`` of a fleet, and
+    if no poses were written down.
     """
-    if run.facts["scenario"].get("fleet") is not None:
-        return None  # it has a map
+    scenario = run.facts["scenario"]
+    if scenario.get("fleet") is not None or not run.methods:
+        return None
     poses = run.tables["poses"]
     if not len(poses):
         notes.append("There is no replay: the run holds no poses.")
@@ -82,27 +79,31 @@ def replay_data(
     names = _Names()
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
+    looks = style.method_styles([method.name for method in run.methods])
     return {
         "begin_us": begin_ns // US,
         "end_us": end_ns // US,
+        "cars": [
+            {"name": car["name"], "edge": car["edge"], "cameras": bool(car["cameras"])}
+            for car in scenario["cars"]
+        ],
+        "edges": [edge["name"] for edge in scenario["edges"]],
         "streams": list(_streams(poses)),
         "methods": [
             {
                 "name": method.name,
+                "title": method.title,
+                "look": look % LINES,
                 **_of_method(run, method.name, poses, names, stretch_ns=(begin_ns, end_ns)),
             }
-            for method in run.methods
+            for look, method in zip(looks, run.methods, strict=True)
         ],
         "names": list(names.all),
+        "parts": [{"name": name, "title": title} for name, (title, _) in style.PARTS.items()],
         "kinds": KINDS,
         "outcomes": OUTCOMES,
         "whichs": WHICHS,
         "judged": JUDGED,
-        "pictures": None if pictures is None else pictures_of(poses, pictures, notes),
-        "sizes": {
-            label: [round((size.length_m + size.width_m) / 2, 2), size.height_m]
-            for label, size in SIZES.items()
-        },
     }
 
 
@@ -126,24 +127,19 @@ def _of_method(
     """
     tables = {name: table.where(method=method) for name, table in run.tables.items()}
     begin_ns, end_ns = stretch_ns
-    samples = _between(tables["resources"], "t_ns", begin_ns, end_ns)
     return {
-        "hosts": dict(hosts_over_time(samples, shown_hosts(run))),
         "frames": _frames(tables["frames"], poses, names),
         "lookups": _lookups(tables["lookups"], poses, names),
-        "objects": list(_objects(tables["objects"], begin_ns, end_ns, names)),
-        "held": dict(_held(tables["held"].where(what="consumer"), end_ns)),
         "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, names),
         "steps": _steps(tables["steps"], poses, names),
     }
 
 
 def _last_instant_ns(run: "Run") -> int:
-    """The last instant of frames, answers, look-ups and object maps; 0 for an empty run."""
+    """The last instant of frames, answers and look-ups; 0 for an empty run."""
     instants = {
         "frames": ["stamp_ns", "first_answer_ns", "result_answer_ns", "fresh_answer_ns"],
         "lookups": ["t_ns"],
-        "objects": ["t_ns"],
     }
     last_ns = 0
     for table, columns in instants.items():
@@ -158,7 +154,7 @@ def _end_ns(run: "Run", begin_ns: int) -> int:
     """The last instant that is shown: that of the run, else as many whole seconds as fit, at least
     one.
     """
-    tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "objects": "t_ns", "steps": "stamp_ns"}
+    tables = {"frames": "stamp_ns", "lookups": "stamp_ns", "steps": "stamp_ns"}
     tables["held_objects"] = "begin_ns"
     instants = np.sort(
         np.concatenate([run.tables[name][column] for name, column in tables.items()])
@@ -231,12 +227,13 @@ def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
 
     instants = {
         name: rows.floats(f"{name}_ns")
-        for name in ("received", "first_answer", "result_answer", "fresh_answer")
+        for name in ("first_answer", "result_answer", "fresh_answer")
     }
     flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
     outcome = [UNKNOWN if hit is None else 2 if coalesced else int(hit) for hit, coalesced in flags]
     texts = {name: rows[name] for name in ("source", "served_by", "drop")}
     return {
+        "received_ns": numbers(rows.floats("received_ns") - rows["stamp_ns"]),
         **{
             f"{name}_us": numbers((values - rows["stamp_ns"]) // US)
             for name, values in instants.items()
@@ -278,15 +275,6 @@ def _lookups(lookups: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     }
 
 
-def _held(held: Columns, end_ns: int) -> Iterator[tuple[str, dict[str, list[int]]]]:
-    """By car, where the truth is known: how many objects its consumer holds at each instant, and
-    how many are there.
-    """
-    for car, rows in held.rows(held["stamp_ns"] <= end_ns).groups("car"):
-        counts = {name: rows[name].tolist() for name in ("held", "right")}
-        yield car, {"t_us": deltas(rows["stamp_ns"] // US), **counts}
-
-
 def _held_objects(
     held_objects: Columns, begin_ns: int, end_ns: int, names: _Names
 ) -> dict[str, Any]:
@@ -320,37 +308,3 @@ def _steps(steps: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         "place": names.codes(rows["place"]),
         "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }
-
-
-def _objects(objects: Columns, begin_ns: int, end_ns: int, names: _Names) -> Iterator[list[Any]]:
-    """One method's map objects: for each place at which a map has an object, its confidence from
-    each instant on, -1 from when it is forgotten or somewhere else.
-    """
-    rows = objects.rows(objects["t_ns"] <= end_ns)
-    rows = rows.rows(np.lexsort((rows["object"], rows["genie"].codes)))
-    is_new_object = _changes(rows["genie"].codes, rows["object"])
-    is_new_place = is_new_object | _changes(rows["east_m"], rows["north_m"])
-    genies, labels = rows["genie"].tolist(), rows["label"].tolist()
-    confidence = scaled(np.nan_to_num(rows["confidence"], nan=UNKNOWN / 1000), 1000)
-    for begin, end in pairwise([*np.flatnonzero(is_new_place).tolist(), len(rows)]):
-        moves_on = end < len(rows) and not is_new_object[end]
-        t_ns = rows["t_ns"][begin : end + moves_on]
-        if moves_on and t_ns[-1] <= begin_ns:
-            continue
-        confidences = [*confidence[begin:end].tolist(), *[UNKNOWN] * moves_on]
-        # the last before the replay begins
-        first = max(int(np.searchsorted(t_ns, begin_ns, side="right")) - 1, 0)
-        yield [
-            names.code(genies[begin]),
-            names.code(labels[begin]),
-            round(100 * rows["east_m"][begin]),
-            round(100 * rows["north_m"][begin]),
-            deltas(np.maximum(t_ns[first:], begin_ns) // NS_PER_MS),
-            confidences[first:],
-        ]
-
-
-def _changes(*columns: "Column") -> "Column":
-    """Which rows differ from the row before in any of the columns; the first does."""
-    differs = [np.diff(column, prepend=np.nan) != 0 for column in columns]
-    return np.asarray(np.any(differs, axis=0))

@@ -9,7 +9,7 @@ function prepareCanvas(canvas) {
   return { pen, width, height };
 }
 
-const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "soft", "road", "hit", "miss", "coalesced", "none", "sure", "unsure", "car", "ghost"]
+const looks = () => Object.fromEntries(["ink", "muted", "line", "bg", "soft", "road", "hit", "miss", "coalesced", "none", "car", "ghost"]
   .map((name) => [name, colour(name)]));
 
 function line(pen, from, to, tone, breadth, alpha) {
@@ -59,11 +59,4 @@ function beliefMark(pen, look, one, x, y) {
   if (isGhost(one)) return;
   pen.fillStyle = one.judged === "right" ? look.hit : look.bg;
   pen.fill();
-}
-// People and cyclists are discs, cars and trucks squares, all else diamonds.
-function shape(pen, name, x, y) {
-  pen.beginPath();
-  if (name === "person" || name === "bicycle" || name === "motorcycle") pen.arc(x, y, 3.4, 0, 2 * Math.PI);
-  else if (name === "car" || name === "truck" || name === "bus" || name === "train") pen.rect(x - 3.6, y - 3.6, 7.2, 7.2);
-  else { pen.moveTo(x, y - 4.6); pen.lineTo(x + 4.6, y); pen.lineTo(x, y + 4.6); pen.lineTo(x - 4.6, y); pen.closePath(); }
 }

@@ -42,11 +42,9 @@ function viewOf(run, width, height) {
   return { place, scale, turn };
 }
 
-const NO_MAP = -2; // no object map is drawn
-
 function streetView(run, canvas, tip, options) {
   let view = null, size = "", shown = [], places = {};
-  const edges = run.about.edges;
+  const { edges } = run;
 
   function paint(t) {
     const { pen, width, height } = prepareCanvas(canvas);
@@ -56,10 +54,10 @@ function streetView(run, canvas, tip, options) {
     pen.lineCap = pen.lineJoin = "round";
     road(pen, look);
     if (options.trail()) trail(pen, look, t);
-    objects(pen, look, t);
+    shown = [];
     if (options.held()) beliefs(pen, look, t);
     places = {};
-    edges.forEach((edge, i) => { places[edge.name] = [(i + 0.5) * width / edges.length, 22]; });
+    edges.forEach((edge, i) => { places[edge] = [(i + 0.5) * width / edges.length, 22]; });
     const cars = run.cars.map((car) => ({ car, at: carAt(run, car, t) }));
     for (const { car, at } of cars) places[car.name] = view.place(at.east, at.north);
     if (options.views()) for (const { car, at } of cars) if (car.cameras) wedge(pen, look, at);
@@ -100,31 +98,7 @@ function streetView(run, canvas, tip, options) {
     });
   }
 
-  function objects(pen, look, t) {
-    shown = [];
-    const chosen = options.genie();
-    if (chosen === NO_MAP) return;
-    const threshold = typeof run.about.threshold === "number" ? run.about.threshold : null;
-    for (const object of options.method().objects) {
-      const confidence = confidenceAt(object, t, chosen);
-      if (confidence < 0) continue;
-      const [x, y] = view.place(object.east, object.north);
-      if (inside(x, y)) shown.push({ x, y, object, confidence, text: () => aboutObject(object, confidence) });
-    }
-    shown.sort((one, other) => one.confidence - other.confidence);
-    for (const { x, y, object, confidence } of shown) {
-      shape(pen, object.label, x, y);
-      const tone = `color-mix(in oklab, ${look.sure} ${Math.round(100 * Math.max(0, (confidence - 0.3) / 0.7))}%, ${look.unsure})`;
-      if (threshold !== null && confidence < threshold) { pen.strokeStyle = tone; pen.lineWidth = 1.4; pen.stroke(); }
-      else { pen.fillStyle = tone; pen.fill(); }
-    }
-  }
-
   const inside = (x, y) => x >= 0 && y >= EDGE_BAND - 10 && x <= canvas.clientWidth && y <= canvas.clientHeight;
-  function aboutObject({ label, maps }, confidence) {
-    const knows = maps.filter((map) => confidenceAt({ maps: [map] }, options.now(), -1) >= 0).map((map) => run.names[map.genie]);
-    return `${label}, C = ${confidence.toFixed(2)}\nknown to ${knows.join(", ")}`;
-  }
 
   // Ghosts come last: they lie on top.
   function beliefs(pen, look, t) {
@@ -174,7 +148,7 @@ function streetView(run, canvas, tip, options) {
   }
 
   function server(pen, look, edge, width) {
-    const [x, y] = places[edge.name], half = Math.min(52, width / edges.length / 2 - 6);
+    const [x, y] = places[edge], half = Math.min(52, width / edges.length / 2 - 6);
     pen.fillStyle = look.bg;
     pen.strokeStyle = look.muted;
     pen.lineWidth = 1.2;
@@ -184,7 +158,7 @@ function streetView(run, canvas, tip, options) {
     pen.save(); pen.clip();
     pen.fillStyle = look.ink;
     pen.textAlign = "center";
-    pen.fillText(edge.name, x, y + 4);
+    pen.fillText(edge, x, y + 4);
     pen.restore();
   }
 
@@ -224,9 +198,9 @@ function streetView(run, canvas, tip, options) {
     for (let i = lastUpTo(begin, t - Math.max(longest, least)) + 1; i < all.length && begin[i] <= t; i += 1) {
       const message = all[i], share = (t - message.begin) / Math.max(message.end - message.begin, least);
       if (share > 1 || !places[message.from]) continue;
-      const goals = places[message.to] ? [message.to] : edges.map((edge) => edge.name).filter((name) => name !== message.from);
+      const goals = places[message.to] ? [message.to] : edges.filter((name) => name !== message.from);
       for (const goal of goals) {
-        const [[x, y], [toX, toY]] = [places[message.from], places[goal]], isUp = edges.some((edge) => edge.name === goal);
+        const [[x, y], [toX, toY]] = [places[message.from], places[goal]], isUp = edges.includes(goal);
         pen.fillStyle = look.ink;
         pen.strokeStyle = look.bg;
         pen.lineWidth = 1.5;

@@ -7,18 +7,45 @@ const SOURCES = {
 };
 const LETTER_PX = 7.2; // of a method's title
 const LAST = 1e15; // after everything that has an instant
-const receivedAt = (rows, id) => Math.max(rows.received_us[id], 0);
+
+const partTitle = (run, part) => run.parts[part].title;
+const partSquare = (part) => draw("svg", { width: 14, height: 12, "aria-hidden": "true" }, draw("rect", { class: `part-${part}`, x: 1, y: 1, width: 12, height: 10 }));
+
+// The steps of a frame to its fresh result, or to the first answer if no fresh one came, from the camera's stamp on [ns].
+function stepsTo(run, { rows, steps }, id) {
+  const all = steps.of_frame.get(id) ?? [], kind = (row) => run.whichs[steps.which[row]];
+  const fresh = all.filter((row) => ["fresh", "both"].includes(kind(row)));
+  const shown = fresh.length ? fresh : all.filter((row) => kind(row) === "first");
+  if (!shown.length) return [];
+  let t = Math.max(rows.received_ns[id], 0);
+  const first = { part: run.parts.findIndex(({ name }) => name === "hop"), place: run.streams[run.frames.stream[id]].car, from: 0, took: t };
+  return [first, ...shown.map((row) => {
+    const from = t;
+    t += steps.took_ns[row];
+    return { part: steps.part[row], place: run.names[steps.place[row]], from, took: steps.took_ns[row] };
+  })];
+}
+function partsOfFrame(run, method, id) {
+  const steps = stepsTo(run, method, id), number = (ns) => make("td", {}, `${(ns / 1e6).toFixed(6)} ms`);
+  if (!steps.length) return [];
+  const line = (title, ...cells) => make("tr", {}, make("th", { scope: "row" }, ...title), ...cells);
+  const head = ["step", "at", "since the stamp", "took"].map((text) => make("th", { scope: "col" }, text));
+  const whole = steps.reduce((sum, one) => sum + one.took, 0);
+  return [make("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Steps of the frame" }, make("table", {}, make("thead", {}, make("tr", {}, ...head)), make("tbody", {},
+    ...steps.map(({ part, place, from, took }) => line([partSquare(part), ` ${partTitle(run, part)}`], make("td", {}, place), number(from), number(took))),
+    line(["all"], make("td", {}), make("td", {}), number(whole)))))];
+}
 
 function storyOf(run, method, id) {
   const { frames } = run, stream = run.streams[frames.stream[id]];
   const place = `${frames.east[id].toFixed(1)} m east, ${frames.north[id].toFixed(1)} m north`;
-  const title = make("h3", {}, `${stream.car}, ${stream.name}, frame ${frames.number[id]}, under `, methodKey(method.name), ": ",
+  const title = make("h3", {}, `${stream.car}, ${stream.name}, frame ${frames.number[id]}, under `, methodKey(method), ": ",
     make("span", { class: `outcome o-${outcomeOf(run, method, id)}` }, outcomeText(run, method, id)));
   const sees = run.cars.find((one) => one.name === stream.car).cameras;
   const begin = sees ? `${stream.car} takes the picture with ${stream.name}` : `${stream.car}, without cameras, asks with its position`;
   const steps = [{ t: 0, text: begin, small: place }, ...stepsOf(run, method, id)];
   steps.sort((one, other) => one.t - other.t);
-  return [comparison(run, id), make("div", {}, title, make("p", { class: "small" }, "Times count from the camera's stamp, as in the metrics."),
+  return [comparison(run, id), make("div", {}, title, make("p", { class: "small" }, "Times count from the camera's stamp."),
     ...folded("Where its time went", partsOfFrame(run, method, id)),
     ...folded("What happened to it", [make("ol", {}, ...steps.map((step) => make("li", {}, make("span", {}, step.t >= LAST ? "" : inMs(step.t)),
       make("span", { class: step.tone ? `o-${step.tone}` : null }, step.text, step.small ? make("span", { class: "small" }, step.small) : null))))]))];
@@ -42,7 +69,7 @@ function stepsOf(run, method, id) {
   const { rows, lookups } = method, { names } = run, steps = lookupSteps(run, method, id);
   const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id] >= 0 ? names[rows.drop[id]] : null;
   const after = (us) => `${inMs(us)} after the picture`;
-  if (rows.received_us[id] >= 0) steps.push({ t: rows.received_us[id], text: "The queue of the first node receives it" });
+  if (rows.received_ns[id] >= 0) steps.push({ t: rows.received_ns[id] / 1000, text: "The queue of the first node receives it" });
   if (first >= 0) {
     steps.push({ t: first, tone: "hit", text: `First answer: ${countOf(rows.objects_served[id])} from ${SOURCES[names[rows.source[id]]]}`,
       small: [rows.served_by[id] >= 0 ? `served by ${names[rows.served_by[id]]}` : null, after(first)].filter(Boolean).join(", ") });
@@ -95,22 +122,23 @@ function comparison(run, id) {
     if (narrow || last < 0) svg.append(draw("text", { class: "quiet", x: narrow ? 0 : left, y: narrow ? y + 20 : y + 4 }, told));
     if (last < 0) return;
     for (const { part, place, from, took } of stepsTo(run, method, id)) {
-      svg.append(draw("rect", { class: `step ${partClass(part)}`, x: across(receivedAt(method.rows, id) + from / 1000), y: y - 5, width: Math.max(took / 1000 / span * (width - left - 40), 0.5), height: 10 },
-        draw("title", {}, `${partTitle(part)}, ${place}: ${inMs(took / 1000)}`)));
+      svg.append(draw("rect", { class: `step part-${part}`, x: across(from / 1000), y: y - 5, width: Math.max(took / 1000 / span * (width - left - 40), 0.5), height: 10 },
+        draw("title", {}, `${partTitle(run, part)}, ${place}: ${inMs(took / 1000)}`)));
       shown.add(part);
     }
-    const mine = draw("g", { class: methodClass(method.name) }, ...(shown.size ? [] : [draw("path", { d: `M${across(0)} ${y}H${across(last)}`, "stroke-width": 3 })]),
+    const mine = draw("g", { class: methodClass(method) }, ...(shown.size ? [] : [draw("path", { d: `M${across(0)} ${y}H${across(last)}`, "stroke-width": 3 })]),
       draw("circle", { cx: across(first), cy: y, r: 5.5 }));
     if (fresh >= 0 && fresh !== first) mine.append(draw("circle", { class: "hollow", cx: across(fresh), cy: y, r: 5.5 }));
     svg.append(mine);
     if (!narrow) svg.append(draw("text", { class: "quiet", x: Math.min(across(last) + 10, width - 2), y: y - 7, "text-anchor": across(last) > width - 150 ? "end" : "start" }, told));
   });
   const y = row * methods.length + 19;
-  for (const tick of linearTicks(0, span / 1000, 5)) svg.append(draw("text", { class: "quiet", x: across(tick * 1000), y, "text-anchor": "middle" }, `${digits(tick)} ms`));
+  for (const tick of linearTicks(0, span / 1000, 5)) svg.append(draw("text", { class: "quiet", x: across(tick * 1000), y, "text-anchor": "middle" }, `${tick} ms`));
   const sign = (shape, text) => make("span", {}, draw("svg", { width: 14, height: 14, "aria-hidden": "true" }, shape), text);
   return make("div", { class: "scroll" }, svg, make("div", { class: "legend" },
     sign(draw("circle", { cx: 7, cy: 7, r: 5, fill: "currentColor" }), "first answer (or first and fresh in one)"),
-    sign(draw("circle", { class: "hollow", cx: 7, cy: 7, r: 5, stroke: "currentColor" }), "fresh result")), partKeys(shown));
+    sign(draw("circle", { class: "hollow", cx: 7, cy: 7, r: 5, stroke: "currentColor" }), "fresh result"),
+    ...[...shown].sort((one, other) => one - other).map((part) => make("span", {}, partSquare(part), partTitle(run, part)))));
 }
 function inWords(run, rows, id) {
   const first = rows.first_answer_us[id], fresh = rows.fresh_answer_us[id], drop = rows.drop[id], ms = inMs;

@@ -3,14 +3,13 @@
 import logging
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.seed_runs import is_seeds_folder, load
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import read_text, sha256_of
 from genie_sim.base.progress import Progress
@@ -238,20 +237,6 @@ def rerun(
             if path.is_file() and path.name != "run.json"
         }
     return Compared(versions, files)
-
-
-def rerun_all(
-    folder: Path, progress: Progress | None = None, *, allow_changed: bool = False
-) -> Iterator[tuple[Path, Compared]]:
-    """``rerun`` of the run in a folder, or of each run of one with several seeds, with its folder.
-    Raises ``UserError``.
-    """
-    folders = [folder]
-    if is_seeds_folder(folder):
-        seeds = load(folder, allow_changed=allow_changed).runs
-        folders = [run.folder for run in seeds if run.folder is not None]
-    for of_run in folders:
-        yield of_run, rerun(of_run, progress, allow_changed=allow_changed)
 
 
 def _compared(folder: Path, again: Path, path: Path) -> str:

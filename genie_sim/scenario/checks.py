@@ -24,7 +24,7 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
 from genie_sim.sim.link_model import LINK
-from genie_sim.sim.settings import EDGES, Car, Route, check_unique
+from genie_sim.sim.settings import EDGES, Car, MethodSettings, Route, check_unique
 
 log = logging.getLogger(__name__)
 
@@ -225,7 +225,12 @@ def _check_model(
     settings = scenario.method_settings[entry.name]
     where = f"methods[{index}]." if entry.settings.keys() & {"model", "genie"} else ""
     with _wrong(f"{where}model"):
-        median_ns = profile.median_ns(settings.model)
+        try:
+            median_ns = profile.median_ns(settings.model)
+        except UserError as error:
+            if settings.model != MethodSettings.model:
+                raise
+            raise UserError(f"by default {settings.model!r}: {error}") from error
     expiry_ns = settings.genie.request_expiry_ns
     if expiry_ns is None or expiry_ns > median_ns:
         return

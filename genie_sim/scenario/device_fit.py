@@ -46,6 +46,7 @@ STAMPS = re.compile(
 OTHERS = re.compile(
     "temp(erature)?|celsius|power|m?watts?|mw|energy|joules?|mj|mem(ory)?|ram|[kmg]i?b|bytes?"
     "|percent|pct|utilization|usage|score|confidence|std(dev)?|sd|variance|jitter|interval|period"
+    "|age|stale(ness)?|uptime|offset|gap|skew|drift|deadline|timeout|budget|ttl|rtt|ping|size|count"
 )
 LAST_LETTER = re.compile("[abcgjkvw]")  # a unit at the end of a title
 
@@ -243,7 +244,7 @@ def _says(words: re.Pattern[str], title: str) -> bool:
 def _other_quantity(title: str) -> str:
     """What a title says that it holds, and is no latency."""
     words, is_latency = _words(title), _says(LATENCIES, title)
-    by_second = re.search(r"(/|per[\W_]*)s(ec|econds?)?\b|(s|sec)\^?-1", title.lower())
+    by_second = re.search(r"(/|per[\W_]*)[mun]?s(ec|econds?)?\b|(s|sec)\^?-1", title.lower())
     if _says(RATES, title) or (by_second and not is_latency):
         return "rates"
     if _says(STAMPS, title) and not is_latency and "to" not in words:

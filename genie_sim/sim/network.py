@@ -176,7 +176,7 @@ class Network:
         """
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")
-        owner = f"link model {type(model).__name__}"
+        owner = f"link model '{type(model).__module__}:{type(model).__qualname__}'"
         link = Link(
             self.clock,
             ends.name,

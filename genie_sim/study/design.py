@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
@@ -314,7 +314,7 @@ class Design:
         if not isinstance(data, Mapping) or not isinstance(count, int) or isinstance(count, bool):
             return data
         if not 1 <= count <= MAX_RUNS:
-            text = f"must be a list, or how many: at least 1, not {count}"
+            text = f"must be a list, or how many: 1 to {MAX_RUNS:,}, not {count:,}"
             raise SettingError("seeds", text)
         return {**data, "seeds": range_of(count)}
 
@@ -436,6 +436,8 @@ def sweep_of(
     seeds. Raises ``UserError``.
     """
     path = files.find(files.SCENARIO, scenario)
+    if not axes:
+        raise UserError("axes: expected at least one, such as {'genie.passes': [1, 2]}")
     named = named_axes(axes)
     paths = [axis.get("set") if isinstance(axis, Mapping) else axis for axis in named.values()]
     what = [read_text(path), paths, dict(more.get("set", {})), list(methods), VERSION]
@@ -460,6 +462,14 @@ def fixed_settings(overrides: Sequence[str]) -> dict[str, Any]:
     return fixed
 
 
+def refuse_scenario(name: str | Path) -> NoReturn:
+    """Raises ``UserError`` for a scenario where a sweep is expected."""
+    raise UserError(
+        f"{name} is a scenario: say what varies, such as --axis fleet.cars=10,20, or run it "
+        f"with several seeds: genie-sim run {name} --seeds 5"
+    )
+
+
 def load_design(
     path_or_name: str | Path,
     seeds: int | Sequence[int] | None = None,
@@ -470,6 +480,8 @@ def load_design(
     """
     path = files.find(files.SWEEP, path_or_name)
     data = {"name": path.stem, **read_mapping(path)}
+    if data.keys() & {"cars", "fleet"}:
+        refuse_scenario(path_or_name)
     if seeds is not None:
         data["seeds"] = seeds if isinstance(seeds, int) else list(seeds)
     fixed = data.get("set") or {}

@@ -5,26 +5,25 @@ there.
 import hashlib
 import json
 import logging
-import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from genie_sim.analysis import registry
-from genie_sim.analysis.seed_runs import ABOUT, load, read_about
+from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
-from genie_sim.report import html_page
+from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
-from genie_sim.study.design import Design, read_design
+from genie_sim.study.design import Design
 from genie_sim.study.plan import Plan, plan
 from genie_sim.study.work import Parts, Workers
 
@@ -59,13 +58,15 @@ class StudyStatus:
 @dataclass
 class Study:
     """A sweep in its folder, ``out/<name>``. Runs that are in the folder, from whichever sweep, are
-    not run again. ``label`` is what the user calls it, or empty.
+    not run again. ``label`` is what the user calls it, or empty; ``methods`` are those that every
+    point is run with, none for those of its scenario.
     """
 
     design: Design
     folder: Path
     plan: Plan
     label: str = ""
+    methods: Sequence[str] = ()
 
     @classmethod
     def of(
@@ -103,7 +104,7 @@ class Study:
         """
         check_folder(out / design.name)
         planned = plan(design, where, progress, base=base, methods=methods, reports=reports)
-        study = cls(design, out / design.name, planned, label)
+        study = cls(design, out / design.name, planned, label, methods)
         study._find_place()
         return study
 
@@ -156,10 +157,10 @@ class Study:
 
     def _show_seeds(self, output: Output) -> None:
         """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
-        runs = load(self.folder)
+        runs = load_seeds(self.folder)
         with provenance.derived(self.folder) as attempt:
             for run in runs.runs if output.page else ():
-                if run.folder is not None and not (page := run.folder / html_page.NAME).exists():
+                if run.folder is not None and not (page := run.folder / template.NAME).exists():
                     with attempt(str(page.relative_to(self.folder))):
                         html_page.write(page, run)
             output.make(runs, self.folder, attempt)
@@ -197,10 +198,11 @@ class Study:
 
     def _draw(self, runs: "pd.DataFrame") -> None:
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.study import figures, printed
+        from genie_sim.study import figures
+        from genie_sim.study.sweep import footer_of, unique_titles
 
-        titles = printed.unique_titles(self._titles())
-        footer = printed.footer_of(self.design, self.label)
+        titles = unique_titles(self._titles())
+        footer = footer_of(self.design, self.label)
         with provenance.derived(self.folder) as attempt, attempt("figures"):
             drawn = dict(figures.of_sweep(self.design, runs, titles, footer))
             folder = provenance.contained(self.folder, "figures")
@@ -231,42 +233,14 @@ class Study:
             "points": self.design.runs // len(self.design.seeds),
             "runs": len(self.plan.runs),
             "run_ids": sorted(self.plan.runs),
+            "methods": list(self.methods),
             "titles": self._titles(),
             "metrics": registry.words(registry.with_formulas(own)),
             "digests": provenance.digests(self.folder, written),
             **provenance.environment(),
         }
         with atomic_write(self.folder / ABOUT) as beside:
-            provenance.write_json(beside, about)
-
-
-def run_again(folder: Path, workers: Workers, progress: Progress | None = None) -> dict[str, str]:
-    """Simulates every run of a finished sweep again. Returns, by the run's place in the sweep,
-    whether its metrics are ``identical`` or ``DIFFERENT``. Raises ``UserError``.
-    """
-    about = read_about(folder)
-    with provenance.of_this_version(folder):
-        design = read_design(about["sweep"], str(folder / ABOUT))
-        methods = tuple(about["titles"])
-    planned = plan(design, str(folder / ABOUT), methods=methods)
-    known = Parts(folder)
-    if unknown := planned.runs.keys() - known.done(planned.runs):
-        place = planned.runs[min(unknown)].place
-        raise UserError(
-            f"{folder}: {place}: not there: another version or another file than when it was made"
-        )
-    with tempfile.TemporaryDirectory() as scratch:
-        again = Parts(Path(scratch))
-        runs = [replace(run, keep=False) for run in planned.runs.values()]
-        again.run(runs, workers, progress)
-        return {
-            f"{number}. {run.place}": (
-                "identical"
-                if again.metrics(run.run_id) == known.metrics(run.run_id)
-                else "DIFFERENT"
-            )
-            for number, run in enumerate(runs, 1)
-        }
+            provenance.write_json(beside, about, sort_keys=False)  # axes keep their order
 
 
 def check_folder(folder: Path) -> None:

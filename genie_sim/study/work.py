@@ -24,6 +24,7 @@ from genie_sim.base.parallel import in_processes
 from genie_sim.base.paths import PARTIAL, atomic_write, read_text, regular, usable
 from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
+from genie_sim.base.text import one_line
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
@@ -43,6 +44,7 @@ log = logging.getLogger(__name__)
 MEASURED = ("frames", "lookups", "answers", "held", "hosts", "power", "faults")
 NEEDED = {"lookups", "resources", "poses", "objects", "answers", "held"}
 RUN_ID = re.compile("[0-9a-f]{12}")
+PART = re.compile(rf"{RUN_ID.pattern}\.json")
 # what ``atomic_write`` writes beside a part
 BESIDE = re.compile(rf"\.{RUN_ID.pattern}\.json\.[0-9a-f]{{8}}{re.escape(PARTIAL)}")
 _frames_of_process = functools.cache(SharedFrames)
@@ -269,10 +271,20 @@ class Parts:
         )
 
     def tidy(self) -> None:
-        """Removes what killed workers left, and reasons of failures that are mended."""
-        for leftover in self.parts.glob(f".*{PARTIAL}"):
-            if BESIDE.fullmatch(leftover.name):
-                leftover.unlink(missing_ok=True)
+        """Removes what killed workers left, and reasons of failures that are mended. A line tells
+        of files that are somebody's.
+        """
+        others = []
+        for path in sorted(self.parts.iterdir()):
+            if BESIDE.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+            elif not PART.fullmatch(path.name):
+                others.append(one_line(path.name))
+        if others:
+            more = f" and {len(others) - 3:,} more" if len(others) > 3 else ""
+            log.warning(
+                "%s: not of a sweep, left alone: %s%s", self.parts, ", ".join(others[:3]), more
+            )
         for reason in self.failures.glob("*.txt"):
             if RUN_ID.fullmatch(reason.stem):
                 reason.unlink(missing_ok=True)

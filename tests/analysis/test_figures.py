@@ -40,10 +40,10 @@ def run_of(frames, lookups, resources, methods=METHODS) -> Run:
         "scenario": {"name": "street_3car_hetero", "seed": 1},
         "methods": [asdict(method) for method in methods],
     }
-    tables = {"frames": frames, "lookups": lookups, "resources": resources}
-    return Run(
-        "0123456789ab", facts, "", {name: Columns.of(table) for name, table in tables.items()}, ()
-    )
+    named = {"frames": frames, "lookups": lookups, "resources": resources}
+    tables = {name: Columns.of(table) for name, table in named.items()}
+    measured = [one for one in metrics.compute(methods, tables) if one.metric == "utilization"]
+    return Run("0123456789ab", facts, "", tables, measured)
 
 
 def words(path: Path) -> str:
@@ -84,12 +84,10 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
         "object_reuse": ["object reuse", "Genies on cars", "Genies on edges"],
         "confidence_boost": ["Genies on cars", "Genies on edges", "events recorded so far"],
         "resources": [
-            "accelerators busy",
-            "links busy",
-            "messages waiting",
-            "simulated time [s]",
-            "car1",
-            "edge2",
+            "utilization",
+            "car1.accelerator",
+            "car2-&gt;edge2",
+            "Genie (DG)",
         ],
     }
     run_id, drawn = "0123456789ab", figures.of_run(run_of(*tables))
@@ -120,18 +118,20 @@ def test_the_same_tables_give_the_same_bytes_whatever_the_user_s_settings(tables
 
 @pytest.mark.slow
 def test_figures_fit_a_column_and_their_text_is_legible(tables):
-    """At most 3.2 inches high there, but for the use of devices, which needs a page."""
+    """At most 3.2 inches high there, also with as many devices as are ever shown."""
     one = run_of(*tables)
     drawn = figures.of_run(one, style.COLUMN_IN)
     panels = {f"{cars} cars": tables[0] for cars in (1, 2, 3, 4)}
     drawn["several runs"] = figures.latency_cdf(panels, METHODS, FOOTER, style.COLUMN_IN)
     many = [MethodInfo(f"m{place}", f"cache {place}", baseline=False) for place in range(8)]
     frames = pd.concat([tables[0].assign(method=method.name) for method in many])
+    loaded = run_of(*tables[:2], made_up_run.resources(6, 10).to_frame())
+    drawn["many devices"] = figures.makers(loaded, style.COLUMN_IN)["resources"]()
     drawn["many methods"] = figures.latency_cdf({"run": frames}, many, FOOTER, style.COLUMN_IN)
     for name, figure in drawn.items():
         figures.svg(figure)  # lays it out
         assert faults(figure) == [], name
-        assert figure.get_figheight() <= 3.2 or name == "resources", name
+        assert figure.get_figheight() <= 3.2, name
 
 
 @pytest.mark.slow
@@ -194,11 +194,11 @@ def test_equal_curves_are_told_apart_and_a_legend_takes_a_fifth_at_most(tables):
 
 
 def test_panels_have_letters_if_there_are_several(tables):
-    drawn = figures.of_run(run_of(*tables))
-    titles = [axis.get_title() or axis.get_title(loc="left") for axis in drawn["resources"].axes]
-    assert titles[0] == "(a) local (L)" and titles[-1].startswith("(")
-    assert len({title[:4] for title in titles}) == len(titles) > 2
-    assert not drawn["latency_cdf"].axes[0].get_title(loc="left")
+    frames = tables[0]
+    drawn = figures.latency_cdf({"one": frames, "two": frames}, METHODS, FOOTER)
+    assert [axis.get_title() for axis in drawn.axes] == ["(a) one", "(b) two"]
+    alone = figures.latency_cdf({"one": frames}, METHODS, FOOTER)
+    assert not alone.axes[0].get_title(loc="left")
 
 
 def test_a_placement_is_never_in_a_method_s_colour():
@@ -286,57 +286,10 @@ def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
 
 
 @pytest.mark.slow
-def test_a_fleet_s_resources_are_a_range_and_a_median_not_a_hundred_lines(tmp_path):
-    resources = made_up_run.resources(cars=20, samples=12).to_frame()
-    svg, _ = figures.save(figures.resource_use(resources, METHODS, FOOTER), tmp_path, "resources")
-    assert "range" in words(svg) and "median" in words(svg)
-    assert "car17" not in words(svg)
-
-
-def test_a_method_of_which_nothing_was_used_says_so_instead_of_empty_panels(tmp_path):
-    table = Table(RESOURCES)
-    for tenth in range(1, 31):
-        t_ns = tenth * 100_000_000
-        table.append(("local", t_ns, "edge1.accelerator", "accelerator", 1, 0, 0, 0, 0, None, 0, 0))
-        table.append(
-            ("remote", t_ns, "edge1.accelerator", "accelerator", 1, t_ns, 0, tenth, 0, None, 0, 0)
-        )
-    local, remote = figures.resource_use(table.to_frame(), METHODS).axes
-    assert [text.get_text() for text in local.texts] == ["not used"] and not remote.texts
-
-
-def test_an_unused_kind_has_no_panel_and_each_host_one_colour():
-    frames, resources = made_up_run.frames().to_frame(), made_up_run.resources().to_frame()
-    idle = resources.assign(busy_ns=0, queue_ns=0)
-    assert len(figures.resource_use(idle, METHODS).axes) == len(METHODS)
-    colours: dict[str, set[str]] = {}
-    for axis in figures.resource_use(resources, METHODS).axes:
-        for line in axis.lines:
-            colours.setdefault(line.get_color(), set()).add(line.get_label())
-    assert all(
-        len({name for name in names if not name.startswith("_")}) <= 1 for names in colours.values()
-    )
-    assert not set(colours) & set(style.COLOURS), "a host is no method"
-    marked = {
-        (line.get_color(), line.get_marker())
-        for axis in figures.resource_use(resources, METHODS).axes
-        for line in axis.lines
-    }
-    assert len(marked) == len(colours) == len({marker for _, marker in marked}), (
-        "without colour, too, hosts are told apart"
-    )
-    assert "resources" not in figures.of_run(
-        run_of(frames, Table(LOOKUPS).to_frame(), resources.iloc[:0])
-    )
-
-
-@pytest.mark.slow
 def test_a_paper_s_widths(tables):
     for name, width_in in style.WIDTHS.items():
         drawn = figures.of_run(run_of(*tables), width_in)
-        assert {figure.get_figwidth() for key, figure in drawn.items() if key != "resources"} == {
-            width_in
-        }, name
+        assert {figure.get_figwidth() for figure in drawn.values()} == {width_in}, name
 
 
 @pytest.mark.slow
@@ -354,24 +307,19 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
 @pytest.mark.slow
 @pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
 def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
-    _, lookups, resources = tables
+    lookups = tables[1]
     methods = [
         MethodInfo(f"method{place}", f"another cache {place}", baseline=False) for place in range(8)
     ]
-    looked_up, used = (
-        pd.concat(
-            [rows[rows["method"] == "genie"].assign(method=one.name) for one in methods],
-            ignore_index=True,
-        )
-        for rows in (lookups, resources)
+    looked_up = pd.concat(
+        [lookups[lookups["method"] == "genie"].assign(method=one.name) for one in methods],
+        ignore_index=True,
     )
     bars = figures.image_reuse({"run": looked_up}, methods, FOOTER, width_in)
-    use = figures.resource_use(used, methods, FOOTER)
-    for figure in (bars, use):
-        FigureCanvasAgg(figure).draw()
+    FigureCanvasAgg(bars).draw()
     names = bars.axes[0].get_xticklabels()
     numbers = [text for text in bars.axes[0].texts if text.get_text()]
-    for texts in (names, numbers, [axis.title for axis in use.axes if axis.get_title()]):
+    for texts in (names, numbers):
         boxes = [text.get_window_extent() for text in texts]
         assert len(boxes) >= len(methods)
         assert not any(
@@ -428,18 +376,23 @@ def test_short_bars_are_drawn_again_on_a_scale_of_their_own():
     assert short.get_xlim()[1] < 100 < 349 < every.get_xlim()[1]
 
 
-def test_utilization_is_that_of_the_last_second():
-    table = Table(RESOURCES)
-    for tenth in range(1, 31):  # idle for 2 s, then busy
-        t_ns = tenth * 100_000_000
-        busy_ns = max(t_ns - 2 * 10**9, 0)
-        table.append(
-            ("genie", t_ns, "edge1.accelerator", "accelerator", 1, busy_ns, 0, tenth, 0, None, 0, 0)
-        )
-    t_s, busy = curves(figures.resource_use(table.to_frame(), METHODS))["edge1"]
-    at = dict(zip(t_s.round(1).tolist(), busy.tolist(), strict=True))
-    assert (at[2.0], at[3.0]) == (0.0, 1.0)
-    assert at[2.5] == pytest.approx(0.5)
+def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tables):
+    """A row each, of no more than 12, a point for each method; what is idle is left out."""
+    run = run_of(*tables[:2], made_up_run.resources(6, 10).to_frame())
+    use = {(one.method, one.component): one.value for one in run.measured}
+    axis = figures.resource_use(run.measured, METHODS).axes[0]
+    names = [tick.get_text() for tick in axis.get_yticklabels()]
+    highest = {name: max(use[one.name, name] for one in METHODS) for _, name in use}
+    assert len(names) == 12 < len(highest)
+    assert min(highest[name] for name in names) >= sorted(highest.values())[-12]
+    for place, method in enumerate(METHODS):
+        points = axis.containers[place][0]
+        assert axis.containers[place].get_label() == method.title
+        assert points.get_xdata().tolist() == [
+            use[method.name, names[round(row)]] for row in points.get_ydata()
+        ]
+    idle = [replace(one, value=0.0) for one in run.measured]
+    assert "resources" not in figures.of_run(replace(run, measured=idle))
 
 
 def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import genie_metrics, metrics, resource_metrics
+from genie_sim.analysis import genie_metrics, metrics
 from genie_sim.analysis.statistics import Blocks, wilson
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.core.messages import Header
@@ -490,14 +490,11 @@ def test_requests_of_neighbours_are_not_coalesced_requests():
     assert (coalesced.value, coalesced.n) == (0.5, 4)
 
 
-def test_the_running_use_of_a_cpu_is_that_of_each_of_its_cores():
+def test_the_use_of_a_cpu_is_that_of_each_of_its_cores():
     """Four cores that work 6 s in 2 s: each is busy for 1.5 s."""
     table = Table(RESOURCES)
     for second, busy_s in ((1, 2), (2, 6)):
         table.append(("genie", second * S, "edge1.cpu", "cpu", 4, busy_s * S, 0, 0, 0, None, 0, 0))
-    t_ns, worked_ns = resource_metrics.running_use(Columns.of(table.to_frame()))
-    assert t_ns.tolist() == [0, 1 * S, 2 * S]
-    assert worked_ns.tolist() == [0, 0.5 * S, 1.5 * S]
     assert of_tables(resources=table.to_frame())["utilization", "edge1.cpu"].value == 0.75
 
 

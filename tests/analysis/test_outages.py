@@ -7,7 +7,6 @@ import pytest
 
 from genie_sim.analysis import outages, summary
 from genie_sim.analysis.registry import METRICS
-from genie_sim.report.data import SHADED
 from genie_sim.runs.folder import run_in_memory
 from tests.analysis.outage_tables import table
 from tests.conformance import small
@@ -130,12 +129,3 @@ def test_a_run_tells_when_its_faults_began_and_ended():
     assert [line.split(" [")[0].rpartition(", ")[2] for line in recall] == [
         f"{phase} it" for phase in outages.PHASES
     ]
-    from genie_sim.report import data
-
-    page = data.page_data(run)
-    assert (
-        SHADED in page["notes"]
-        and {"method": "local", "fault": "slow", "target": "edge1", "from": 0.5, "to": 0.7}
-        in page["faults"]
-    )
-    assert all(fault["fault"] != "hand_over" for fault in page["faults"])

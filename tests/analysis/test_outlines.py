@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import figures
+from genie_sim.analysis import figures, metrics
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.difference_plot import differences
@@ -37,7 +37,8 @@ def run_of(tables: dict[str, pd.DataFrame]) -> Run:
         "methods": [asdict(method) for method in METHODS],
     }
     columns = {name: Columns.of(table) for name, table in tables.items()}
-    return Run("0123456789ab", facts, "", columns, ())
+    measured = [one for one in metrics.compute(METHODS, columns) if one.metric == "utilization"]
+    return Run("0123456789ab", facts, "", columns, measured)
 
 
 def test_figures_of_a_run(tables):
@@ -62,14 +63,12 @@ def test_several_seeds_have_bands(tables):
 def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
     labels = [f"{cars} cars\n{kind}" for kind in ("homo", "hetero") for cars in (1, 2, 3)]
     frames = dict.fromkeys(labels, tables["frames"])
-    resources = made_up_run.resources(cars=20, samples=12).to_frame()
     drawn = {
         "latency_cdf": figures.latency_cdf(frames, METHODS, FOOTER),
         "answered": figures.latency_cdf(frames, METHODS, FOOTER, of="answered"),
         "image_reuse": figures.image_reuse(
             dict.fromkeys(labels, tables["lookups"]), METHODS, FOOTER
         ),
-        "resources": figures.resource_use(resources, METHODS, FOOTER),
     }
     outline.check("many panels", drawn)
 

@@ -18,7 +18,10 @@ from genie_sim.scenario.reading import load_scenario
 
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """
+import math
 from dataclasses import replace
+import numpy as np
+from genie_sim.analysis.statistics import Measured
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import LOWER, Metric, mean, share
 
@@ -30,6 +33,10 @@ plain = Metric("a number", "", formula=lambda frames: mean(frames, response_ms(f
 raises = replace(slow, formula=lambda frames: share(frames, frames["nothing"]))
 rowless = replace(slow, rows="nothing")
 returns = replace(slow, formula=lambda frames: 0.5)
+infinite = replace(slow, formula=lambda frames: Measured(math.inf))
+undefined = replace(slow, formula=lambda frames: Measured(1, low=math.nan))
+huge = replace(slow, formula=lambda frames: Measured(10**400))
+of_numpy = replace(slow, formula=lambda frames: Measured(np.float32(3), n=np.int64(2)))
 other = "text"
 """
 
@@ -72,7 +79,7 @@ def test_its_words_travel_with_the_results_and_its_code_does_not_run(
     (tmp_path / "own_metric.py").write_text("raise AssertionError('ran')")
     monkeypatch.setattr(registry, "_told", {})
     with own_code(allowed=False):
-        run = seed_runs.load(folder)
+        run = seed_runs.load_run(folder)
         for format in ("markdown", "latex"):
             assert r"slow frames [%]" in summary.table(run, format).replace("\\%", "%")
             assert "a number" in summary.table(run, format)
@@ -94,6 +101,9 @@ def test_words_that_are_none_are_refused_in_one_line(told: object):
         ("raises", r"own_metric:raises': KeyError: .*own_metric.py, line \d+, in "),
         ("rowless", "rows: unknown kind 'nothing'; known: "),
         ("returns", "must return a Sample, Measured or None, not 0.5"),
+        ("infinite", "value must be a finite number, or None where it is not defined, not inf"),
+        ("undefined", "low must be a finite number"),
+        ("huge", "value must be a finite number"),
         ("other", "is no genie_sim.analysis.metric.Metric, but 'text'"),
         ("Nobody", "has no attribute 'Nobody'"),
     ],
@@ -103,8 +113,14 @@ def test_what_is_wrong_with_it_is_one_line(name: str, says: str):
         ran(name)
 
 
-def test_a_scenario_without_any_is_what_it_was():
-    plain = plain_data(load_scenario("street_1car_homo"))
-    assert "metrics" not in plain
+def test_its_number_may_be_of_numpy():
+    numbers = [
+        metric for metric in ran("of_numpy").measured if metric.metric == "own_metric:of_numpy"
+    ]
+    assert {(type(number.value), number.value, number.n) for number in numbers} == {(float, 3.0, 2)}
+
+
+def test_a_scenario_has_none_unless_it_names_some():
+    assert plain_data(load_scenario("street_1car_homo"))["metrics"] == []
     with pytest.raises(UserError, match=r"metrics.0.: unknown metric 'streaming_f1'"):
         load_scenario("street_1car_homo", ["metrics=[streaming_f1]"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
@@ -288,3 +288,17 @@ def test_a_resource_that_is_overloaded_is_named_in_one_line():
     )
     assert "Overloaded: car1.accelerator" in screen.text(run_of(run), 200)
     assert summary.overload(run_of(run[1:])) == ""
+
+
+def test_where_no_key_repeats_the_run_says_so_in_one_line():
+    """Of image keys and of places, each by itself; one hit is enough to say nothing."""
+
+    def with_lookups(lift: float) -> Run:
+        run, lookups = run_of([]), made_up_run.lookups(2, 120, lift=lift).columns()
+        return replace(run, tables={**run.tables, "lookups": lookups})
+
+    nothing = with_lookups(0.0)
+    assert summary.no_repeats(nothing).startswith("No key repeats: none of 480 requests under ")
+    assert "; none of " in summary.no_repeats(nothing)
+    assert summary.no_repeats(nothing) in screen.text(nothing, 400)
+    assert summary.no_repeats(with_lookups(1.0)) == "" == summary.no_repeats(run_of([]))

@@ -89,6 +89,7 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
         ("x.yaml", "x.yaml: no such file"),
         ("folder/", "unknown trace 'folder/'; known: "),
         ("./folder.d", "./folder.d: is a folder, not a file"),
+        ("./pipe.yaml", "./pipe.yaml: is a device or a pipe"),
         ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
         ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
         ("", "unknown trace ''; known: "),
@@ -100,6 +101,7 @@ def test_what_is_not_there(
     name: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "folder.d").mkdir()
+    os.mkfifo(tmp_path / "pipe.yaml")
     (tmp_path / "scenarios/traces").mkdir(parents=True)
     (tmp_path / "scenarios/traces/kitti.parquet").touch()
     monkeypatch.chdir(tmp_path)

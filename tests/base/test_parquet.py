@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -137,3 +140,25 @@ def test_what_a_run_has_just_written_is_read_whatever_it_takes(
     table.write(tmp_path / "poses.parquet")
     assert len(table.columns()) == 70_000
     refused("more than 1 times the file", tables.read, tmp_path / "poses.parquet", SCHEMAS["poses"])
+
+
+THREADS = """
+import os, sys
+from pathlib import Path
+import pyarrow.parquet
+from genie_sim.base import parquet
+before = len(os.listdir("/proc/self/task"))
+with parquet.opened(Path(sys.argv[1])) as file:
+    file.read(use_threads=False)
+print(len(os.listdir("/proc/self/task")) - before)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs /proc")
+def test_no_thread_is_started_that_may_abort_the_process_at_its_end(tmp_path):
+    pq.write_table(pa.table({"a": [1, 2]}), tmp_path / "a.parquet")
+    command = [sys.executable, "-c", THREADS, str(tmp_path / "a.parquet")]
+    surroundings = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, capture_output=True, text=True, env=surroundings)
+    assert done.stdout == "0\n", done.stderr

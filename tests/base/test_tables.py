@@ -61,7 +61,7 @@ def test_titles_of_numpy_stand_in_a_comment(tmp_path):
         (b"time_s,up_mbps\n0,-1\n", "line 2: up_mbps: must be a number from 0 to 1e.15, not '-1'"),
         (b"time_s,up_mbps\n\xff,1\n", "not a readable CSV file: save it as UTF-8"),
         (b"0,1\n1,2\n", "column 'time_s' is missing; the file has none"),
-        (b"", "column 'time_s' is missing; the file has none"),
+        (b"", "is empty"),
         (
             b"time_s,up_mbps\n0," + b"1" * 2_000_000,
             "a.csv: has a line of 1,000,000 characters or more",
@@ -135,3 +135,13 @@ def test_rows_of_a_known_format_may_be_uneven(tmp_path):
     path.write_text("time_s up_mbps note\n0\n")
     with pytest.raises(UserError, match="line 2: up_mbps: is empty"):
         list(FileTable(path, uneven=True).rows(COLUMNS))
+
+
+@pytest.mark.parametrize("name", ["street.bag", "street.mcap", "street/metadata.yaml"])
+def test_a_bag_is_named_with_what_reads_it(tmp_path, name):
+    path = tmp_path / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("")
+    given = path.parent if name.endswith(".yaml") else path
+    with pytest.raises(UserError, match=r"street.*: is a ROS bag, .*genie-sim-ros"):
+        FileTable(given)

@@ -70,6 +70,7 @@ def test_a_sweep_file_takes_settings_too(capsys):
         (["--axis", "cars[0].link=lte,let"], "unknown link 'let' (did you mean 'lte'?); known: "),
         (["--axis", "spread=a", "--axis", "spread=b"], "--axis spread=b: spread is varied already"),
         ([], "street_1car_homo is a scenario: say what varies, such as --axis "),
+        (["--axis", "spread=isolated", "--out", ""], "--out: is empty"),
     ],
 )
 def test_an_axis_that_cannot_be_gets_one_line(arguments, message, capsys):
@@ -77,6 +78,12 @@ def test_an_axis_that_cannot_be_gets_one_line(arguments, message, capsys):
     said = capsys.readouterr().err
     assert message in said and said.count("\n") == 1
     assert not Path("results").exists()
+
+
+def test_a_scenario_file_is_no_sweep(capsys):
+    Path("s.yaml").write_text("cars: []\n")
+    assert main(["sweep", "s.yaml"]) == 1
+    assert "s.yaml is a scenario: say what varies" in capsys.readouterr().err
 
 
 def test_axes_along_lists_have_names_of_their_own():

@@ -218,6 +218,13 @@ class RadioSender(Sender):
         return int(self.random.integers(1_000_000))
 
 
+class NoSender:
+    """A link model that makes nothing."""
+
+    def sender(self, network, ends):
+        return None
+
+
 @dataclass
 class OneAtATime:
     """A medium: of all its links one sends at a time, first come, first served."""

@@ -119,6 +119,10 @@ def test_a_radio_of_ones_own_carries_the_frames():
             f"link model '{RADIO}': .*slot_ms: must be more than zero",
         ),
         ({"model": RADIO}, r"cars\[0\].link.slot_ms: missing"),
+        (
+            {"model": "tests.conformance.own:NoSender"},
+            r"own:NoSender.: sender\(\) is None, but must be a Sender",
+        ),
         ({"model": "tests.conformance.own:Again"}, "has no sender"),
         ({"model": "tests.conformance.own:Nobody"}, "has no attribute 'Nobody'"),
     ],

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from genie_sim.core import message_cache
 from genie_sim.core.eviction import LRU
 from genie_sim.core.messages import (
     Detections,
@@ -603,6 +604,19 @@ def test_without_expiry_an_answer_is_never_too_late():
     asked.on_message(IMAGES, frame(0), 0)
     assert asked.next_deadline_ns() is None
     assert len(answers(asked.on_message(FROM_NODE, answer(frame(0), CAR), 3600 * S))) == 1
+
+
+def test_requests_without_expiry_do_not_pile_up(monkeypatch):
+    """The oldest goes, answered or not; then an equal request is run again and joins nobody."""
+    monkeypatch.setattr(message_cache, "MAX_TIMELESS", 2)
+    asked = genie(miss_policy="blocking", request_expiry_ns=None)
+    asked.on_message(IMAGES, frame(0), 0)
+    asked.on_message(IMAGES, frame(1, at=STATION), 1)
+    asked.on_message(FROM_NODE, answer(frame(1, at=STATION), CAR), 2)
+    third, fourth, again = frame(2, camera="03"), frame(3, camera="04"), frame(4)
+    assert Expired(frame(0).header) in asked.on_message(IMAGES, third, 3)
+    assert facts(asked.on_message(IMAGES, fourth, 4), Expired) == [], "it was answered"
+    assert Publish(TO_NODE, again) in asked.on_message(IMAGES, again, 5)
 
 
 # Who is who

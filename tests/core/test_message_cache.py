@@ -103,6 +103,17 @@ def test_without_a_capacity_only_the_first_request_for_a_picture_misses():
 # Sizes
 
 
+def test_under_lfu_in_bytes_a_new_answer_is_not_the_one_that_goes():
+    """It was used least, but the one that it comes in place of goes before."""
+    size_bytes = answer(HEADER, seen("car", 0.9)).size_bytes
+    cache = MessageCache(Exact().index(), LFU(), Capacity(bytes=2 * size_bytes))
+    for now_ns, key in enumerate(("crossing", "bridge", "bridge", "crossing", "bridge")):
+        cache.put(key, OBJECTS, answer(HEADER, seen("car", 0.9)), now_ns)
+    cache.put("tunnel", OBJECTS, answer(HEADER, seen("car", 0.9)), 9)
+    held = {key for key in ("crossing", "bridge", "tunnel") if cache.peek(key, 10) is not None}
+    assert held == {"bridge", "tunnel"}
+
+
 def test_an_answer_larger_than_the_cache_is_not_stored_and_evicts_nothing():
     cache = MessageCache(Exact().index(), LRU(), Capacity(bytes=500))
     cache.put("crossing", OBJECTS, answer(HEADER, seen("car", 0.9)), 0)

@@ -16,8 +16,8 @@ from genie_sim.base.features import UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
 from genie_sim.data.onnx_detector import add_last_activation
 from genie_sim.data.trace import Trace, feature_facts, read_trace, write_trace
-from genie_sim.worlds.town.noise import mix
-from genie_sim.worlds.town.surrogate import Surrogate
+from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.surrogate import Surrogate
 
 # how the digest of the shipped trace begins; it does not depend on features
 SHIPPED = "c43932bb6f14f1ac"

@@ -95,7 +95,7 @@ def test_caches_have_the_radius_and_only_one_draws():
 
 
 def test_a_router_hears_both_detectors_and_speaks_to_both():
-    router = LocalAndRemote("car1/router", None, ("/image_raw",), ("/objects",))
+    router = LocalAndRemote("car1/router", ("/image_raw",), ("/objects",))
     objects, images = "/objects", "/image_raw"
     assert router.subscriptions() == (images, objects + LOCAL, objects + REMOTE)
     assert router.publications() == (objects, images + LOCAL, images + REMOTE)

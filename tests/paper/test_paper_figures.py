@@ -17,6 +17,7 @@ from genie_sim.paper import curves, figures, numbers
 from genie_sim.paper.checks import CASE, HO
 from genie_sim.paper.curves import Key, Points
 from genie_sim.paper.evidence import Evidence
+from genie_sim.paper.reproduce import Reproduction
 from tests.checkout import REPOSITORY
 from tests.drawn_text import faults
 
@@ -45,7 +46,7 @@ MARKS = {  # numbers that the paper prints, where it says them
 @pytest.fixture(scope="module", params=[style.COLUMN_IN, style.PAGE_IN], ids=["column", "page"])
 def drawn(request) -> dict[str, Figure]:
     """Every figure of the committed evaluation, laid out."""
-    made = figures.of_evaluation(PAPER, request.param)
+    made = Reproduction.read(PAPER).figures(request.param)
     for figure in made.values():
         drawing.svg(figure)
     return made
@@ -115,7 +116,7 @@ def test_curves_and_bars_differ_in_greyscale(drawn):
 
 def test_bars_are_those_of_the_evaluation_s_numbers():
     evidence = Evidence(numbers.read(PAPER))
-    drawn = figures.of_evaluation(PAPER)["image_reuse"].axes[0].patches
+    drawn = Reproduction.read(PAPER).figures()["image_reuse"].axes[0].patches
     for number, (scenario, place) in enumerate((s, p) for p in ("car", "edge") for s in HO):
         mean = evidence.of(scenario, numbers.placed("image_reuse", place)).mean()
         assert drawn[number].get_height() == pytest.approx(mean)

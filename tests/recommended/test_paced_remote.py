@@ -43,6 +43,21 @@ def test_a_frame_that_is_never_answered_is_given_up_after_a_second():
     assert paced.on_deadline(1000 * MS) == [Expired(lost.header)]
 
 
+def test_a_frame_that_a_later_one_overtakes_is_given_up():
+    """Answers keep their order: once the second frame is answered, the first never will be."""
+    paced, frames = sender(in_flight=2), [frame(0), frame(100)]
+    for number, image in enumerate(frames):
+        paced.on_message(IMAGES, image, number * 100 * MS)
+    answer = Detections(frames[1].header, ())
+    effects = paced.on_message(OBJECTS + REMOTE, answer, 150 * MS)
+    assert effects == [Expired(frames[0].header), Publish(OBJECTS, answer)]
+    pacer = Pacer(every_ns=0, in_flight=2, stale_ns=500 * MS)
+    for image in frames:
+        pacer.sends(image.header, 0.0, image.header.stamp_ns)
+    (loss,) = pacer.answered(frames[1].header, 150 * MS).lost
+    assert (loss.header, loss.cause) == (frames[0].header, "overtaken")
+
+
 def test_fewer_frames_go_up_than_with_remote_and_each_is_answered():
     settings = ["methods=[remote, paced_remote]", "cars[0].route.window=[0 s, 3 s]"]
     tables = run_in_memory(load_scenario("street_1car_hetero", settings)).tables

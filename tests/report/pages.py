@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import re
+import zlib
 
 import numpy as np
 from matplotlib.image import imread
@@ -20,12 +22,15 @@ EVIL = (
 )
 
 
-def embedded(page: str) -> dict:
-    """The data of a page, as its script reads it."""
-    (text,) = re.findall(
-        r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL
-    )
-    return json.loads(text)
+def replay_of(page: str) -> dict:
+    """The replay of a page, as its script reads it."""
+    (text,) = re.findall(r'<script type="text/plain" id="data">(.*?)</script>', page)
+    return json.loads(zlib.decompress(base64.b64decode(text)))
+
+
+def asked_for(browser: Browser) -> list[str]:
+    """Addresses besides the pictures that are in the page itself."""
+    return [address for address in browser.requests if not address.startswith("data:image/svg")]
 
 
 def picture(png: bytes) -> np.ndarray:
@@ -36,9 +41,9 @@ def picture(png: bytes) -> np.ndarray:
 def middle(browser: Browser, element: str) -> tuple[float, float]:
     """Scrolls an element into the window; the point in its middle."""
     browser.evaluate("document.documentElement.style.scrollBehavior = 'auto'")
-    browser.evaluate(f"byId('{element}').scrollIntoView({{block: 'center'}})")
+    browser.evaluate(f"document.getElementById('{element}').scrollIntoView({{block: 'center'}})")
     x, y = browser.evaluate(
         "(({ x, y, width, height }) => [x + width / 2, y + height /"
-        f" 2])(byId('{element}').getBoundingClientRect())"
+        f" 2])(document.getElementById('{element}').getBoundingClientRect())"
     )
     return x, y

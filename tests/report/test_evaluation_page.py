@@ -5,28 +5,28 @@ time.
 from __future__ import annotations
 
 import json
+from html import escape
 from pathlib import Path
 
 import pytest
 
 import genie_sim as gs
 from genie_sim.cli.main import main
-from genie_sim.paper import page as evaluation
-from genie_sim.paper import printed
+from genie_sim.paper import claims, printed
+from genie_sim.paper.reproduce import FILES, Reproduction
 from genie_sim.record import provenance
-from genie_sim.report import html_page
-from tests.browser import Browser
+from genie_sim.report import template
 from tests.checkout import copied
-from tests.report.pages import EVIL, MEGABYTE, embedded, middle, picture
+from tests.report.pages import EVIL, MEGABYTE, asked_for, middle, picture
 
 PAPER = Path(__file__).resolve().parents[2] / "results" / "paper"
 ROWS = printed.read_rows(PAPER)
-SHOWN = "[...byId('claims').querySelectorAll('tr.claim')].map(row => row.id)"
+SHOWN = "[...document.querySelectorAll('tbody tr[id^=C]:not([hidden])')].map(row => row.id)"
 
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    return evaluation.page(PAPER)
+    return Reproduction.read(PAPER).page()
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def folder() -> Path:
 
 def signed(folder: Path) -> Path:
     """The same folder with the digests of its files as they are now."""
-    digests = provenance.digests(folder, evaluation.FILES)
+    digests = provenance.digests(folder, FILES)
     rewritten(folder / "run.json", lambda about: about.update(digests=digests))
     return folder
 
@@ -52,19 +52,20 @@ def rewritten(path: Path, change) -> None:
 
 
 def test_every_claim_is_there_with_what_was_found_and_judged(page):
-    shown = embedded(page)["claims"]
-    for name in ("id", "claim", "kind", "paper", "verdict", "test", "command"):
-        assert [one[name] for one in shown] == [row[name] for row in ROWS]
-    assert [one["found"] for one in shown] == [printed.number(row) for row in ROWS]
-    assert len(embedded(page)["sentences"]) == 3
-    assert len(embedded(page)["figures"]) == 5
+    for row in ROWS:
+        shown = page.partition(f'<tr id="{row["id"]}">')[2].partition("</tr>")[0]
+        texts = [row[name] for name in ("claim", "kind", "paper", "test", "command")]
+        for text in (*texts, printed.number(row), printed.verdict(row), printed.reason(row)):
+            assert escape(text) in shown, (row["id"], text)
+    assert all(escape(sentence) in page for sentence in claims.sentences(ROWS))
+    assert page.count("<img") == 5
 
 
 @pytest.mark.slow
 def test_the_page_is_small_and_independent_of_time_and_machine(page, folder):
     assert len(page.encode()) < 8 * MEGABYTE
     rewritten(folder / "run.json", lambda about: about.update(platform="moon", python="4"))
-    assert evaluation.page(folder) == page
+    assert Reproduction.read(folder).page() == page
 
 
 # The command
@@ -112,20 +113,6 @@ def file(page: str) -> Path:
     return path.absolute()
 
 
-def asked_for(browser: Browser) -> list[str]:
-    """Addresses besides the pictures that are in the page itself."""
-    return [
-        address
-        for address in browser.requests
-        if not address.startswith("data:image/svg+xml;base64,")
-    ]
-
-
-def choose(browser: Browser, element: str, value: str, event: str = "input") -> None:
-    browser.evaluate(f"byId('{element}').value = {json.dumps(value)}")
-    browser.evaluate(f"byId('{element}').dispatchEvent(new Event('{event}'))")
-
-
 @pytest.mark.parametrize(
     ("width", "dark"), [(1200, False), (1200, True), (360, False)], ids=["wide", "dark", "narrow"]
 )
@@ -146,41 +133,42 @@ def test_the_page_draws_itself_in_any_window(browser, file, width, dark):
     assert not any(word in words for word in ("NaN", "undefined", "Infinity", "[object"))
 
 
-def test_claims_are_filtered_by_verdict_kind_and_words(browser, file):
+def test_claims_are_filtered_by_words_of_claim_verdict_kind_and_test(browser, file):
     browser.open(file)
     assert browser.evaluate(SHOWN) == [row["id"] for row in ROWS]
-    choose(browser, "kind", "outcome")
-    outcomes = [row for row in ROWS if row["kind"] == "outcome"]
-    assert browser.evaluate(SHOWN) == [row["id"] for row in outcomes]
-    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
-    assert (
-        browser.evaluate(SHOWN)
-        == [row["id"] for row in outcomes if row["verdict"] != "holds"]
-        != []
-    )
-    browser.evaluate("byId('verdict-filter').querySelector('button').click()")
-    choose(browser, "kind", "")
-    choose(browser, "search", "OBJECT reuse")
-    assert "C14" in browser.evaluate(SHOWN)
-    assert "C27" not in browser.evaluate(SHOWN)
+    field = "document.querySelector('input[type=search]')"
+    for words, is_shown in (
+        ("OBJECT reuse", lambda row: "object reuse" in row["claim"].lower()),
+        ("outcome:", lambda row: row["kind"] == "outcome"),
+    ):
+        browser.evaluate(f"{field}.value = {json.dumps(words)}")
+        browser.evaluate(f"{field}.dispatchEvent(new Event('input'))")
+        found = browser.evaluate(SHOWN)
+        assert (
+            {row["id"] for row in ROWS if is_shown(row)} <= set(found) < {row["id"] for row in ROWS}
+        )
+        assert browser.evaluate("document.querySelector('output').value") == (
+            f"{len(found)} of {len(ROWS)}"
+        )
 
 
 def test_a_click_on_a_claim_opens_its_test_and_command(browser, file):
     browser.open(file)
-    browser.click(*middle(browser, "C14"))
-    told = browser.evaluate("byId('C14').nextElementSibling.textContent")
+    browser.evaluate("document.querySelector('#C14 summary').id = 'opener'")
+    assert browser.evaluate("document.querySelector('#C14 details').open") is False
+    browser.click(*middle(browser, "opener"))
     row = next(row for row in ROWS if row["id"] == "C14")
+    assert browser.evaluate("document.querySelector('#C14 details').open") is True
+    told = browser.evaluate("document.querySelector('#C14 dl').innerText")
     assert row["test"] in told and row["command"] in told
-    browser.evaluate("byId('C14').querySelector('button').click()")
-    assert browser.evaluate("byId('C14').nextElementSibling.className").startswith("claim")
 
 
 def test_markup_in_results_is_shown_as_text(browser, folder):
     rewritten(folder / "verdicts.json", lambda rows: rows[0].update(claim=EVIL, note=EVIL))
-    Path("report.html").write_text(evaluation.page(signed(folder)), encoding="utf-8")
+    Path("report.html").write_text(Reproduction.read(signed(folder)).page(), encoding="utf-8")
     assert Path("report.html").read_text(encoding="utf-8").count("<script") == 2
     browser.open(Path("report.html"))
-    assert browser.evaluate("byId('C1').cells[1].textContent").startswith(EVIL)
+    assert browser.evaluate("document.querySelector('#C1').cells[1].textContent").startswith(EVIL)
     assert browser.evaluate("typeof window.hacked") == "undefined"
     assert browser.errors == []
     assert asked_for(browser) == [Path("report.html").absolute().as_uri()]
@@ -189,4 +177,4 @@ def test_markup_in_results_is_shown_as_text(browser, folder):
 @pytest.mark.slow
 def test_a_page_that_cannot_be_written_is_named():
     with pytest.raises(gs.UserError, match=r"no/such/r\.html: cannot be written"):
-        html_page.write_text(Path("no/such/r.html"), evaluation.page(PAPER))
+        template.write(Path("no/such/r.html"), Reproduction.read(PAPER).page())

@@ -29,7 +29,7 @@ def made(seed: int, shift: float = 0.0) -> Run:
 def test_one_run_is_a_table_with_a_note_on_its_intervals():
     html = notebook.run_html(made(1))
     assert html.startswith("<p><b>&lt;town&gt;: 1 car, ")
-    assert html.count("<th>") == 1 + len(METHODS) + 1 and html.count("<td>10</td>") == 3
+    assert html.count("<th ") == len(METHODS) + 1 and html.count("<td>10</td>") == 3
     assert f"<p><small>{summary.ABOUT_INTERVALS}</small></p>" in html
     assert html.count("<small>") == 1, "nothing else is to be said"
 
@@ -38,6 +38,6 @@ def test_several_seeds_have_their_own_note_and_a_warning_is_shown():
     seeds = SeedRuns([made(1), made(2, shift=2.0), made(3, shift=4.0)])
     html = notebook.run_html(seeds)
     assert f"<p><small>{summary.about_seeds(seeds)}</small></p>" in html
-    assert summary.ABOUT_INTERVALS not in html and "12 (7.03 to 17)" in html
+    assert summary.ABOUT_INTERVALS not in html and "<td>12 <small>(7.03 to 17)</small></td>" in html
     changed = replace(made(1), changed=("frames.parquet",))
     assert changed.warning and changed.warning in notebook.run_html(changed)

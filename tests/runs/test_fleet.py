@@ -11,19 +11,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import from_plain, plain_data
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.record.records import Tables
-from genie_sim.record.results import Run
-from genie_sim.report import data, fleet_map
 from genie_sim.runs.fleet import CHECK_NS, Cells, device_of_each
 from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
 from genie_sim.runs.prepare import prepare
@@ -317,150 +312,6 @@ def test_a_table_that_is_left_out_is_empty_and_changes_no_other(tables: Tables, 
             assert len(table) > 0 and len(without[name]) == 0
         else:
             assert without[name].to_frame().equals(table.to_frame()), name
-
-
-def test_the_page_of_a_fleet_tells_of_its_cars_together_and_stays_small(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    setting = small(fleet=fleet(devices={"jetson_tx2": 0.6, "orin_nano": 0.4}))
-    run = run_in_memory(setting)
-    monkeypatch.setattr(data, "RESOURCES_ON_PAGE", 10)
-    shown = data.page_data(run)
-    assert [car["name"] for car in shown["about"]["cars"]] == ["60 % of 5 cars", "40 % of 5 cars"]
-    assert [edge["name"] for edge in shown["about"]["edges"]] == ["an edge about every 100 m"]
-    assert shown["about"]["how_many"] == {"cars": 5, "edges": 6}
-    assert shown["replay"] is None
-    parts = {f"{which}_answer_part" for which in ("first", "fresh", "result")}
-    of_resources = {
-        component
-        for metric, _, _, component, *_ in shown["metrics"]
-        if component not in ("", ZERO_DELAY) and metric not in parts
-    }
-    everywhere = {
-        one.component
-        for one in run.measured
-        if one.component not in ("", ZERO_DELAY) and one.metric not in parts
-    }
-    assert len(of_resources) == 10 < len(everywhere)
-    use = {one.component: one.value or 0 for one in run.measured if one.metric == "utilization"}
-    assert min(use.get(name, 0) for name in of_resources) >= max(
-        use.get(name, 0) for name in everywhere - of_resources
-    )
-    told = " ".join(shown["notes"])
-    assert f"the 10 busiest of {len(everywhere)}" in told
-    assert {one.metric for one in run.measured if not one.component} == {
-        name for name, _, _, component, *_ in shown["metrics"] if not component
-    }
-
-
-@pytest.fixture(scope="module")
-def driven() -> Run:
-    """Twelve cars that change their cells, under two methods."""
-    return run_in_memory(small(fleet=fleet(cars=12, hysteresis="0 m"), methods=["remote", "genie"]))
-
-
-@pytest.mark.slow
-def test_the_map_of_a_fleet_has_its_cars_where_their_last_frame_was_taken(
-    driven: Run, monkeypatch: pytest.MonkeyPatch
-):
-    monkeypatch.setattr(fleet_map, "MAX_CARS", 3)
-    notes: list[str] = []
-    shown = fleet_map.fleet_data(driven, notes)
-    assert shown is not None and [car["name"] for car in shown["cars"]] == ["car1", "car6", "car12"]
-    assert notes == ["The map draws 3 of 12 cars, evenly chosen; the cells count all."]
-    poses = driven.poses[driven.poses["car"] == "car6"]
-    for instant, (second, east, north) in enumerate(
-        zip(shown["instants_s"], shown["cars"][1]["east"], shown["cars"][1]["north"], strict=True)
-    ):
-        before = poses[poses["stamp_ns"] <= second * 1e9]
-        here = (
-            (before if len(before) else poses)
-            .sort_values("stamp_ns")
-            .iloc[-1 if len(before) else 0]
-        )
-        assert (east, north) == (round(here["east_m"]), round(here["north_m"])), instant
-
-
-def test_the_map_of_a_fleet_tells_the_load_of_its_radio_cells(driven: Run):
-    """Of each cell, up; a fleet whose links share nothing has none."""
-    assert fleet_map.fleet_data(driven, [])["air"] == []  # type: ignore[index]
-    cell = {"model": "cell", "up": {"bandwidth": "5 MHz"}}
-    run = run_in_memory(small(fleet=fleet(cars=12, link=cell), methods=["remote"]))
-    shown = fleet_map.fleet_data(run, [])
-    assert shown is not None and len(shown["air"]) == shown["columns"] * shown["rows"] == 6
-    samples = run.resources.query("resource == 'edge_0_0.cell_up'").sort_values("t_ns")
-    (values,) = (one["values"] for one in shown["air"] if one["cell"] == [0, 0])
-    seconds = [
-        second for second in shown["instants_s"][1:] if second * 1e9 <= samples["t_ns"].max()
-    ]
-    for instant, second in enumerate(seconds, 1):
-        worked = np.interp(
-            [(second - 1) * 1e9, second * 1e9], samples["t_ns"], samples["busy_ns"].astype(float)
-        )
-        assert values[instant] == pytest.approx((worked[1] - worked[0]) / 1e9, abs=0.002)
-    assert max(value for one in shown["air"] for value in one["values"]) > 0.3
-
-
-def test_the_map_of_a_fleet_tells_load_and_reuse_of_all_edges(driven: Run):
-    shown = fleet_map.fleet_data(driven, [])
-    assert shown is not None and shown["columns"] * shown["rows"] == 6
-    of_genies = [cell for cell in shown["reuse"] if cell["method"] == "genie"]
-    asked = driven.lookups[
-        (driven.lookups["kind"] == "image") & (driven.lookups["placement"] == "edge")
-    ]
-    for cell in of_genies:
-        mine = asked[asked["genie"].astype(str) == "edge_{}_{}/genie".format(*cell["cell"])]
-        mine = mine[mine["t_ns"] <= shown["instants_s"][-1] * 1e9]
-        assert cell["values"][-1] == pytest.approx(
-            mine["hits"].sum() / mine["requests"].sum(), abs=5e-4
-        )
-    loads = {
-        tuple(cell["cell"]): cell["values"] for cell in shown["load"] if cell["method"] == "remote"
-    }
-    for (column, row), values in loads.items():
-        samples = driven.resources[
-            driven.resources["resource"] == f"edge_{column}_{row}.accelerator"
-        ]
-        samples = samples[
-            (samples["method"] == "remote") & (samples["t_ns"] <= shown["instants_s"][-1] * 1e9)
-        ]
-        assert sum(values) * shown["instants_s"][1] == pytest.approx(
-            samples["busy_ns"].iloc[-1] / 1e9, abs=0.02
-        )
-
-
-def test_each_car_on_the_map_shows_what_became_of_its_last_frame(driven: Run):
-    shown = fleet_map.fleet_data(driven, [])
-    assert shown is not None and shown["all_cars"] == len(shown["cars"]) == 12
-    letters = set()
-    for car in shown["cars"]:
-        for method, outcomes in car["outcomes"].items():
-            frames = driven.frames.query(f"car == '{car['name']}' and method == '{method}'")
-            frames = frames.sort_values("stamp_ns")
-            begin = -1.0
-            for second, letter in zip(shown["instants_s"], outcomes, strict=True):
-                before = frames[frames["stamp_ns"].between(begin * 1e9, second * 1e9, "right")]
-                begin = second
-                if before.empty:
-                    assert letter == "-"
-                    continue
-                last = before.iloc[-1]
-                expected = "a" if pd.notna(last["first_answer_ns"]) else "n"
-                if pd.notna(last["image_hit"]):
-                    expected = "c" if last["coalesced"] else "h" if last["image_hit"] else "m"
-                assert letter == expected
-                letters.add(letter)
-    assert {"a", "h", "m"} <= letters
-
-
-def test_a_map_of_many_cells_has_fewer_steps(driven: Run, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(fleet_map, "MAX_VALUES", 3 * 6 * 2)
-    shown = fleet_map.fleet_data(driven, [])
-    assert shown is not None and 3 <= len(shown["instants_s"]) <= 5
-    every_second = fleet_map.MAX_VALUES * 100
-    monkeypatch.setattr(fleet_map, "MAX_VALUES", every_second)
-    fine = fleet_map.fleet_data(driven, [])
-    assert fine is not None and fine["instants_s"][1] == 1 < shown["instants_s"][1]
 
 
 @pytest.mark.parametrize(("name", "cars_to_a_cell"), [("fleet_30", 7.5), ("fleet_1000", 20.4)])

@@ -425,6 +425,17 @@ def test_own_code_that_ends_the_program_is_named_with_status_1(where, said, tmp_
     assert ended.stderr.count("\n") == 1
 
 
+def test_a_user_error_of_ones_own_class_names_it_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    refuses = "\n    def __init__(self):\n        raise UserError('not today')\n"
+    head = "from genie_sim import UserError\nfrom genie_sim.methods.local import Local\n"
+    (tmp_path / "refusing.py").write_text(f"{head}class Mine(Local):{refuses}")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert main(["run", "street_1car_homo", "--methods", "refusing:Mine"]) == 1
+    assert "methods[0]: method 'refusing:Mine': not today; " in capsys.readouterr().err
+
+
 def test_a_module_is_named_without_its_suffix(capsys):
     assert main(["run", "street_1car_hetero", "--methods", "skip.py:Skip"]) == 1
     assert "a module is named without .py: skip:Skip" in capsys.readouterr().err

@@ -14,7 +14,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.results import Run
-from genie_sim.report.data import page_data
+from genie_sim.report import html_page
+from genie_sim.report.replay import replay_data
 from genie_sim.runs.folder import run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 
@@ -126,11 +127,15 @@ def test_everything_says_what_is_not_counted(tmp_path: Path):
         screen.header,
         summary.markdown,
         lambda one: one.footer,
-        lambda one: str(page_data(one)["about"]),
+        lambda one: html_page.page(one, drawn={}),
     )
     for show in shown:
         assert said in show(made)
     assert made.folder is not None
     assert '"warm_up": "1 s"' in (made.folder / "run.json").read_text()
-    begin_us = page_data(made)["replay"]["begin_us"]
-    assert begin_us == 1_000_000 and said not in screen.header(run("0 s"))
+    shown = replay_data(made, 0, [])
+    assert (
+        shown is not None
+        and shown["begin_us"] == 1_000_000
+        and said not in screen.header(run("0 s"))
+    )

@@ -218,6 +218,8 @@ def test_what_may_be_another_column_is_asked(tmp_path, titles, message):
 OF_OTHERS = (
     *("fps", "images/s", "queries_per_second", "samples/sec", "1/s", "rate [Hz]", "it/s", "fps_ms"),
     *("temperature_C", "T [°C]", "GPU power [W]", "mem_MB", "util_%", "cpu_pct", "std_ms"),
+    *("age_s", "staleness_ms", "uptime_s", "clock offset [ms]", "rtt_ms", "deadline_ms"),
+    *("tokens_per_ms", "batch_size"),
     *("timestamp_ms", "start_ms", "stampMs", "unix time [s]"),
 )
 

@@ -12,7 +12,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.worlds.town.frames import BATCH_FRAMES, FrameBatch
+from genie_sim.worlds.scene.frames import BATCH_FRAMES, FrameBatch
 
 
 def in_town(record: list[str]) -> Scenario:

@@ -11,7 +11,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.link_import import IMPORTERS
 from genie_sim.links import recording
-from genie_sim.links.recording import Steps
+from genie_sim.links.recording import StepFunction
 from genie_sim.links.trace import RecordedLink
 from genie_sim.links.wire import Wire
 from genie_sim.runs.prepare import link_digests, prepare
@@ -56,18 +56,18 @@ def test_a_constant_recording_is_a_wire_to_the_nanosecond(tmp_path, size_bytes: 
     ],
 )
 def test_bits_carry_over_rows_and_the_end_by_hand(begin_s, megabits, seconds):
-    steps = Steps([0, S, 5 * S // 2], [10 * MBIT, 0, 20 * MBIT], loops=True)
+    steps = StepFunction([0, S, 5 * S // 2], [10 * MBIT, 0, 20 * MBIT], loops=True)
     assert steps.period_ns == 4 * S
     took_ns = steps.time_ns(round(begin_s * S), megabits * MBIT * S)
     assert took_ns == pytest.approx(seconds * S, abs=1)
 
 
 def test_without_a_loop_the_last_row_stays():
-    steps = Steps([0, S], [10 * MBIT, 40 * MBIT], loops=False)
+    steps = StepFunction([0, S], [10 * MBIT, 40 * MBIT], loops=False)
     assert steps.time_ns(0, 50 * MBIT * S) == 2 * S
     assert steps.time_ns(99 * S, 20 * MBIT * S) == S // 2
     assert (steps.at(0), steps.at(S), steps.at(99 * S)) == (10 * MBIT, 40 * MBIT, 40 * MBIT)
-    assert Steps([0, S], [1, 2], loops=True).at(3 * S) == 2
+    assert StepFunction([0, S], [1, 2], loops=True).at(3 * S) == 2
 
 
 def test_the_time_is_that_of_the_integral():
@@ -75,7 +75,9 @@ def test_the_time_is_that_of_the_integral():
     rng = np.random.default_rng(3)
     for _ in range(200):
         t_ns = [0, *np.cumsum(rng.integers(1, 1000, 5)).tolist()]
-        steps = Steps(t_ns, [*rng.integers(0, 4, 5).tolist(), 2], loops=bool(rng.integers(2)))
+        steps = StepFunction(
+            t_ns, [*rng.integers(0, 4, 5).tolist(), 2], loops=bool(rng.integers(2))
+        )
         begin_ns, amount = int(rng.integers(0, 5000)), int(rng.integers(1, 20_000))
         took_ns = steps.time_ns(begin_ns, amount)
         sent = np.cumsum([steps.at(begin_ns + t) for t in range(took_ns)])
@@ -232,7 +234,7 @@ def test_a_trace_of_mahimahi_begins_again_after_its_last_time(tmp_path):
     path = tmp_path / "file.trace"
     path.write_text("5\n100\n101\n350\n")
     columns = IMPORTERS["mahimahi"](path, "up", ImportReport(path))
-    steps = Steps(columns["t_ns"], columns["up_bps"], loops=True)
+    steps = StepFunction(columns["t_ns"], columns["up_bps"], loops=True)
     assert steps.period_ns == pytest.approx(350 * MS, abs=2)
     bits = steps._sums[-1] / S
     assert bits == pytest.approx(4 * 12_000, rel=1e-5)

@@ -192,6 +192,14 @@ def test_pictures_that_would_be_late_are_refused():
     assert [name for name, *_ in newest.lost] == ["b@1"]
 
 
+@pytest.mark.parametrize(("deadline_ns", "answered"), [(14 * MS, 2), (14 * MS - 1, 1)])
+def test_a_picture_is_admitted_that_would_be_in_time_to_the_nanosecond(deadline_ns, answered):
+    """A picture alone takes 10 ms, two at once 0.6 * 10 + 0.4 * 20 = 14 ms by mean times."""
+    admit = Admission(deadline_ns=deadline_ns)
+    bench = Bench(batch=2, wait_ns=1 * MS, admit=admit).run([("a", 0, 0), ("b", 0, 0)])
+    assert len(bench.answered) == answered
+
+
 def test_a_fault_loses_what_waits_and_what_is_in_service():
     bench = Bench(batch=2)
     bench.run([("a", 0, 0), ("b", 1, 1), ("c", 2, 2)], until_ms=5)

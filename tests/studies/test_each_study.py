@@ -50,9 +50,9 @@ def tracking(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def short_sweeps(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of an axis of conditions one of each town and two of each drive, half a second of each."""
-    whole: Callable[..., pd.DataFrame] = gs.sweep
+    whole: Callable[..., Any] = gs.sweep
 
-    def sweep(scenario: str, axes: Any, settings: Any, *, seeds: Any, **how: Any) -> pd.DataFrame:
+    def sweep(scenario: str, axes: Any, settings: Any, *, seeds: Any, **how: Any) -> Any:
         axes = {name: axis | {"list": short(axis["list"])} for name, axis in axes.items()}
         seeds = 1 if isinstance(seeds, int) else tuple(seeds)[:2]
         return whole(scenario, axes, settings, seeds=seeds, jobs=1, **how)

@@ -76,8 +76,8 @@ def of_run(folder: Path) -> dict[str, str]:
 
 def of_sweep(folder: Path) -> dict[str, str]:
     """The parts, which are the finished runs, and what is made of them."""
-    made = digests(folder, "results/s/table.*", "results/s/runs.parquet", "results/s/figures/*.svg")
-    return made | digests(folder, "results/s/parts/[!.]*")
+    made = ("table.*", "runs.parquet", "figures/*.svg", "runs/[!.]*/*.parquet")
+    return digests(folder, *(f"results/[!.]*/{name}" for name in (*made, "parts/[!.]*")))
 
 
 def kill_all(process: subprocess.Popen[bytes], rng: random.Random) -> None:
@@ -189,13 +189,16 @@ def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> Non
 def main(arguments: list[str] | None = None) -> int:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--kills", type=int, default=100)
-    asked.add_argument("--only", nargs="*", default=["run", "sweep", "dask", "reproduce"])
+    asked.add_argument("--only", nargs="*", default=["run", "seeds", "sweep", "dask", "reproduce"])
     asked.add_argument("--seed", type=int, default=SEED)
     given = asked.parse_args(arguments)
     rng = random.Random(given.seed)
     with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as stack:
         victims = [
             Victim("run", ["run", "mine.yaml"], of_run, 50, kill_all),
+            Victim(
+                "seeds", ["run", "mine.yaml", "--seeds", "3", "--jobs", "2"], of_sweep, 20, kill_all
+            ),
             Victim("sweep", ["sweep", "s.yaml", "--jobs", "2"], of_sweep, 30, kill_all),
             Victim(
                 "reproduce",
@@ -209,7 +212,7 @@ def main(arguments: list[str] | None = None) -> int:
             cluster = Cluster()
             stack.callback(cluster.close)
             command = ["sweep", "s.yaml", "--scheduler", cluster.address]
-            victims.insert(2, Victim("dask", command, of_sweep, 14, cluster.kill))
+            victims.insert(3, Victim("dask", command, of_sweep, 14, cluster.kill))
         victims = [victim for victim in victims if victim.name in given.only]
         shares = sum(victim.share for victim in victims)
         print(

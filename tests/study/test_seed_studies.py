@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, load, seeds_text
+from genie_sim import kinds
+from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, seeds_text
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.runs.folder import run_in_memory
@@ -31,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def seeds_of(folder: Path) -> SeedRuns:
-    runs = load(folder)
+    runs = kinds.load(folder)
     assert isinstance(runs, SeedRuns)
     return runs
 
@@ -114,7 +115,7 @@ def test_a_run_whose_results_were_lost_is_run_again(folder, tmp_path, capsys):
     shutil.copytree(folder, out / folder.name)
     shutil.rmtree(out / folder.name / "runs" / "seed-5")
     with pytest.raises(UserError, match=r"seed-5: missing; the study is not finished"):
-        load(out / folder.name)
+        kinds.load(out / folder.name)
     assert main([*RUN, "--seeds", "2,5,9", "--jobs", "1", "--out", str(out)]) == 0
     assert seeds_of(out / folder.name).seeds == [2, 5, 9]
     capsys.readouterr()
@@ -136,7 +137,7 @@ def test_a_label_is_what_tables_figures_and_pages_say(folder, tmp_path, capsys):
     one = tmp_path / "one"
     assert main([*RUN, "--seed", "2", "--label", label, "--out", str(one)]) == 0
     (single,) = one.iterdir()
-    assert load(single).title == label
+    assert kinds.load(single).title == label
     assert json.loads((single / "run.json").read_text())["label"] == label
     assert main(["rerun", str(single)]) == 0
     unlabelled = folder / "runs" / "seed-2"
@@ -208,10 +209,10 @@ def test_a_mistake_gets_one_line_and_nothing_is_run(arguments, message, tmp_path
 def test_a_folder_that_somebody_sent_is_refused_in_one_line(tmp_path):
     (tmp_path / "sweep.json").write_text('{"sweep": {"axes": {}, "seeds": "../../x"}}')
     with pytest.raises(UserError, match="seeds: missing, or not a list of whole numbers"):
-        load(tmp_path)
+        kinds.load(tmp_path)
     (tmp_path / "sweep.json").write_text("[]")
-    with pytest.raises(UserError, match="holds a sweep"):
-        load(tmp_path)
+    with pytest.raises(UserError, match="not what a sweep says of itself"):
+        kinds.load(tmp_path)
 
 
 def test_seeds_are_written_as_they_are_read():

@@ -259,7 +259,7 @@ MISTAKES = {
     "no seeds": (
         "seeds: 3",
         "seeds: 0",
-        "s.yaml: seeds: must be a list, or how many: at least 1, not 0",
+        "s.yaml: seeds: must be a list, or how many: 1 to 1,000,000, not 0",
     ),
     "a seed twice": ("seeds: 3", "seeds: [1, 2, 1]", "s.yaml: seeds: the seed 1 comes twice"),
     "samples of nothing": (
@@ -387,7 +387,7 @@ def test_the_table_holds_mean_and_interval_of_separate_runs(uninterrupted):
     for row in table.itertuples():
         key = row.metric, row.method, row.placement, row.component
         values = measured[key]
-        assert row.runs == len(values)
+        assert row.n == len(values)
         assert row.value == pytest.approx(np.mean(values) if values else math.nan, nan_ok=True), row
         ends = math.nan, math.nan
         if len(values) == 3 and len(set(values)) > 1 and key not in too_few:
@@ -470,10 +470,10 @@ def test_differences_are_paired_by_seed(uninterrupted):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     mine = runs[(runs["metric"] == "first_answer_mean") & (runs["gate [m]"] == 3.0)]
     low, high = (mine[mine["rate"] == rate].set_index("seed")["value"] for rate in (0.1, 0.5))
-    found = genie_sim.differences(runs, "rate", to=0.1)
+    found = genie_sim.load(uninterrupted).differences("rate", to=0.1)
     row = found[(found["metric"] == "first_answer_mean") & (found["gate [m]"] == 3.0)].iloc[0]
     gaps = high - low
-    assert (row["rate"], row["value"], row["runs"]) == (0.5, pytest.approx(gaps.mean()), 3)
+    assert (row["rate"], row["value"], row["n"]) == (0.5, pytest.approx(gaps.mean()), 3)
     expected = (
         stats.t.interval(0.95, 2, gaps.mean(), stats.sem(gaps))
         if gaps.std()
@@ -494,11 +494,11 @@ def test_differences_are_paired_by_seed(uninterrupted):
 
 
 def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
-    runs = pd.read_parquet(uninterrupted / "runs.parquet")
-    with pytest.raises(UserError, match=r"unknown column 'speed'; known: gate \[m\], method, rate"):
-        genie_sim.differences(runs, "speed", to=1)
+    swept = genie_sim.load(uninterrupted)
+    with pytest.raises(UserError, match="unknown column 'speed'; known: "):
+        swept.differences("speed", to=1)
     with pytest.raises(UserError, match=r"method: unknown value 'local'; known: genie"):
-        genie_sim.differences(runs, "method", to="local")
+        swept.differences("method", to="local")
 
 
 @pytest.mark.slow
@@ -511,7 +511,7 @@ def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch)
     axes = {"genie.object_map.rate": [0.1, 0.5]}
     axes["gate"] = {"set": ["genie.object_map.gate", "genie.view_range"], "list": ["1 m", "3 m"]}
     made = genie_sim.sweep("street_1car_homo", axes, settings, seeds=3, jobs=1)
-    pd.testing.assert_frame_equal(made, pd.read_parquet(uninterrupted / "table.parquet"))
+    pd.testing.assert_frame_equal(made.metrics, pd.read_parquet(uninterrupted / "table.parquet"))
     assert drawn == []
     genie_sim.sweep(
         "street_1car_homo", {"genie.object_map.rate": [0.1]}, settings, seeds=1, jobs=1, out="kept"
@@ -594,7 +594,7 @@ def test_a_folder_describes_its_tables_even_if_the_sweep_file_changed(
 def test_one_seed_gives_no_interval():
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 1")), "--jobs", "1"]) == 0
     table = pd.read_csv("results/s/table.csv")
-    assert table["low"].isna().all() and table["value"].notna().any() and table["runs"].max() == 1
+    assert table["low"].isna().all() and table["value"].notna().any() and table["n"].max() == 1
 
 
 @pytest.mark.slow
@@ -693,13 +693,16 @@ def test_what_is_done_is_not_run_again_even_along_other_axes(uninterrupted, monk
 @pytest.mark.slow
 def test_a_sweep_can_be_loaded_compared_and_reported(uninterrupted, capsys):
     finished(uninterrupted)
-    table = genie_sim.load("results/s")
-    assert table.equals(pd.read_parquet("results/s/table.parquet"))
-    assert table.plot.along("rate").axes
-    differences = table.differences("rate", 0.1)
+    swept = genie_sim.load("results/s")
+    assert swept.metrics.equals(pd.read_parquet("results/s/table.parquet"))
+    assert swept.plot.along("rate").axes
+    differences = swept.differences("rate", 0.1)
     assert set(differences["rate"]) == {0.5} and len(differences)
     assert main(["report", "results/s"]) == 0
     assert "table.csv beside this page" in Path("results/s/report.html").read_text()
+    arms = genie_sim.compare("results/s", swept, labels=["a", "b"]).table
+    assert {"b, rate 0.1, gate [m] 1: genie"} <= set(arms["arm"])
+    assert (arms[arms["against"] != ""]["difference"] == 0).all(), "it is compared with itself"
 
 
 class Broken(Exact):
@@ -874,6 +877,8 @@ def test_files_of_others_in_the_folder_of_the_parts_stay(uninterrupted, caplog):
         Path("results/s/parts", name).write_text("mine")
     assert main(["sweep", "s.yaml", "--jobs", "1"]) == 0
     assert all(Path("results/s/parts", name).read_text() == "mine" for name in others)
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert "parts: not of a sweep, left alone" in told and "notes.json and 1 more" in told
 
 
 @pytest.mark.unix

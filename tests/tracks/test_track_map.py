@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from genie_sim.core.messages import CameraPose, Header
-from genie_sim.tracks.track import NEAR_M, VEHICLE, sigma_of
+from genie_sim.tracks.track import NEAR_M, PERSON, VEHICLE, sigma_of
 from genie_sim.tracks.view import Viewer
-from tests.core.worlds import S
+from tests.core.worlds import S, seen
 from tests.tracks.looks import FOV, MS, after, car, look, tracks
 
 
@@ -74,3 +74,37 @@ def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m
     viewer = Viewer(header, CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
     objects = map_.visible(viewer, S)
     assert [detection.location[0] for detection in objects] == pytest.approx([20.0, away_m])
+
+
+def test_no_track_is_faster_than_twice_its_kinds_highest_speed():
+    """A person who seems to have gone 8 m in half a second is believed to go at 6 m/s."""
+    (track,) = after(tracks(), look(0.0, seen("person", 0.9, at=(10.0, 0.0))))
+    jump = seen("person", 0.9, at=(10.0, 8.0))
+    track.update(jump, sigma_of(10.0), Header(S // 2, "02", "car1"))
+    assert track.velocity_mps == pytest.approx((0.0, 2 * PERSON.v_max_mps))
+
+
+@pytest.mark.parametrize(("seen_at_m", "count"), [(0.0, 2), (0.55, 1)])
+def test_tracks_are_one_where_they_come_nearer_than_a_metre(seen_at_m: float, count: int):
+    """Two persons 1.2 m apart, within the gate of one sighting: seen where it was, the first leaves
+    the second alone; seen nearer to it, it takes the second up.
+    """
+
+    def person(north_m: float):
+        return seen("person", 0.9, at=(10.0, north_m))
+
+    both = look(0.0, person(0.0), person(1.2))
+    assert len(after(tracks(), both, look(0.1, person(seen_at_m)))) == count
+
+
+@pytest.mark.parametrize(("label", "count"), [("car", 1), ("bus", 1), ("person", 2)])
+def test_of_one_group_two_detections_of_one_place_are_one_object(label: str, count: int):
+    """A detector that takes a van for a car and for a bus has seen one vehicle."""
+    assert len(after(tracks(), look(0.0, car(20.0), car(20.4, label=label)))) == count
+
+
+def test_a_late_look_does_not_contradict_what_the_newest_one_could_not_see():
+    """The camera has turned round since; its look before that comes late."""
+    away, towards = look(2.0, heading_deg=180.0), look(1.0)
+    for looks, contradicted in (((away, towards), False), ((towards,), True)):
+        assert after(tracks(), *looks).contradicts("car", 20.0, 0.0, S // 2) is contradicted

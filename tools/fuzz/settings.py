@@ -23,15 +23,16 @@ from genie_sim.cli.main import main
 from genie_sim.record import results
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
-from genie_sim.report.html_page import NAME, write
+from genie_sim.report.html_page import write
+from genie_sim.report.template import NAME
 from genie_sim.runs.folder import rerun, run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study import printed
 from genie_sim.study.design import load_design
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
+from genie_sim.study.sweep import Sweep
 from genie_sim.study.work import Workers
 from tests.checkout import REPOSITORY
 from tools.fuzz.files import one_file
@@ -272,7 +273,7 @@ def result_folders(folder: Path) -> Case:
     def use(rng: random.Random, path: Path) -> None:
         if path.is_relative_to(swept):
             if rng.random() < 0.5:
-                printed.table_of(swept, "markdown", allow_changed=rng.random() < 0.9)
+                Sweep.read(swept, allow_changed=rng.random() < 0.9).text()
             else:
                 Study.of(load_design(folder / "s.yaml"), "s.yaml", folder).finish()
             return

@@ -1,7 +1,7 @@
 """Makes the laws of the town's detector again: fits them on the real trace, judged by KITTI's
 labels.
 
-    GENIE_SIM_KITTI=... python tools/make/town_laws.py [--out genie_sim/worlds/town/laws.json]
+    GENIE_SIM_KITTI=... python tools/make/town_laws.py [--out genie_sim/worlds/scene/laws.json]
     GENIE_SIM_KITTI=... python tools/make/town_laws.py --compare
 
 The second compares the laws as they are with the real detector and its trace, and writes nothing.
@@ -25,12 +25,12 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.trace import Trace, read_trace
 from genie_sim.data.truth import read_truth
+from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
 from genie_sim.worlds.town import Town, TownRules
-from genie_sim.worlds.town.laws import FittedLaws, detector_laws
 from tools.make.town_fit import validation
 from tools.make.town_fit.fit import Look, fit, found_law, looks, place_law
 
-LAWS = Path(__file__).resolve().parents[2] / "genie_sim" / "worlds" / "town" / "laws.json"
+LAWS = Path(__file__).resolve().parents[2] / "genie_sim" / "worlds" / "scene" / "laws.json"
 TRACE, LABELS, GHOST_LABELS = "kitti_0005", "2011_09_26/0005", "tracking/0000"
 
 

@@ -47,8 +47,8 @@ Tags: **P** from the paper, **S** a public source, **M** measured, **D** derived
 service time is median × (loc + (1 − loc) exp(sigma × Z)), Z standard normal. [Add a
 device](../extend/device.md).
 """
-API = ("run", "run_seeds", "sweep", "load", "compare", "differences", "reproduce", "load_scenario")
-API += ("Run", "Runs", "Plots")
+API = ("run", "run_seeds", "sweep", "load", "compare", "reproduce", "load_scenario")
+API += ("Run", "Runs", "Comparison", "Plots")
 PYTHON = """\
 [Python](api.md) shows how to use these, [Extend it](../extend/method.md) how to add to them.
 """

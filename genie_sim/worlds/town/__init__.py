@@ -2,7 +2,7 @@
 real trace.
 """
 
-from genie_sim.worlds.town.frames import TownFrame
+from genie_sim.worlds.scene.frames import TownFrame
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.town import Town, TownDrive
 

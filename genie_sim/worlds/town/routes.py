@@ -14,7 +14,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from genie_sim.worlds.town.noise import mix
+from genie_sim.worlds.scene.noise import mix
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M, TownRules
 
 Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south

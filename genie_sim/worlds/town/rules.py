@@ -5,6 +5,7 @@ from dataclasses import dataclass, fields
 from typing import NoReturn
 
 from genie_sim.base.errors import UserError
+from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 # from the middle of a junction to where a car begins to turn, and to its stop lines
 JUNCTION_M = 6.0
@@ -12,7 +13,6 @@ LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lan
 SLOT_M = 6.5  # of kerb that a parked car takes
 CLEAR_M = 14.0  # from a crossing, free of parked cars
 GHOST_BESIDE_M = 9.0  # from the middle of a street to the places of ghosts
-MAX_VIEW_M = 100
 MAX_BLOCKS = 100
 MAX_PER_100M = 100.0
 

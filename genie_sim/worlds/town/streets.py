@@ -1,8 +1,4 @@
-"""Static and moving objects of every street, indexed by place and time.
-
-Everything belongs to one street and is kept in the order of its place along it, so what a camera
-may see is a few slices: of the streets that it stands on, and of those that cross them. Houses fill
-the blocks and hide the rest.
+"""Static and moving objects of every street.
 
 Traffic flows evenly: of each kind and direction a street carries a stream whose members keep their
 speed and their distances, stop for nobody, and leave at one end of the town as others enter at its
@@ -11,16 +7,14 @@ other end. So where they are at any time is one sum.
 
 from __future__ import annotations
 
-import functools
 from array import array
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from genie_sim.base.geometry import Array
-from genie_sim.worlds.town.laws import FittedLaws
-from genie_sim.worlds.town.objects import TownObject, town_object
+from genie_sim.worlds.scene.laws import FittedLaws
+from genie_sim.worlds.scene.objects import TownObject, town_object
 from genie_sim.worlds.town.rules import (
     CLEAR_M,
     GHOST_BESIDE_M,
@@ -35,7 +29,6 @@ PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
-ROUNDING_M = 1e-6
 
 
 class VehicleStream(NamedTuple):
@@ -53,44 +46,8 @@ class VehicleStream(NamedTuple):
     starts_m: array[float]
 
 
-Ints = np.ndarray[Any, np.dtype[np.int64]]
-
-
-class StreetObjects(NamedTuple):
-    """Objects of a street that may be seen: the row of the pose that they are seen from, the row of
-    the object among the town's, how much its number is lower because it has begun anew, and its
-    east and north [m].
-    """
-
-    pose: Ints
-    row: Ints
-    number_offset: Ints
-    east_m: Array
-    north_m: Array
-
-    def of_poses(self, poses: Ints) -> StreetObjects:
-        """The same, where the poses are some of a longer list: those at the rows ``poses``."""
-        return self._replace(pose=poses[self.pose])
-
-
-NO_OBJECTS = StreetObjects._make([np.zeros(0, np.int64)] * 3 + [np.zeros(0)] * 2)
-
-
-class _Movers(NamedTuple):
-    """All that moves along a street, stream by stream, as columns."""
-
-    stream: Ints
-    start_m: Array
-    speed_mps: Array
-    beside_m: Array
-    stream_size: Ints  # how many places its stream has
-
-
 class Street:
-    """One street: what stands on it in the order of its place along it, and what moves along it.
-
-    ``first`` is the row of the first of its objects among those of the town.
-    """
+    """One street: what stands on it in the order of its place along it, and what moves along it."""
 
     def __init__(
         self,
@@ -105,71 +62,12 @@ class Street:
         self.standing = sorted(
             standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number)
         )
-        self.places_m = array("d", (s.north_m if northbound else s.east_m for s in self.standing))
-        self.first = 0
 
-    @functools.cached_property
+    @property
     def objects(self) -> list[TownObject]:
-        """All that stands and then all that moves, in the order of the columns."""
+        """All that stands and then all that moves."""
         moving = (mover for stream in self.streams for movers in stream.movers for mover in movers)
         return [*self.standing, *moving]
-
-    @functools.cached_property
-    def _columns(self) -> tuple[Array, Array, _Movers]:
-        """Of what stands its places along the street and across, and what moves."""
-        beside_m = np.array([s.east_m if self.northbound else s.north_m for s in self.standing])
-        rows = [
-            (number, start_m, stream.speed_mps, stream.beside_m, len(stream.starts_m))
-            for number, stream in enumerate(self.streams)
-            for start_m, movers in zip(stream.starts_m, stream.movers, strict=True)
-            for _ in movers
-        ]
-        columns = np.array(rows).reshape(-1, 5).T
-        stream, start_m, speed_mps, mover_beside_m, count = columns
-        movers = _Movers(
-            stream=stream.astype(np.int64),
-            start_m=start_m,
-            speed_mps=speed_mps,
-            beside_m=mover_beside_m,
-            stream_size=count.astype(np.int64),
-        )
-        return np.array(self.places_m), beside_m, movers
-
-    def seen(self, low_m: Array, high_m: Array, t_s: Array) -> StreetObjects:
-        """All that is between two places along the street at a time, for each of some poses."""
-        places_m, beside_m, movers = self._columns
-        low_m, high_m = np.maximum(low_m, 0.0), np.minimum(high_m, self.length_m)
-        least_m, most_m = float(low_m.min()), float(high_m.max())
-        stand = np.arange(*np.searchsorted(places_m, (least_m, max(least_m, most_m))))
-        gone_m = np.multiply.outer((float(t_s.min()), float(t_s.max())), movers.speed_mps)
-        lap = np.ceil((least_m - ROUNDING_M - gone_m.max(axis=0) - movers.start_m) / self.length_m)
-        farthest_m = most_m + ROUNDING_M - gone_m.min(axis=0) - movers.start_m
-        moves, laps = [], []
-        while len(move := np.flatnonzero(lap * self.length_m <= farthest_m)):
-            moves.append(move)
-            laps.append(lap[move])
-            lap += 1.0
-        move = np.concatenate([*moves, np.zeros(0, np.int64)])
-        lap = np.concatenate([*laps, np.zeros(0)])
-        order = np.lexsort((movers.start_m[move] + lap * self.length_m, movers.stream[move]))
-        move, lap = move[order], lap[order]
-        moved_m = movers.start_m[move] + (
-            movers.speed_mps[move] * t_s[:, None] + lap * self.length_m
-        )
-        along_m = np.concatenate(
-            [np.broadcast_to(places_m[stand], (len(t_s), len(stand))), moved_m], axis=1
-        )
-        pose, column = np.nonzero((low_m[:, None] <= along_m) & (along_m <= high_m[:, None]))
-        there_m = along_m[pose, column]
-        aside_m = np.concatenate([beside_m[stand], movers.beside_m[move]])[column]
-        row = np.concatenate([stand, move + len(places_m)])[column] + self.first
-        number_offset = np.concatenate(
-            [np.zeros(len(stand), np.int64), lap.astype(np.int64) * movers.stream_size[move]]
-        )[column]
-        east_m, north_m = (aside_m, there_m) if self.northbound else (there_m, aside_m)
-        return StreetObjects(
-            pose=pose, row=row, number_offset=number_offset, east_m=east_m, north_m=north_m
-        )
 
 
 class Layout(NamedTuple):
@@ -310,13 +208,12 @@ def _scattered(
     )
 
 
-class Streets:
-    """All streets of a town, and what can be seen of them from where."""
+class Streets(NamedTuple):
+    """All streets of a town, by number from the south, and from the west: those that lead east, and
+    those that lead north. ``half_m`` is from the middle of a street to its houses.
+    """
 
-    def __init__(self, rules: TownRules, east: list[Street], north: list[Street]) -> None:
-        self.block_m, self.half_m = rules.block_m, rules.street_half_m
-        self.east, self.north = east, north  # by number from the south, and from the west
-        count = 0
-        for street in (*east, *north):
-            street.first = count
-            count += len(street.objects)
+    block_m: float
+    half_m: float
+    east: list[Street]
+    north: list[Street]

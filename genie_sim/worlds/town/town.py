@@ -11,16 +11,16 @@ from dataclasses import asdict
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.frames import SceneDrive
+from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
+from genie_sim.worlds.scene.objects import ObjectColumns, TownObject
+from genie_sim.worlds.scene.surrogate import LAWS
+from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import SceneDrive
-from genie_sim.worlds.town.laws import FittedLaws, detector_laws
-from genie_sim.worlds.town.objects import ObjectColumns, TownObject
-from genie_sim.worlds.town.real_places import RealPlaces
+from genie_sim.worlds.town.places import Places
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
-from genie_sim.worlds.town.surrogate import LAWS
-from genie_sim.worlds.town.view import Visibility, VisibleObjects
 
 # near Karlsruhe, where KITTI was recorded; the town itself is made up
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)
@@ -67,7 +67,12 @@ class Town:
                 for k in range(blocks + 1)
             ]
 
-        return Streets(self.rules, streets("east", rows), streets("north", columns))
+        return Streets(
+            self.rules.block_m,
+            self.rules.street_half_m,
+            streets("east", rows),
+            streets("north", columns),
+        )
 
     @functools.cached_property
     def detector(self) -> SyntheticDetector:
@@ -81,14 +86,9 @@ class Town:
         return ObjectColumns([item for street in streets for item in street.objects])
 
     @functools.cached_property
-    def visibility(self) -> Visibility:
-        """What every camera in the town has in view."""
-        return Visibility(self.streets, self.objects, self.rules.view_m)
-
-    @functools.cached_property
-    def real_places(self) -> RealPlaces:
-        """Where everything real is in the town."""
-        return RealPlaces(self.streets)
+    def visibility(self) -> Places:
+        """Where everything is, and what every camera in the town has in view."""
+        return Places(self.streets, self.objects, self.rules.view_m)
 
     def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
         """The objects that are visible from some poses, as they are then; a ghost is ``None``."""

@@ -20,6 +20,7 @@ import numpy as np
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport, askew_rad
+from genie_sim.base.paths import check_is_file
 from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
@@ -312,8 +313,7 @@ def read_fcd(
     times that it does not have.
     """
     report = ImportReport(path, accept, "perception.accept: true")
-    if not path.is_file():
-        raise UserError(f"{path}: no such file")
+    check_is_file(path)
     with as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error):
         if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
             content = _read_table(FileTable(path), begin_s, duration_s, report)

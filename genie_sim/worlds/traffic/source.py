@@ -11,7 +11,7 @@ from genie_sim.base.geometry import Geodetic
 from genie_sim.base.settings import Bounds, OneOf, SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.source import FrameSource
-from genie_sim.worlds.town.rules import MAX_VIEW_M
+from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress

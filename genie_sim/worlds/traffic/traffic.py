@@ -13,18 +13,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
+from genie_sim.base.classes import CANONICAL, MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.frames import SceneDrive, SceneFrames
-from genie_sim.worlds.town.laws import detector_laws
-from genie_sim.worlds.town.objects import ObjectColumns, TownObject, town_object
-from genie_sim.worlds.town.real_places import CLASSES
-from genie_sim.worlds.town.surrogate import LAWS
-from genie_sim.worlds.town.view import VisibleObjects
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.frames import SceneDrive, SceneFrames
+from genie_sim.worlds.scene.laws import detector_laws
+from genie_sim.worlds.scene.objects import ObjectColumns, TownObject, town_object
+from genie_sim.worlds.scene.surrogate import LAWS
+from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
 from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType
 from genie_sim.worlds.traffic.view import TrafficView
@@ -303,8 +302,8 @@ class TrafficTruth:
         places = vehicles.at(stretches, t_s[:, None])
         dx, dy = places.east_m - east_m[:, None], places.north_m - north_m[:, None]
         is_near = places.there & (np.hypot(dx, dy) <= reach_m)
-        asked = np.array([CLASSES.get(label, label) for label in labels])
+        asked = np.array([CANONICAL.get(label, label) for label in labels])
         there = self._traffic.objects.label[vehicles.vehicle[stretches]].tolist()
-        classes = np.array([CLASSES.get(label, label) for label in there])
+        classes = np.array([CANONICAL.get(label, label) for label in there])
         result: Array = (is_near & (asked[:, None] == classes)).any(axis=1)
         return result

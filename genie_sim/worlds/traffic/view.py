@@ -2,13 +2,20 @@
 
 import numpy as np
 
-from genie_sim.base.geometry import Array
-from genie_sim.worlds.town.frames import CAMERA_UP_M
-from genie_sim.worlds.town.objects import ObjectColumns
-from genie_sim.worlds.town.streets import NO_OBJECTS, StreetObjects
-from genie_sim.worlds.town.view import HALF_C, HALF_S, ViewPoses, VisibleObjects, in_view
-from genie_sim.worlds.traffic.fcd import Ints
-from genie_sim.worlds.traffic.vehicles import Flags, Places, Vehicles
+from genie_sim.worlds.scene.frames import CAMERA_UP_M
+from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.view import (
+    HALF_C,
+    HALF_S,
+    Flags,
+    Ints,
+    SceneObjects,
+    ViewPoses,
+    VisibleObjects,
+    between,
+    in_view,
+)
+from genie_sim.worlds.traffic.vehicles import Places, Vehicles
 
 OWN_M = 1.5  # no other vehicle's middle is so near to a camera: it is the one that carries it
 BEYOND_M = (
@@ -41,14 +48,14 @@ class TrafficView:
         is_other = self._may_matter(poses, places)
         pose, column = np.nonzero(is_other)
         rows = self._vehicles.vehicle[stretches[column]]
-        candidates = StreetObjects(
+        candidates = SceneObjects(
             pose=pose,
             row=rows,
             number_offset=np.zeros(len(rows), dtype=np.int64),
             east_m=places.east_m[pose, column],
             north_m=places.north_m[pose, column],
         )
-        visible = in_view(poses, [NO_OBJECTS, candidates], self._objects, self._view_m)
+        visible = in_view(poses, candidates, self._objects, self._view_m)
         if not len(visible.pose):
             return visible
         is_hidden = self._hidden(poses, visible, stretches, places=places, is_other=is_other)
@@ -98,8 +105,8 @@ class TrafficView:
         c, s = places.cos[pose, column], places.sin[pose, column]
         hider = owner[column]
         # Shares of the line of sight between the sides, and between the ends, of the vehicle.
-        along = _between(by_x * c + by_y * s, to_x * c + to_y * s, vehicles.lengths_m[hider] / 2)
-        across = _between(by_y * c - by_x * s, to_y * c - to_x * s, vehicles.widths_m[hider] / 2)
+        along = between(by_x * c + by_y * s, to_x * c + to_y * s, vehicles.lengths_m[hider] / 2)
+        across = between(by_y * c - by_x * s, to_y * c - to_x * s, vehicles.widths_m[hider] / 2)
         enters = np.maximum(np.maximum(along[0], across[0]), 0.0)
         leaves = np.minimum(np.minimum(along[1], across[1]), 1.0)
         rise_m = self._objects.up_m[visible.row[target]] - CAMERA_UP_M
@@ -108,13 +115,3 @@ class TrafficView:
         is_hidden = np.zeros(len(visible.pose), dtype=bool)
         is_hidden[target[hides]] = True
         return is_hidden
-
-
-def _between(middle_m: Array, way_m: Array, half_m: Array) -> tuple[Array, Array]:
-    """From which share of a line to which it is between two parallel borders: ``middle_m`` is their
-    middle and ``half_m`` half their distance; the line begins at 0 and ends at ``way_m``.
-    """
-    # A line along the borders is between them all the time, or never.
-    steep_m = np.where(np.abs(way_m) < 1e-9, 1e-9, way_m)
-    first, last = (middle_m - half_m) / steep_m, (middle_m + half_m) / steep_m
-    return np.minimum(first, last), np.maximum(first, last)

@@ -94,6 +94,24 @@ def test_frames_that_wait_for_the_own_detector_make_it_later():
     ]
 
 
+def test_the_service_time_is_without_the_wait_for_the_detector():
+    """100 ms each, whether a frame has waited for another or not: two have time until 200 ms. The
+    edge never answers.
+    """
+    scheduler = Scheduler(200 * MS, (1.0,), 10**18)
+
+    def routes(number: int, now_ms: int) -> set[str]:
+        return {way.route for way in scheduler.choose(header(number), 1000, now_ms * MS)}
+
+    routes(0, 0)
+    scheduler.answered("local", header(0), 100 * MS)
+    assert routes(1, 150) == routes(2, 160) == {"local"}
+    scheduler.answered("local", header(1), 250 * MS)
+    scheduler.answered("local", header(2), 350 * MS)
+    assert routes(3, 400) == routes(4, 401) == {"local"}
+    assert routes(5, 402) == set()
+
+
 def test_an_answer_shows_which_earlier_frames_were_dropped():
     scheduler = Scheduler(10_000 * MS, (1.0,), 10**18)
     scheduler.choose(header(0), 1000, 0)

@@ -1,7 +1,7 @@
 """Tables of the town's laws reach as far as a camera may look."""
 
-from genie_sim.worlds.town import laws
-from genie_sim.worlds.town.rules import MAX_VIEW_M
+from genie_sim.worlds.scene import laws
+from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 
 def test_there_is_a_row_for_every_metre_up_to_the_farthest_view():

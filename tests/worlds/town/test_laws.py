@@ -19,12 +19,12 @@ from genie_sim.core.messages import CameraPose
 from genie_sim.data.evaluation import evaluate
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import read_truth
+from genie_sim.worlds.scene.detector import transient
+from genie_sim.worlds.scene.laws import MIDDLE, STEPS_PER_Z, FittedLaws, detector_laws, quantile
+from genie_sim.worlds.scene.noise import mix, normals, smooth_normals
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD
+from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import Town, TownRules
-from genie_sim.worlds.town.detector import transient
-from genie_sim.worlds.town.laws import MIDDLE, STEPS_PER_Z, FittedLaws, detector_laws, quantile
-from genie_sim.worlds.town.noise import mix, normals, smooth_normals
-from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD
-from genie_sim.worlds.town.view import VisibleObjects
 from tests.worlds.town.town_truth import near, truth_near
 from tools.make.town_fit import fit, validation
 
@@ -419,7 +419,7 @@ def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):
         read_truth(kitti_root, "2011_09_26/0005", trace),
         read_truth(kitti_root, "tracking/0000", trace),
     )
-    path = resources.files("genie_sim.worlds.town") / "laws.json"
+    path = resources.files("genie_sim.worlds.scene") / "laws.json"
     committed = json.loads(path.read_text(encoding="utf-8"))
     for key in ("groups", "ghosts", "vehicle_names"):
         assert json.loads(json.dumps(laws[key])) == committed[key]

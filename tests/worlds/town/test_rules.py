@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.worlds.town.noise import SMOOTH_MASK, mix, normals, smooth_normals
+from genie_sim.worlds.scene.noise import SMOOTH_MASK, mix, normals, smooth_normals
 from genie_sim.worlds.town.rules import TownRules
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.base.features import DIMENSION, UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
-from genie_sim.worlds.town.surrogate import LAWS, Surrogate
+from genie_sim.worlds.scene.surrogate import LAWS, Surrogate
 
 PLACES = [CameraPose(37.0 * i, 91.0 * (i % 7), 1.6, 0.1 * i) for i in range(300)]
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from genie_sim.base.units import NS_PER_S
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, REACHES_M
+from genie_sim.worlds.scene.view import NEAREST_M
 from genie_sim.worlds.town import Town, TownRules
-from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
-from genie_sim.worlds.town.view import NEAREST_M
 from tests.worlds.town.town_truth import truth_near
 
 RULES = TownRules(blocks=(5, 5))

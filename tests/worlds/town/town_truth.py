@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator
 
-from genie_sim.worlds.town.objects import TownObject
+from genie_sim.worlds.scene.objects import TownObject
 from genie_sim.worlds.town.streets import Street, VehicleStream
 from genie_sim.worlds.town.town import Town
 
@@ -36,7 +36,7 @@ def near(
 
 def _on_street(street: Street, low_m: float, high_m: float, t_s: float) -> Iterator[TownObject]:
     """All that is between two places along a street at a time."""
-    places_m = street.places_m
+    places_m = [item.north_m if street.northbound else item.east_m for item in street.standing]
     yield from street.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
     low_m, high_m = max(low_m, 0.0), min(high_m, street.length_m)
     if low_m < high_m:

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.base.plugins import Choice
 from genie_sim.scenario.scenario import FRAME_SOURCE
-from genie_sim.worlds.town.view import ViewPoses
+from genie_sim.worlds.scene.view import ViewPoses
 from genie_sim.worlds.traffic.fcd import read_fcd
 from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType, type_named
 from tests.worlds.traffic.fcd_files import write_fcd

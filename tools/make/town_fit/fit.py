@@ -15,7 +15,7 @@ from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.data.evaluation import evaluate
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.truth import PictureLabels
-from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, REACHES_M
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.worlds.town.rules import GHOST_BESIDE_M
 from tools.make.town_fit.copula import fit_shares
 

@@ -11,13 +11,11 @@ import numpy as np
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Detection
-from genie_sim.worlds.town.detector import SyntheticDetector
-from genie_sim.worlds.town.laws import FittedLaws
-from genie_sim.worlds.town.noise import mix
-from genie_sim.worlds.town.objects import ObjectColumns, town_object
-from genie_sim.worlds.town.rules import MAX_VIEW_M
-from genie_sim.worlds.town.streets import StreetObjects
-from genie_sim.worlds.town.view import ViewPoses, in_view
+from genie_sim.worlds.scene.detector import SyntheticDetector
+from genie_sim.worlds.scene.laws import MAX_VIEW_M, FittedLaws
+from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.objects import ObjectColumns, town_object
+from genie_sim.worlds.scene.view import SceneObjects, ViewPoses, in_view
 from tools.make.town_fit.copula import Pairs, normal_scores
 from tools.make.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 
@@ -49,8 +47,8 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
         for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
     )
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
-    unhidden = StreetObjects(each, each, each, east_m=east_m, north_m=north_m)
-    visible = in_view(view_poses, [unhidden], columns, MAX_VIEW_M)
+    unhidden = SceneObjects(each, each, each, east_m=east_m, north_m=north_m)
+    visible = in_view(view_poses, unhidden, columns, MAX_VIEW_M)
     detected = SyntheticDetector(columns, laws).detect(visible, view_poses)
     for number in visible.pose.tolist():
         look = looks[number]

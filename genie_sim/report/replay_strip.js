@@ -1,14 +1,10 @@
-// Two views on one axis of time: a lane for each method, with the age of each car's newest answer, and below every frame of
-// every camera under one method.
+// Every frame of every camera under one method, on an axis of time.
 
 const CELL_PX = 6;      // a frame in the strip is at least about that broad
 const ROW_PX = 15;      // a camera
-const LANE_PX = 22;     // a car in a lane
-const MOST_CARS = 8;    // in each lane
 const MOST_STREAMS = 6; // of more, those of one car
-const AGES_US = [10e3, 1e6]; // from the foot of a lane to its top, logarithmic
 
-// The stretch of time that both views show. It stays where it is as long as `t` is in it, so that what is clicked does not
+// The stretch of time that is shown. It stays where it is as long as `t` is in it, so that what is clicked does not
 // run away from the pointer.
 function timeAxis(run) {
   const { stamp, count } = run.streams[0], interval = (stamp[count - 1] - stamp[0]) / Math.max(count - 1, 1) || 1e5;
@@ -28,52 +24,6 @@ function timeAxis(run) {
     pen.beginPath(); pen.moveTo(axis.across(t), 0); pen.lineTo(axis.across(t), height); pen.stroke();
   };
   return axis;
-}
-
-function lanesView(run, canvas, axis, options) {
-  const cars = run.cars.slice(0, MOST_CARS), lane = 20 + cars.length * LANE_PX;
-  canvas.style.height = `${run.methods.length * lane}px`;
-
-  function paint(t) {
-    const { pen, width } = prepareCanvas(canvas), look = looks();
-    pen.font = "11.5px system-ui, sans-serif";
-    pen.textAlign = "left";
-    run.methods.forEach((method, index) => {
-      const top = index * lane, tone = colour(`method-${lookOf(method.name) % DATA.palette}`);
-      pen.fillStyle = tone;
-      pen.fillRect(0, top + 5, 10, 10);
-      pen.fillStyle = look.ink;
-      pen.fillText(method.title, 16, top + 14);
-      cars.forEach((car, place) => {
-        const foot = top + 20 + (place + 1) * LANE_PX - 3;
-        pen.fillStyle = look.muted;
-        pen.fillText(car.name, 0, foot - 5, axis.left - 8);
-        ages(pen, method, place, foot, width, tone, look);
-      });
-    });
-    axis.now(pen, look, t, run.methods.length * lane);
-  }
-  function ages(pen, method, place, foot, width, tone, look) {
-    pen.strokeStyle = look.line;
-    pen.lineWidth = 1;
-    pen.beginPath(); pen.moveTo(axis.left, foot + 0.5); pen.lineTo(width - 10, foot + 0.5); pen.stroke();
-    const [low, high] = AGES_US.map(Math.log);
-    pen.beginPath();
-    for (let x = axis.left; x <= width - 10; x += 1) {
-      const held = holding(run, method, place, axis.back(x));
-      const share = held === null ? 0 : Math.min(Math.max((Math.log(Math.max(held.age, 1)) - low) / (high - low), 0.06), 1);
-      if (held !== null) pen.rect(x, foot - share * (LANE_PX - 4), 1, share * (LANE_PX - 4));
-    }
-    pen.fillStyle = tone;
-    pen.fill();
-  }
-  canvas.addEventListener("click", (event) => {
-    const box = canvas.getBoundingClientRect(), y = event.clientY - box.top, index = Math.floor(y / lane);
-    const place = Math.min(Math.max(Math.floor((y - index * lane - 20) / LANE_PX), 0), cars.length - 1);
-    const t = axis.back(event.clientX - box.left), held = run.methods[index] && holding(run, run.methods[index], place, t);
-    if (event.clientX - box.left >= axis.left && held) options.chooseUnder(index, held.id, t);
-  });
-  return paint;
 }
 
 // One row a camera, one cell a frame.
@@ -101,7 +51,7 @@ function stripView(run, canvas, axis, options) {
     pen.fillStyle = look.muted;
     pen.textAlign = "center";
     for (const tick of linearTicks(axis.begin / 1e6, (axis.begin + axis.span) / 1e6, width / 110)) {
-      pen.fillText(`${digits(tick, 6)} s`, axis.across(tick * 1e6), height - 4);
+      pen.fillText(`${tick} s`, axis.across(tick * 1e6), height - 4);
     }
   }
   function cells(pen, look, stream, y, method, chosen) {

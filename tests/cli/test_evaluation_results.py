@@ -6,8 +6,8 @@ import re
 
 import pytest
 
+from genie_sim import kinds
 from genie_sim.base.errors import UserError
-from genie_sim.cli import outputs
 from genie_sim.cli.main import main
 from tests.checkout import REPOSITORY, copied
 
@@ -29,10 +29,10 @@ def test_figures_are_not_drawn_from_changed_data(tmp_path):
     with (folder / "curves.parquet").open("ab") as file:
         file.write(b"more")
     with pytest.raises(UserError, match=r"curves\.parquet"):
-        outputs.Results([folder]).figures()
+        kinds.load(folder)
     (folder / "curves.parquet").unlink()
     with pytest.raises(UserError, match=r"curves\.parquet: no such file"):
-        outputs.Results([folder]).figures()
+        kinds.load(folder)
 
 
 def test_an_evaluation_s_table_is_of_claims_and_not_of_methods(capsys):

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 
 from genie_sim.scenario.yaml_input import dump
-from genie_sim.study import printed
+from genie_sim.study import sweep
 from genie_sim.study.design import load_design
 
 
@@ -21,29 +21,29 @@ def design(seeds: int | list[int]) -> Any:
 
 
 def test_the_footer_names_the_sweep_its_points_and_its_seeds():
-    assert printed.footer_of(design(3)) == "sweep s of street_1car_homo, 2 points, seeds 1, 2, 3"
-    assert printed.footer_of(design([4, 9]), "mine") == (
+    assert sweep.footer_of(design(3)) == "sweep s of street_1car_homo, 2 points, seeds 1, 2, 3"
+    assert sweep.footer_of(design([4, 9]), "mine") == (
         "mine, sweep s of street_1car_homo, 2 points, seeds 4, 9"
     )
-    assert printed.footer_of(design(5)).endswith("seeds 1, 2, 3, 4, 5")
-    assert printed.footer_of(design(6)).endswith("2 points, 6 seeds")
+    assert sweep.footer_of(design(5)).endswith("seeds 1, 2, 3, 4, 5")
+    assert sweep.footer_of(design(6)).endswith("2 points, 6 seeds")
 
 
 def test_methods_with_one_title_go_by_their_names():
     titles = {"a": "Genie (DG)", "b": "Genie (DG)", "c": "local (L)"}
-    assert printed.unique_titles(titles) == {"a": "a", "b": "b", "c": "local (L)"}
+    assert sweep.unique_titles(titles) == {"a": "a", "b": "b", "c": "local (L)"}
 
 
 @pytest.fixture
-def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def swept() -> sweep.Sweep:
     """A finished sweep of two axes with 26 points of two methods."""
     rows = [
         {
             "point": point,
             "rate": 0.1 * point,
             "rule": f"rule{point}",
-            "method": method,
             "metric": metric,
+            "method": method,
             "placement": placement,
             "component": "",
             "value": None if (method, metric) == ("local", "fresh_answered_share") else 0.5 + point,
@@ -55,17 +55,13 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         for metric in ("fresh_answered_share", "first_answer_mean", "energy_per_frame")
         for placement in (("all", "car") if metric == "energy_per_frame" else ("all",))
     ]
-    about = {
-        "sweep": {"axes": {"rate": {}, "rule": {}}, "seeds": [1, 2], "name": "my_sweep"},
-        "titles": {"local": "local (L)", "genie": "Genie (DG)"},
-    }
+    about = {"titles": {"genie": "Genie (DG)", "local": "local (L)"}}
     points = pd.DataFrame(rows)
-    monkeypatch.setattr(printed, "_read", lambda folder, allow_changed: (about, points, points))
-    return tmp_path
+    return sweep.Sweep(design(2), about, points, points, None, label="my_sweep")
 
 
-def test_the_table_has_a_row_for_each_point_and_method(folder: Path):
-    lines = printed.table_of(folder, "markdown").splitlines()
+def test_the_table_has_a_row_for_each_point_and_method(swept: sweep.Sweep):
+    lines = swept.text().splitlines()
     assert lines[0] == "| | first answer, mean [ms] | frames with a fresh result [%] |"
     assert lines[1] == "|---|---:|---:|"
     assert lines[2] == "| 0, rule0: local (L) | 0.5 | - |"
@@ -73,8 +69,8 @@ def test_the_table_has_a_row_for_each_point_and_method(folder: Path):
     assert len(lines) == 2 + 52
 
 
-def test_a_paper_has_intervals_and_the_first_rows_alone(folder: Path):
-    text = printed.table_of(folder, "latex")
+def test_a_paper_has_intervals_and_the_first_rows_alone(swept: sweep.Sweep):
+    text = swept.text("latex")
     assert "Means, in brackets their 95 % t intervals, over 2 seeds." in text.replace("\\%", "%")
     assert "The first 50 of 52 rows; all are in table.csv." in text
     assert "my\\_sweep: rate, rule" in text and "tab:" in text
@@ -82,8 +78,9 @@ def test_a_paper_has_intervals_and_the_first_rows_alone(folder: Path):
     assert "Genie (DG)" in text and text.count("rule24") == 2 and "rule25" not in text
 
 
-def test_a_spreadsheet_has_every_number(folder: Path):
-    lines = printed.table_of(folder, "csv").splitlines()
-    assert lines[0].startswith("point,rate,rule,method,metric,placement,component,value")
+def test_a_spreadsheet_has_every_number(swept: sweep.Sweep):
+    lines = swept.text("csv").splitlines()
+    assert lines[0].startswith("point,rate,rule,metric,method,placement,component,value")
     assert len(lines) == 1 + 26 * 2 * 4
     assert json.loads(f"[{lines[-1].split('car,,')[1]}]") == [25.5, 25.4, 25.6]
+    assert ",,0.4,0.6" in lines[1], "what is not defined is an empty field"

@@ -9,8 +9,8 @@ import numpy as np
 from genie_sim.base.classes import SIZES
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
-from genie_sim.worlds.town.laws import GroupLaws
-from genie_sim.worlds.town.noise import NORMAL_MASK, mix, normals
+from genie_sim.worlds.scene.laws import GroupLaws
+from genie_sim.worlds.scene.noise import NORMAL_MASK, mix, normals
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).
@@ -71,6 +71,7 @@ class ObjectColumns:
         self.score_z = np.array([row.score_z for row in rows])
         self.along_z = np.array([row.along_z for row in rows])
         self.across_z = np.array([row.across_z for row in rows])
+        self.real = np.array([row.real for row in rows], dtype=bool)
         self.label = np.array([row.label for row in rows], dtype=object)
         self.key = np.array([row.key for row in rows], dtype=np.uint64)
         self.offset = (self.key >> np.uint64(36)).astype(np.int64)

@@ -16,12 +16,12 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
-from genie_sim.worlds.town.detector import DetectedObjects, SyntheticDetector, transient
-from genie_sim.worlds.town.laws import FittedLaws
-from genie_sim.worlds.town.noise import mix
-from genie_sim.worlds.town.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
-from genie_sim.worlds.town.surrogate import surrogates
-from genie_sim.worlds.town.view import ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
+from genie_sim.worlds.scene.laws import FittedLaws
+from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
+from genie_sim.worlds.scene.surrogate import surrogates
+from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
 CAMERA_UP_M = 1.65
 # Of a camera, whose views are computed at once: a frame costs half as much as in batches of 16.

@@ -24,14 +24,14 @@ import numpy as np
 from genie_sim.base.classes import GROUPS, VEHICLES
 from genie_sim.base.geometry import Array
 from genie_sim.data.trace import SCORE_DECIMALS
-from genie_sim.worlds.town.noise import smooth_normals
-from genie_sim.worlds.town.rules import MAX_VIEW_M
+from genie_sim.worlds.scene.noise import smooth_normals
 
 # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 STEPS_PER_Z, MIDDLE = 32.0, 32 * 7
 VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
 PRONE = 1 << 12
+MAX_VIEW_M = 100  # beyond, no law is known
 RANGES = MAX_VIEW_M + 2  # rows of a table, one a metre
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
-from genie_sim.worlds.town.laws import (
+from genie_sim.worlds.scene.laws import (
     MIDDLE,
     STEPS_PER_Z,
     VIEW_STEP_M,
@@ -17,10 +17,9 @@ from genie_sim.worlds.town.laws import (
     TransientLaw,
     quantile,
 )
-from genie_sim.worlds.town.noise import NORMAL_MASK, SMOOTH_MASK, normals
-from genie_sim.worlds.town.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
-from genie_sim.worlds.town.streets import Ints
-from genie_sim.worlds.town.view import Bits, ViewPoses, VisibleObjects
+from genie_sim.worlds.scene.noise import NORMAL_MASK, SMOOTH_MASK, normals
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
+from genie_sim.worlds.scene.view import Bits, Ints, ViewPoses, VisibleObjects
 
 # Far apart in the gradual numbers, and other bits: these are not the score's.
 ALONG, ACROSS = 21 * 1021, 43 * 1021

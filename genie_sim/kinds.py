@@ -1,0 +1,229 @@
+"""The four kinds of results, as they are read from their folders."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from genie_sim.analysis import seed_runs, summary
+from genie_sim.analysis.plots import Plots
+from genie_sim.analysis.seed_runs import SeedRuns, with_methods
+from genie_sim.base.errors import Suggesting, UserError
+from genie_sim.base.paths import expanded
+from genie_sim.base.progress import Progress
+from genie_sim.base.python_values import typed
+from genie_sim.record import provenance, results
+from genie_sim.report import comparison, html_page, notebook
+from genie_sim.report.result import Comparison, Result, figure_of_runs
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from genie_sim.runs.folder import Compared
+    from genie_sim.scenario.scenario import Scenario
+
+
+class _OfRuns(Result):
+    """What one run and several seeds have in common."""
+
+    @cached_property
+    def metrics(self) -> "pd.DataFrame":
+        """One row per metric: metric, method, placement, component, value, unit, low, high, n; see
+        ``MetricValue``. Of several seeds ``value`` is the mean, ``low`` and ``high`` the ends of
+        its 95 % t interval, and ``n`` the number of runs that define it.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([asdict(metric) for metric in self._self.measured])
+
+    @property
+    def _self(self) -> "Run | Runs":
+        assert isinstance(self, Run | Runs)
+        return self
+
+    def table(self) -> "pd.DataFrame":
+        """The values of ``metrics`` with a column a method, and a row for each metric, placement
+        and component, in the order of the metrics and methods.
+        """
+        index = ["metric", "placement", "component"]
+        wide = self.metrics.pivot(index=index, columns="method", values="value")
+        places = self.metrics[index].drop_duplicates().itertuples(index=False, name=None)
+        names = [method.name for method in self._self.methods]
+        return wide.reindex(index=list(places), columns=names)
+
+    @property
+    def plot(self) -> Plots:
+        """The figures, of several seeds with bands and intervals: ``run.plot.latency_cdf()``."""
+        return Plots(self._self)
+
+    def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Run | Runs":
+        """See ``Result``. Tables stay as they are."""
+        chosen = with_methods(replace(self._self, label=label or self._self.label), methods)
+        assert isinstance(chosen, Run | Runs)
+        return chosen
+
+    def figures(self, width_in: float | None = None) -> "Mapping[str, Figure]":
+        """Those of ``analysis.figures``, and of a run of the paper those of its panels."""
+        with provenance.of_this_version(self.folder):
+            from genie_sim.analysis import figures as of_runs
+            from genie_sim.paper import figures as of_paper
+
+            return of_runs.of_run(self._self, width_in) | of_paper.of_run(self._self, width_in)
+
+    def figure(self, name: str, width_in: float | None = None) -> "Figure":
+        """One figure, or the values of one metric."""
+        with provenance.of_this_version(self.folder):
+            from genie_sim.paper import figures as of_paper
+
+            if name.startswith(of_paper.PREFIX):
+                drawn = of_paper.of_run(self._self, width_in)
+                if name in drawn:
+                    return drawn[name]
+            return figure_of_runs(self._self, self._self.footer, name, width_in)
+
+    def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
+        """See ``Result``."""
+        with provenance.of_this_version(self.folder):
+            return summary.table(self._self, format, metrics)
+
+    def _repr_html_(self) -> str:
+        return notebook.run_html(self._self)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(results.Run, _OfRuns):
+    """A finished run in hand: its tables (see ``record.results.Run``), metrics, figures and
+    page.
+    """
+
+    @classmethod
+    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Run":
+        """See ``Result``."""
+        return cls.of(seed_runs.load_run(folder, allow_changed=allow_changed))
+
+    @classmethod
+    def of(cls, run: results.Run) -> "Run":
+        """A run, with what this class adds."""
+        return cls(**{field.name: getattr(run, field.name) for field in fields(run)})
+
+    @cached_property
+    def scenario(self) -> "Scenario":
+        """The scenario as it was run."""
+        from genie_sim.scenario import reading
+
+        return reading.read_scenario(self.facts["scenario"], where=self.name)
+
+    @typed
+    def save(self, out: str | Path) -> Path:
+        """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
+        returns its path. Raises ``UserError``.
+        """
+        from genie_sim.runs import folder as run_folder
+
+        return run_folder.save(self, expanded(out))
+
+    def page(self, start_ns: int = 0) -> str:
+        """The text of its page, with a replay from ``start_ns`` on."""
+        return html_page.page(self, start_ns)
+
+    def rerun(self, progress: Progress | None = None) -> Iterator[str]:
+        """A line for each file: ``identical``, ``equal`` or ``DIFFERENT``. Raises ``UserError``."""
+        from genie_sim.runs import folder as run_folder
+
+        allowed = bool(self.changed)
+        compared = run_folder.rerun(folder_of(self), progress, allow_changed=allowed)
+        yield from _told(folder_of(self), compared)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Runs(Suggesting, SeedRuns, _OfRuns):
+    """Runs with several seeds in hand. ``runs`` are the single ones; metrics, tables and figures
+    are means over them, with 95 % intervals.
+    """
+
+    runs: Sequence[Run]
+
+    @classmethod
+    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Runs":
+        """See ``Result``."""
+        return cls.of(seed_runs.load_seeds(folder, allow_changed=allow_changed))
+
+    @classmethod
+    def of(cls, runs: SeedRuns) -> "Runs":
+        """Runs, with what this class adds."""
+        return cls([Run.of(run) for run in runs.runs], runs.folder, runs.label)
+
+    @cached_property
+    def every_run(self) -> "pd.DataFrame":
+        """One row per metric and seed."""
+        import pandas as pd
+
+        return pd.concat([run.metrics.assign(seed=run.seed) for run in self.runs])
+
+    @typed
+    def save(self, out: str | Path) -> Path:
+        """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
+        each. Raises ``UserError``.
+        """
+        for run in self.runs:
+            run.save(out)
+        return expanded(out)
+
+    def page(self) -> str:
+        """The text of the page about all runs."""
+        return comparison.seeds_page(self)
+
+    def rerun(self, progress: Progress | None = None) -> Iterator[str]:
+        """Those lines of each run."""
+        for run in self.runs:
+            yield from run.rerun(progress)
+
+
+def _told(folder: Path, compared: "Compared") -> Iterator[str]:
+    for name, how in compared.files.items():
+        yield f"{name}: {how}"
+    if not compared.reproduces:
+        raise UserError(f"{folder}: the run does not reproduce its own result")
+    is_identical = set(compared.files.values()) == {"identical"}
+    yield f"{folder}: reproduced, {'byte for byte' if is_identical else 'by contents'}"
+
+
+def folder_of(result: Result) -> Path:
+    """Where a result is. Raises ``UserError`` for one in memory."""
+    if result.folder is None:
+        raise UserError("rerun: the result has no folder")
+    return result.folder
+
+
+# Where the kind of a folder is that has this file; that of seeds is a sweep's without axes.
+KINDS = {
+    "verdicts.json": ("genie_sim.paper.reproduce", "Reproduction"),
+    seed_runs.ABOUT: ("genie_sim.study.sweep", "Sweep"),
+}
+
+
+def load(folder: Path, *, allow_changed: bool = False) -> Result:
+    """What a result folder holds. Raises ``UserError`` for any other folder."""
+    kind: type[Result] = Runs if seed_runs.is_seeds_folder(folder) else Run
+    for file, (module, name) in KINDS.items():
+        if kind is Run and (folder / file).is_file():
+            kind = getattr(import_module(module), name)
+    return kind.read(folder, allow_changed=allow_changed)
+
+
+def shown(
+    folders: Sequence[Path], methods: Sequence[str], labels: Sequence[str], allow_changed: bool
+) -> Result | Comparison:
+    """What result folders hold, of these methods and called by these labels; several compared.
+    Raises ``UserError``.
+    """
+    loaded = [load(folder, allow_changed=allow_changed) for folder in folders]
+    if len(loaded) > 1:
+        return Comparison(loaded, methods, labels)
+    if len(labels) > 1:
+        raise UserError(f"--label: {len(labels)} labels for one result")
+    label = results.checked_label(labels[0], "--label") if labels else ""
+    return loaded[0].chosen(methods, label)

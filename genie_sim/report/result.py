@@ -1,0 +1,252 @@
+"""Results under one protocol, whether of a run, of several seeds, of a sweep or of the evaluation;
+and several of them, compared.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from genie_sim.analysis import compare as comparing
+from genie_sim.analysis import compare_tables, registry
+from genie_sim.analysis.verdict import verdicts
+from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.paths import expanded
+from genie_sim.base.progress import Progress
+from genie_sim.base.python_values import typed
+from genie_sim.record import provenance, results
+from genie_sim.report import comparison, notebook, template
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+
+class Result(ABC):
+    """What a result folder holds: its numbers, figures, tables and page."""
+
+    folder: Path | None
+
+    @classmethod
+    @abstractmethod
+    def read(cls, folder: Path, *, allow_changed: bool = False) -> Self:
+        """That of a folder. Raises ``UserError`` for one that is not whole, that another version
+        wrote, or of which files were changed since, unless they are allowed.
+        """
+
+    @property
+    @abstractmethod
+    def metrics(self) -> "pd.DataFrame":
+        """One row a number: what it is of, and the columns of ``MetricValue``."""
+
+    @property
+    @abstractmethod
+    def cells(self) -> Mapping[str, Mapping[int, results.Run]]:
+        """By its name each setting that was simulated, as runs by seed; one that is all there is
+        has no name.
+        """
+
+    @abstractmethod
+    def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Result":
+        """The same of these methods alone, in this order (none: all), called by this label (empty:
+        by its own). Raises ``UserError`` for a method that is not there.
+        """
+
+    @abstractmethod
+    def figures(self, width_in: float | None = None) -> "Mapping[str, Figure]":
+        """Every figure by its name, so wide if that is given. Raises ``UserError``."""
+
+    def figure(self, name: str, width_in: float | None = None) -> "Figure":
+        """One figure. Raises ``UserError``."""
+        figure: Figure = named(name, self.figures(width_in), has_metrics=False)
+        return figure
+
+    @abstractmethod
+    def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
+        """The numbers in one of ``renderers.FORMATS``, of the main metrics or of these; ``csv`` has
+        all digits, and by default every metric. Raises ``UserError``.
+        """
+
+    @abstractmethod
+    def page(self) -> str:
+        """The text of a page for a browser. Raises ``UserError``."""
+
+    @abstractmethod
+    def rerun(self, progress: Progress | None = None) -> Iterator[str]:
+        """Simulates everything in the folder again, and tells what reproduces, line by line. Raises
+        ``UserError`` for what does not, and without a folder.
+        """
+
+    @typed
+    def report(self, path: str | Path | None = None) -> Path:
+        """Writes the page; default: ``report.html`` in the folder. Raises ``UserError``."""
+        if path is None and self.folder is None:
+            raise UserError(
+                "report: a result without a folder needs a path, such as .report('report.html')"
+            )
+        where = (self.folder or Path()) / template.NAME if path is None else expanded(path)
+        template.write(where, self.page())
+        return where
+
+    def compare(self, methods: Sequence[str] = ()) -> "Comparison":
+        """The paired differences between the methods, seed by seed."""
+        return Comparison([self], methods)
+
+
+class Comparison:
+    """Results compared: ``table`` and ``settings`` for pandas, ``text()``, figures and a page. Runs
+    that differ in nothing but the seed are one result.
+
+    Parameters
+    ----------
+    results_ : sequence of Result or results.Run
+        What is compared; the first is what the others are compared with. Of one alone, its methods
+        are compared in each of its settings.
+    methods : sequence of str
+        Which, in this order; by default all.
+    labels : sequence of str
+        What the results are called, in their order; by default as they are.
+    metrics : sequence of str
+        Which; by default those that matter most.
+    """
+
+    def __init__(
+        self,
+        results_: Sequence[Any],
+        methods: Sequence[str] = (),
+        labels: Sequence[str] = (),
+        metrics: Sequence[str] = (),
+    ) -> None:
+        self._results, self._methods, self._labels = results_, methods, labels
+        self._metrics = metrics
+
+    @cached_property
+    def compared(self) -> comparing.ComparedRuns:
+        """What the tables show. Raises ``UserError`` for results that cannot be compared."""
+        return self._of(self._metrics)
+
+    def _of(self, metrics: Sequence[str]) -> comparing.ComparedRuns:
+        if metrics:
+            cells = [cell for result in self._results for cell in result.cells.values()]
+            runs = [run for by_seed in cells for run in by_seed.values()]
+            registry.checked(metrics, (row.metric for run in runs for row in run.measured))
+        return comparing.compare(self._results, self._methods, self._labels, metrics)
+
+    @cached_property
+    def table(self) -> "pd.DataFrame":
+        """One row per metric and method; see ``analysis.compare.Difference``."""
+        import pandas as pd
+
+        return pd.DataFrame(self.compared.rows, columns=comparing.Difference._fields)
+
+    @cached_property
+    def settings(self) -> "pd.DataFrame":
+        """What differs: a row per setting, a column per result."""
+        import pandas as pd
+
+        made = self.compared
+        return pd.DataFrame.from_dict(dict(made.settings), orient="index", columns=list(made.names))
+
+    @property
+    def verdicts(self) -> list[str]:
+        """A sentence for each arm that is compared with another: in what it is better or worse, by
+        how much, and how sure that is.
+        """
+        return verdicts(self.compared)
+
+    def figures(self, width_in: float | None = None) -> "Mapping[str, Figure]":
+        """The differences with their intervals, overlaid distributions of response times, and
+        latency against accuracy.
+        """
+        return comparison.figures(self.compared, width_in)
+
+    def figure(self, name: str, width_in: float | None = None) -> "Figure":
+        """One figure, also of a run, or the values of one metric: for these the results need not be
+        comparable. Raises ``UserError``.
+        """
+        if name == "differences" or not all("" in result.cells for result in self._results):
+            figure: Figure = named(name, self.figures(width_in))
+            return figure
+        from genie_sim.analysis.side_by_side import side_by_side
+
+        chosen = [result.chosen(self._methods) for result in self._results]
+        with provenance.of_this_version(chosen[0].folder):
+            return figure_of_runs(*side_by_side(chosen, self._labels), name, width_in)
+
+    def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
+        """The table as ``markdown``, ``csv`` or ``latex``."""
+        return compare_tables.text(self._of(metrics) if metrics else self.compared, format)
+
+    @typed
+    def report(self, folder: str | Path) -> Path:
+        """Writes a page, figures and tables into a folder."""
+        return comparison.write(self.compared, expanded(folder))
+
+    def _repr_html_(self) -> str:
+        return notebook.comparison_html(self.compared)
+
+
+def cells_of(
+    table: "pd.DataFrame", by: Sequence[str], like: results.Run
+) -> dict[str, dict[int, results.Run]]:
+    """The cells of a table of numbers that has no other tables.
+
+    Parameters
+    ----------
+    table : DataFrame
+        A row for each seed and number: its columns are ``seed`` and fields of ``MetricValue``. Only
+        numbers of methods as a whole are taken.
+    by : sequence of str
+        The columns that say which cell it is; their names and values name it.
+    like : results.Run
+        What runs have besides their numbers and seeds.
+    """
+    whole = table[(table["placement"] == "all") & (table["component"] == "")]
+    names = [name for name in results.METRIC_FIELDS if name in whole]
+    rows = whole[[*by, "seed", *names]].astype(object)
+    found: dict[tuple[Any, ...], list[results.MetricValue]] = {}
+    for row in rows.where(rows.notna(), None).itertuples(index=False, name=None):
+        place, number = row[: len(by) + 1], row[len(by) + 1 :]
+        found.setdefault(place, []).append(
+            results.MetricValue(**{"unit": "", **dict(zip(names, number, strict=True))})
+        )
+    cells: dict[str, dict[int, results.Run]] = {}
+    for (*levels, seed), measured in found.items():
+        name = ", ".join(
+            f"{axis} {level_text(level)}" for axis, level in zip(by, levels, strict=True)
+        )
+        facts = {**like.facts, "scenario": {**like.facts["scenario"], "seed": seed}}
+        cells.setdefault(name, {})[seed] = replace(like, facts=facts, measured=measured)
+    return cells
+
+
+def level_text(level: object) -> str:
+    """A value of an axis."""
+    return f"{level:g}" if isinstance(level, float) else str(level)
+
+
+def figure_of_runs(run: Any, footer: str, name: str, width_in: float | None) -> "Figure":
+    """A figure of a run or of several seeds, or the values of one metric. Raises ``UserError``."""
+    from genie_sim.analysis import figures
+    from genie_sim.analysis.metric_plot import metric_values
+
+    makers = figures.makers(run, width_in, footer)
+    measured = {metric.metric for metric in run.measured}
+    if name not in makers and name in {*registry.METRICS, *measured}:
+        return metric_values(name, run.measured, run.methods, footer, width_in)
+    draw = named(name, makers)
+    figure: Figure = draw()
+    return figure
+
+
+def named(name: str, known: Mapping[str, Any], *, has_metrics: bool = True) -> Any:
+    """What goes by this name. Raises ``UserError`` where no figure does."""
+    if name not in known:
+        text = unknown("figure", name, known)
+        if has_metrics:
+            near = "".join(f", such as {metric}" for metric in registry.near(name)[:1])
+            text += f"; or a metric of 'genie-sim list metrics'{near}"
+        raise UserError(f"--only: {text}")
+    return known[name]

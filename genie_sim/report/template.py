@@ -1,0 +1,244 @@
+"""The one template of all pages: ``report.html`` of runs, seeds, sweeps, comparisons and the
+evaluation. A page needs no network and no other file.
+
+The same results give the same bytes. A page is read without JavaScript, but for its replay; its
+security policy forbids it to load or to send anything, and allows its own script and style alone.
+"""
+
+import base64
+import hashlib
+import json
+import re
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.analysis import renderers, style
+from genie_sim.analysis.result_table import ResultTable
+from genie_sim.base.paths import atomic_write
+from genie_sim.report.replay import LINES
+from genie_sim.version import VERSION
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NAME = "report.html"
+REPLAY = (
+    "replay_elements.js",
+    "replay_model.js",
+    "replay_canvas.js",
+    "replay_street.js",
+    "replay_strip.js",
+    "story.js",
+    "replay.js",
+)
+DASH_PX = 3  # a unit of the figures' dashes
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page.
+
+    Parameters
+    ----------
+    title : str
+        Its heading, and the text of the way to it.
+    parts : sequence of str
+        Pieces of HTML, as ``table``, ``listed``, ``note`` and ``figures`` give them.
+    folded : bool
+        Whether it opens on a click.
+    """
+
+    title: str
+    parts: Sequence[str]
+    folded: bool = False
+
+    @property
+    def name(self) -> str:
+        """What addresses call it: ``#all-tables``."""
+        return re.sub("[^a-z0-9]+", "-", self.title.lower()).strip("-")
+
+    def text(self) -> str:
+        """It as HTML."""
+        heading = f'<h2 id="h-{self.name}">{escape(self.title)}</h2>'
+        content = "\n".join([heading, *self.parts])
+        if self.folded:
+            inside = "\n".join(self.parts)
+            content = f"<details><summary>{heading}</summary>\n{inside}</details>"
+        return (
+            f'<section id="{self.name}" aria-labelledby="h-{self.name}">\n{content}\n</section>\n'
+        )
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page.
+
+    Parameters
+    ----------
+    kind : str
+        What it is about: ``one run``.
+    name : str
+        Its title.
+    sections : sequence of Section
+        Those without parts are left out.
+    origin : str
+        What the page was made from, and where more is.
+    about : sequence of str
+        Sentences below the title.
+    warning : str
+        Which files were changed; empty if none was.
+    notes : sequence of str
+        At the end of the page.
+    title : str
+        Of the window; by default the name.
+    replay : mapping, optional
+        What the replay shows, as plain JSON values.
+    """
+
+    kind: str
+    name: str
+    sections: Sequence[Section]
+    origin: str
+    about: Sequence[str] = ()
+    warning: str = ""
+    notes: Sequence[str] = ()
+    title: str = ""
+    replay: Mapping[str, Any] | None = None
+
+    def text(self) -> str:
+        """The page as HTML."""
+        sections = [section for section in self.sections if any(section.parts)]
+        look = _palette() + part("page.css")
+        scripts = ["page.js", *(REPLAY if self.replay is not None else ())]
+        script = '"use strict";\n' + "\n".join(map(part, scripts))
+        made = f"Made by genie-sim {VERSION} from {self.origin}"
+        warning = f'<p class="warning" role="alert">{escape(self.warning)}</p>'
+        parts = {
+            "policy": f"default-src 'none'; script-src {_source(script)}; "
+            f"style-src {_source(look)}; img-src data:; base-uri 'none'",
+            "title": escape(self.title or self.name),
+            "style": look,
+            "kind": escape(f"genie-sim {VERSION}, {self.kind}"),
+            "name": escape(self.name),
+            "about": "\n  ".join(
+                [warning if self.warning else "", *(f"<p>{escape(one)}</p>" for one in self.about)]
+            ),
+            "ways": "".join(
+                f'<a href="#{section.name}">{escape(section.title)}</a>' for section in sections
+            ),
+            "content": "".join(section.text() for section in sections),
+            "notes": "".join(f"<li>{escape(note)}</li>" for note in [*self.notes, made]),
+            "data": "" if self.replay is None else packed(self.replay),
+            "script": script,
+        }
+        return re.sub("%([a-z]+)%", lambda mark: parts[mark[1]], part("shell.html"))
+
+
+def write(path: Path, text: str) -> None:
+    """Writes a page, beside and renamed. Raises ``UserError``."""
+    with atomic_write(path) as beside:
+        beside.write_text(text, encoding="utf-8")
+
+
+def part(name: str) -> str:
+    """A file of this folder."""
+    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")
+
+
+def note(*texts: str) -> str:
+    """Small texts, a paragraph each; nothing for empty ones."""
+    return "".join(f'<p class="small">{escape(text)}</p>' for text in texts if text)
+
+
+def listed(texts: Sequence[str]) -> str:
+    """A list of texts; nothing for none."""
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>" if items else ""
+
+
+def table(results: ResultTable, filtered: bool = False) -> str:
+    """A table with its title and its notes; ``filtered``: below a field that leaves only the rows
+    that hold its words. Nothing for no rows.
+    """
+    if not results.rows:
+        return ""
+    title = results.title and f"<h3>{escape(results.title)}</h3>"
+    inside = boxed(renderers.html_table(results), results.title or "Table")
+    if filtered:
+        inside = filterable(inside)
+    return title + inside + note(*results.notes)
+
+
+def boxed(html: str, title: str) -> str:
+    """A piece of HTML that may be broader than the window."""
+    return (
+        f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(title)}">{html}</div>'
+    )
+
+
+def filterable(html: str) -> str:
+    """The same piece of HTML, a table, below the field that chooses its rows."""
+    field = '<label>Only rows with <input type="search"></label> <output></output>'
+    return f'<div class="filtered"><div class="controls">{field}</div>{html}</div>'
+
+
+def figures(drawn: "Mapping[str, Figure]") -> str:
+    """Figures, as sources of pictures, where scripts in them would not run."""
+    from genie_sim.analysis.figures import svg
+
+    return (
+        f'<div class="figures">{"".join(_figure(each, svg(each)) for each in drawn.values())}</div>'
+    )
+
+
+def _figure(figure: "Figure", svg: bytes) -> str:
+    title = escape(str(figure.get_label()).partition("\n")[0])
+    wide = ' class="wide"' if figure.get_figwidth() > style.COLUMN_IN else ""
+    source = f"data:image/svg+xml;base64,{base64.b64encode(svg).decode()}"
+    picture = boxed(f'<img src="{source}" alt="{title}">', "Figure")
+    return f"<figure{wide}>{picture}<figcaption>{title}</figcaption></figure>"
+
+
+def packed(value: Any) -> str:
+    """JSON, compressed, in letters that end no element."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return base64.b64encode(zlib.compress(text.encode(), level=3)).decode()
+
+
+def _palette() -> str:
+    """The colours of methods as variables ``--method-0`` and so on, their lines as classes ``m0``
+    and so on, and parts of the time ``part-0``.
+    """
+    colours = len(style.COLOURS)
+    lines = (
+        f".m{i}{{--c:var(--method-{i % colours});stroke-dasharray:{_dashes(i)}}}"
+        for i in range(LINES)
+    )
+    parts = (
+        f".part-{i}{{fill:{look['facecolor']}}}" for i, (_, look) in enumerate(style.PARTS.values())
+    )
+    dark = f"@media (prefers-color-scheme: dark){{{_variables(style.DARK_COLOURS)}}}"
+    return "\n".join([_variables(style.COLOURS), dark, *lines, *parts, ""])
+
+
+def _variables(methods: Sequence[str]) -> str:
+    """The rule of CSS that names the colours of methods."""
+    variables = (f"--method-{place}:{colour};" for place, colour in enumerate(methods))
+    return f":root{{{''.join(variables)}}}"
+
+
+def _dashes(look: int) -> str:
+    dashes = style.method_line(look)["linestyle"]
+    return (
+        "none" if dashes == style.SOLID else " ".join(f"{DASH_PX * part:g}" for part in dashes[1])
+    )
+
+
+def _source(text: str) -> str:
+    """What allows exactly this text in a Content-Security-Policy."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"

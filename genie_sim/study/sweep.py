@@ -1,0 +1,358 @@
+"""A finished sweep: its tables for pandas, figures, a table for a paper, and a page."""
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from genie_sim.analysis import renderers
+from genie_sim.analysis.metric import SHORT
+from genie_sim.analysis.registry import METRICS, checked, definition, learn, shown
+from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.seed_runs import ABOUT, read_about
+from genie_sim.analysis.style import PAGE_IN
+from genie_sim.base import parquet
+from genie_sim.base.errors import Suggesting, UserError, unknown
+from genie_sim.base.progress import Progress
+from genie_sim.base.text import one_line
+from genie_sim.record import provenance
+from genie_sim.record.results import METRIC_FIELDS, Run, checked_label
+from genie_sim.report.result import Result, cells_of, level_text, named
+from genie_sim.study.design import Design, read_design
+from genie_sim.study.tables import BEFORE_AXES, differences
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
+MAX_ROWS = 50  # of a table in LaTeX
+
+
+def footer_of(design: Design, label: str = "") -> str:
+    """Which sweep it is, below a figure."""
+    numbers = design.seeds
+    few = len(numbers) <= 5
+    seeds = f"seeds {', '.join(map(str, numbers))}" if few else f"{len(numbers)} seeds"
+    what = f"sweep {design.name} of {design.scenario}"
+    points = f"{design.runs // len(numbers)} points"
+    return ", ".join(filter(None, [label, what, points, seeds]))
+
+
+def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
+    """The title of each method on one line; its name, where two have the same title."""
+    titles = {name: one_line(title) for name, title in titles.items()}
+    of_all = list(titles.values())
+    return {name: title if of_all.count(title) == 1 else name for name, title in titles.items()}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Suggesting, Result):
+    """A finished sweep.
+
+    Parameters
+    ----------
+    design : Design
+        What was varied.
+    about : mapping
+        What ``sweep.json`` says.
+    every_run : DataFrame
+        ``tables.of_runs``: a row per point, seed and number.
+    means : DataFrame
+        ``tables.of_points``: a row per point and number, with means over seeds and their 95 % t
+        intervals.
+    folder : Path or None
+        Where it is; ``None`` for one in memory.
+    changed : sequence of str
+        Files that were changed since they were written.
+    label : str
+        What the user calls it; empty: by its name.
+    """
+
+    design: Design
+    about: Mapping[str, Any]
+    every_run: "pd.DataFrame"
+    means: "pd.DataFrame"
+    folder: Path | None
+    changed: Sequence[str] = ()
+    label: str = ""
+
+    @classmethod
+    def read(cls, folder: Path, *, allow_changed: bool = False) -> "Sweep":
+        """See ``Result``."""
+        with provenance.of_this_version(folder):
+            about, path = read_about(folder), folder / ABOUT
+            runs, points = (_table(provenance.contained(folder, name)) for name in READ)
+            learn(about.get("metrics", {}), f"{path}: metrics")
+            changed = provenance.changed_files(folder, about.get("digests"), READ)
+            provenance.refuse_changed(folder, changed, allow_changed)
+            design = read_design(about["sweep"], str(path))
+            label = checked_label(about.get("label", ""), f"{path}: label")
+            return cls(design, about, runs, points, folder, changed, label)
+
+    def __repr__(self) -> str:
+        where = self.folder if self.folder is not None else "not written to a folder"
+        return f"<Sweep {self.footer}: {where}>"
+
+    @property
+    def metrics(self) -> "pd.DataFrame":
+        """A row per point and number: the axes' values, and the fields of ``MetricValue``."""
+        return self.means
+
+    @property
+    def title(self) -> str:
+        """What people read for it: its label, else its name."""
+        return self.label or self.design.name
+
+    @property
+    def footer(self) -> str:
+        """Which sweep it is, below a figure."""
+        return ", ".join(filter(None, [footer_of(self.design, self.label), self.warning]))
+
+    @property
+    def warning(self) -> str:
+        """Says which files were changed; empty if none was."""
+        return provenance.warning(self.changed)
+
+    @property
+    def titles(self) -> dict[str, str]:
+        """What people read for each method, in the order in which they ran."""
+        told = self.about.get("titles", {})
+        names = dict.fromkeys(self.means["method"].dropna())
+        return unique_titles({name: str(told.get(name, name)) for name in names})
+
+    @property
+    def axes(self) -> list[str]:
+        """The columns of the axes."""
+        columns = list(map(str, self.means.columns))
+        return columns[1 : columns.index("metric")]
+
+    def chosen(self, methods: Sequence[str] = (), label: str = "") -> "Sweep":
+        """See ``Result``."""
+        for name in methods:
+            if name not in self.titles:
+                raise UserError(f"--methods: {self.title}: {unknown('method', name, self.titles)}")
+        order = {name: place for place, name in enumerate(dict.fromkeys(methods or self.titles))}
+        runs, points = (
+            table[table["method"].isin(order)].sort_values(
+                by,
+                key=lambda column: column.map(order) if column.name == "method" else column,
+                kind="stable",
+            )
+            for table, by in (
+                (self.every_run, [*BEFORE_AXES, "method"]),
+                (self.means, [BEFORE_AXES[0], "method"]),
+            )
+        )
+        return replace(self, every_run=runs, means=points, label=label or self.label)
+
+    @cached_property
+    def cells(self) -> Mapping[str, Mapping[int, Run]]:
+        """Each point by the values of its axes, as runs by seed that have the numbers of methods as
+        a whole, and no tables.
+        """
+        facts = {
+            "scenario": {"name": self.design.name},
+            "devices": {},
+            "genie_sim": self.about["genie_sim"],
+            "methods": [
+                {"name": name, "title": title, "baseline": False}
+                for name, title in self.titles.items()
+            ],
+        }
+        run_id = provenance.run_id({"run_ids": self.about["run_ids"]})
+        like = Run(run_id, facts, "", {}, (), changed=self.changed, label=self.label)
+        return cells_of(self.every_run, self.axes, like)
+
+    def differences(self, along: str, to: Any) -> "pd.DataFrame":
+        """Paired differences, seed by seed, with 95 % t intervals: of every value of the column
+        ``along``, an axis or ``method``, from the value ``to``. Raises ``UserError``.
+        """
+        return differences(self.every_run, self.axes, along, to)
+
+    @property
+    def plot(self) -> "SweepPlots":
+        """The figures: ``sweep.plot.along("gate")``."""
+        return SweepPlots(self)
+
+    def figures(self, width_in: float | None = None) -> "dict[str, Figure]":
+        """See ``Result``."""
+        from genie_sim.study import figures
+
+        drawn = figures.of_sweep(
+            self.design, self.every_run, self.titles, self.footer, width_in or PAGE_IN
+        )
+        with provenance.of_this_version(self.folder):
+            return dict(drawn)
+
+    def figure(self, name: str, width_in: float | None = None) -> "Figure":
+        """One figure; or one metric along the first axis, or as a heat map over the first two."""
+        from genie_sim.study import figures
+
+        if name in {*METRICS, *self.every_run["metric"]} - {*self.design.axes}:
+            return figures.of_metric(
+                name,
+                self.design,
+                self.every_run,
+                titles=self.titles,
+                footer=self.footer,
+                width_in=width_in or PAGE_IN,
+            )
+        figure: Figure = named(name, self.figures(width_in))
+        return figure
+
+    def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
+        """The points: in ``csv`` every metric with all digits, in ``latex`` the main metrics with
+        their intervals, in ``markdown`` the same without; or these ``metrics``.
+        """
+        renderers.checked(format)
+        points = self.means
+        if checked(metrics, points["metric"]):
+            points = points[points["metric"].isin(metrics)]
+        if format == "csv":
+            rows = points.itertuples(index=False, name=None)
+            return renderers.exact_changed(list(map(str, points.columns)), rows, self.changed)
+        table = self._table(metrics)
+        if format == "markdown":
+            notes = [self.warning]
+            return renderers.markdown(replace(table, title="", notes=notes), intervals=False)
+        seeds = len(self.design.seeds)
+        several = f"Means, in brackets their 95 % t intervals, over {seeds} seeds."
+        notes = [several if seeds > 1 else "One seed.", self.warning]
+        if len(table.rows) > MAX_ROWS:
+            notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
+        title = f"{self.title}: {', '.join(self.axes)}"
+        shown_rows = table.rows[:MAX_ROWS]
+        return renderers.latex(
+            replace(table, title=title, rows=shown_rows, notes=notes), self.title
+        )
+
+    def _table(self, metrics: Sequence[str] = ()) -> ResultTable:
+        """A row for each point and method, with the main metrics of methods as a whole, or with
+        these in each placement. Raises ``UserError`` for a metric of components alone.
+        """
+        points = self.means
+        whole = points[points["component"] == ""]
+        there = dict.fromkeys(zip(whole["metric"], whole["placement"], strict=True))
+        columns = [
+            (name, "all") for name in shown(SHORT, whole["metric"]) if (name, "all") in there
+        ]
+        if metrics:
+            columns = [place for name in metrics for place in there if place[0] == name]
+        for name in metrics:
+            if name not in (of for of, _ in columns):
+                is_of_parts = (points["metric"] == name).any()
+                why = "is not of a method as a whole; --format csv has it"
+                why = why if is_of_parts else "this sweep has no value of it"
+                raise UserError(f"--metrics: {name}: {why}")
+        rows = []
+        for (_, method), of_row in whole.groupby(["point", "method"], sort=False):
+            by_place = of_row.set_index(["metric", "placement"])
+            place = ", ".join(level_text(of_row.iloc[0][axis]) for axis in self.axes)
+            cells = [
+                definition(key[0]).cell(*(by_place[end][key] for end in ("value", "low", "high")))
+                if key in by_place.index
+                else Cell()
+                for key in columns
+            ]
+            rows.append(Row(f"{place}: {self.titles.get(str(method), str(method))}", cells))
+        about = [(definition(name), placement) for name, placement in columns]
+        labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
+        return ResultTable(labels, rows, self.title)
+
+    def page(self) -> str:
+        """The text of a page about the sweep: its main metrics, and its figures."""
+        from genie_sim.report import comparison
+
+        with provenance.of_this_version(self.folder):
+            arms = list(self.titles.values())
+            return comparison.page_of_table(self._table(), arms, self.footer, self.figures())
+
+    def rerun(self, progress: Progress | None = None) -> Iterator[str]:
+        """A line for each run whose metrics differ, and one for all."""
+        from genie_sim.base.parallel import workers_here
+        from genie_sim.study.plan import plan
+        from genie_sim.study.work import Parts, Workers
+
+        if self.folder is None:
+            raise UserError("rerun: the result has no folder")
+        with provenance.of_this_version(self.folder):
+            methods = self.about["methods"]
+        planned = plan(self.design, str(self.folder / ABOUT), methods=methods)
+        known = Parts(self.folder)
+        if unknown_runs := planned.runs.keys() - known.done(planned.runs):
+            place = planned.runs[min(unknown_runs)].place
+            why = "another version or another file than when it was made"
+            raise UserError(f"{self.folder}: {place}: not there: {why}")
+        runs = [replace(run, keep=False) for run in planned.runs.values()]
+        with tempfile.TemporaryDirectory() as scratch:
+            again = Parts(Path(scratch))
+            again.run(runs, Workers(workers_here()), progress)
+            different = [
+                f"{number}. {run.place}: DIFFERENT"
+                for number, run in enumerate(runs, 1)
+                if again.metrics(run.run_id) != known.metrics(run.run_id)
+            ]
+        yield from different
+        if different:
+            many = f"{len(different)} of {len(runs)}"
+            raise UserError(f"{self.folder}: {many} runs do not reproduce")
+        yield f"{self.folder}: reproduced, the metrics of {len(runs):,} runs"
+
+    def _repr_html_(self) -> str:
+        return renderers.html(replace(self._table(), notes=[self.footer]))
+
+
+@dataclass(frozen=True)
+class SweepPlots(Suggesting):
+    """The figures of a sweep. Each method gives matplotlib's ``Figure``, which is imported only
+    then; lines are means with 95 % intervals over seeds.
+    """
+
+    _sweep: Sweep
+
+    def metric(self, name: str) -> "Figure":
+        """One metric along the first axis, or as a heat map over the first two. Raises
+        ``UserError`` for one that the sweep has no value of.
+        """
+        checked([name], self._sweep.every_run["metric"], "metric")
+        return self._sweep.figure(name)
+
+    def along(self, axis: str) -> "Figure":
+        """The main metrics along an axis, with a column of panels for each value of another one.
+        Raises ``UserError`` for an axis that the sweep does not have.
+        """
+        return self._first_of(axis)
+
+    def heat(self, first: str, second: str) -> "Figure":
+        """A heat map over the first two axes. Raises ``UserError`` for other ones."""
+        return self._first_of(f"{first}-{second}")
+
+    def _first_of(self, name: str) -> "Figure":
+        """The figure of that name; where the sweep has more axes, at their first values."""
+        drawn = self._sweep.figures()
+        if name not in drawn and f"{name}-1" in drawn:
+            return drawn[f"{name}-1"]
+        if name not in drawn:
+            raise UserError(unknown("figure", name, drawn))
+        return drawn[name]
+
+
+def _table(path: Path) -> "pd.DataFrame":
+    """A table of a sweep. Raises ``UserError``."""
+    if not path.exists():
+        raise UserError(f"{path}: missing; the sweep is not finished, run it again for the rest")
+    table, _ = parquet.read(path, "table of a sweep", partial(_columns_of, path))
+    read: pd.DataFrame = table.to_pandas()
+    return read
+
+
+def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
+    """All columns of a table of a sweep. Raises ``UserError`` where some are missing."""
+    names: list[str] = schema.names
+    for name in (BEFORE_AXES[0], *METRIC_FIELDS):
+        if name not in names:
+            raise UserError(f"{path}: is no table of a sweep: it has no column {name}")
+    return names

@@ -1,0 +1,89 @@
+"""What a camera has in view, from many poses at once, as columns: what all scenes share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from genie_sim.base.geometry import Array
+from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, ObjectColumns
+
+NEAREST_M = 3.5  # KITTI's nearest labelled object is 3 m away: nearer ones leave the picture
+Bits = np.ndarray[Any, np.dtype[np.uint64]]
+Ints = np.ndarray[Any, np.dtype[np.int64]]
+Flags = np.ndarray[Any, np.dtype[np.bool_]]
+HALF_C, HALF_S = math.cos(HORIZONTAL_FOV_RAD / 2), math.sin(HORIZONTAL_FOV_RAD / 2)
+SLOPE = math.tan(HORIZONTAL_FOV_RAD / 2)
+
+
+class ViewPoses(NamedTuple):
+    """From where [m], in which direction (cosine and sine of the heading) and when [s] a camera
+    looks, as columns; ``key`` (64 bits) is each pose's own.
+    """
+
+    east_m: Array
+    north_m: Array
+    cos: Array
+    sin: Array
+    t_s: Array
+    key: Bits
+
+
+class SceneObjects(NamedTuple):
+    """Objects that may be seen: the row of the pose that they are seen from, the row of the object
+    among the scene's, how much its number is lower because it has begun anew, and its east and
+    north [m].
+    """
+
+    pose: Ints
+    row: Ints
+    number_offset: Ints
+    east_m: Array
+    north_m: Array
+
+
+class VisibleObjects(NamedTuple):
+    """All objects in view from some poses, ghosts too, pose by pose.
+
+    Rows of the pose and of the object, how much the object's number is lower because it has begun
+    anew at the other end of its street, where it is and how far away [m].
+    """
+
+    pose: Ints
+    row: Ints
+    number_offset: Ints
+    east_m: Array
+    north_m: Array
+    range_m: Array
+
+
+def in_view(
+    poses: ViewPoses, unhidden: SceneObjects, objects: ObjectColumns, view_m: float
+) -> VisibleObjects:
+    """Of some objects those in the field of view, neither too near nor too far, pose by pose and
+    then row by row.
+
+    ``objects`` are all that there are, of which ``unhidden`` gives the rows.
+    """
+    pose = unhidden.pose
+    c, s = poses.cos[pose], poses.sin[pose]
+    dx, dy = unhidden.east_m - poses.east_m[pose], unhidden.north_m - poses.north_m[pose]
+    border_m, left_m = (dx * c + dy * s) * SLOPE, dy * c - dx * s
+    range_m = np.sqrt(dx * dx + dy * dy)
+    farthest_m = np.minimum(objects.reach_m[unhidden.row], view_m)
+    visible = (np.abs(left_m) <= border_m) & (range_m >= NEAREST_M) & (range_m <= farthest_m)
+    rows = np.flatnonzero(visible)
+    rows = rows[np.lexsort((unhidden.row[rows], pose[rows]))]
+    return VisibleObjects._make(column[rows] for column in (*unhidden, range_m))
+
+
+def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:
+    """From which share of a line to which it is between two parallel borders: ``middle_m`` is their
+    middle and ``half_m`` half their distance; the line begins at 0 and ends at ``way_m``.
+    """
+    # A line along the borders is between them all the time, or never.
+    steep_m = np.where(np.abs(way_m) < 1e-9, 1e-9, way_m)
+    first, last = (middle_m - half_m) / steep_m, (middle_m + half_m) / steep_m
+    return np.minimum(first, last), np.maximum(first, last)

@@ -1,0 +1,213 @@
+"""Where everything is in a town, and what of it a camera has in view.
+
+Who keeps a speed stands still in a frame that moves along: of all that moves along one axis at one
+speed there is one tree of places, periodic in the length of the streets, and one of all that
+stands. Houses fill the blocks between the streets and hide what is behind them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from genie_sim.base.classes import CANONICAL
+from genie_sim.base.geometry import Array
+from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.view import (
+    HALF_C,
+    Flags,
+    Ints,
+    SceneObjects,
+    ViewPoses,
+    VisibleObjects,
+    between,
+    in_view,
+)
+from genie_sim.worlds.town.streets import Street, Streets
+
+ROUNDING_M = 1e-6
+
+
+class _Origin(NamedTuple):
+    """Where an object is at time 0 [m], along and across the way that it goes (east and north, if
+    it stands), its speed [m/s] towards the north or the east, the length of its street [m], and how
+    many places its stream has.
+    """
+
+    along_m: float
+    across_m: float
+    speed_mps: float
+    northbound: bool
+    length_m: float
+    stream_size: int
+
+
+def _origins(street: Street) -> list[_Origin]:
+    """Of all objects of a street, in their order."""
+    origins = [
+        _Origin(item.east_m, item.north_m, 0.0, False, street.length_m, 0)
+        for item in street.standing
+    ]
+    for stream in street.streams:
+        for start_m, movers in zip(stream.starts_m, stream.movers, strict=True):
+            origin = _Origin(
+                start_m,
+                stream.beside_m,
+                stream.speed_mps,
+                northbound=street.northbound,
+                length_m=street.length_m,
+                stream_size=len(stream.starts_m),
+            )
+            origins += [origin] * len(movers)
+    return origins
+
+
+class _Group:
+    """Objects that stand, or that go at one speed along one axis: their rows among all of the town,
+    which classes they are of, by code, and the tree of their places along and across at time 0.
+    """
+
+    def __init__(self, rows: Sequence[int], origins: Sequence[_Origin], has_class: Flags) -> None:
+        self.row, self.has_class = np.array(rows), has_class
+        self.speed_mps, self.northbound = origins[0].speed_mps, origins[0].northbound
+        self._length_m = origins[0].length_m
+        box = [self._length_m, 0.0] if self.speed_mps else None
+        self.tree = cKDTree([origin[:2] for origin in origins], boxsize=box)
+
+    def near(self, moved_m: Array, reach_m: Array | float) -> list[list[int]]:
+        """The group's numbers of what is within a distance of each of some places (n, 2), which
+        are in the frame that moves with the group.
+        """
+        if self.speed_mps:
+            moved_m[:, 0] %= self._length_m
+            moved_m[moved_m[:, 0] == self._length_m, 0] = 0.0
+        near: list[list[int]] = self.tree.query_ball_point(moved_m, reach_m + ROUNDING_M).tolist()
+        return near
+
+
+class Places:
+    """Where everything is in a town at any time, ghosts too.
+
+    ``objects`` are the town's, street by street, ``view_m`` is how far cameras look.
+    """
+
+    def __init__(self, streets: Streets, objects: ObjectColumns, view_m: float) -> None:
+        self._objects, self._view_m, self._block_m = objects, view_m, streets.block_m
+        self._house_m = streets.block_m / 2 - streets.half_m  # from the middle of a block
+        origins = [origin for of in (*streets.east, *streets.north) for origin in _origins(of)]
+        self._origin = [np.array(column) for column in zip(*origins, strict=True)]
+        rows: dict[tuple[object, ...], list[int]] = defaultdict(list)
+        for row, origin in enumerate(origins):
+            rows[origin.speed_mps, origin.northbound].append(row)
+        classes = [CANONICAL.get(label, label) for label in objects.label.tolist()]
+        self._codes = {label: code for code, label in enumerate(dict.fromkeys(classes))}
+        self._class = np.array([self._codes[label] for label in classes], dtype=int)
+        self._class[~objects.real] = self._nothing = len(self._codes)
+        self._groups = []
+        for of in rows.values():
+            has_class = np.bincount(self._class[of], minlength=self._nothing + 1) > 0
+            has_class[self._nothing] = False
+            self._groups.append(_Group(of, [origins[row] for row in of], has_class))
+        ways = [(group.speed_mps, group.northbound) for group in self._groups]
+        self._ways = [np.array(column)[:, None] for column in zip(*ways, strict=True)]
+
+    def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
+        """Places (n,) at their times in the frame of each group (groups, n, 2)."""
+        speed_mps, northbound = self._ways
+        along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
+        return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
+
+    def _at(self, row: Ints, t_s: Array) -> tuple[Ints, Array, Array]:
+        """How often objects have begun anew at the other end of their street (the times that they
+        came to its end, negative), and their east and north [m]; ``row`` and ``t_s`` are broadcast
+        together.
+        """
+        start_m, across_m, speed_mps, northbound, length_m, size = (
+            column[row] for column in self._origin
+        )
+        gone_m = speed_mps * t_s
+        lap = np.where(speed_mps == 0.0, 0.0, -np.floor_divide(start_m + gone_m, length_m))
+        along_m = start_m + (gone_m + lap * length_m)
+        east_m = np.where(northbound, across_m, along_m)
+        north_m = np.where(northbound, along_m, across_m)
+        return lap.astype(int) * size, east_m, north_m
+
+    def visible(self, poses: ViewPoses) -> VisibleObjects:
+        """What is in view from some poses; fastest if they are near each other."""
+        ahead_m = self._view_m / (2 * HALF_C)  # in a circle is all that is in view, and the camera
+        moved_m = self._moved(
+            poses.east_m + ahead_m * poses.cos, poses.north_m + ahead_m * poses.sin, poses.t_s
+        )
+        low_m, high_m = moved_m.min(axis=1), moved_m.max(axis=1)
+        middle_m, reach_m = (low_m + high_m) / 2, ahead_m + np.hypot(*(high_m - low_m).T) / 2
+        row = np.concatenate(
+            [
+                group.row[group.near(middle_m[number, None], reach_m[number])[0]]
+                for number, group in enumerate(self._groups)
+            ]
+        )
+        number_offset, east_m, north_m = self._at(row, poses.t_s[:, None])
+        pose = np.arange(len(poses.t_s))
+        candidates = SceneObjects(
+            pose=np.repeat(pose, len(row)),
+            row=np.tile(row, len(pose)),
+            number_offset=number_offset.ravel(),
+            east_m=east_m.ravel(),
+            north_m=north_m.ravel(),
+        )
+        visible = in_view(poses, candidates, self._objects, self._view_m)
+        clear = ~self._behind_houses(
+            (poses.east_m[visible.pose], visible.east_m),
+            (poses.north_m[visible.pose], visible.north_m),
+        )
+        return VisibleObjects._make(column[clear] for column in visible)
+
+    def _behind_houses(self, east_m: tuple[Array, Array], north_m: tuple[Array, Array]) -> Flags:
+        """Which lines of sight, each from one place to another, pass through the square of a
+        block.
+        """
+        hidden = np.zeros(len(east_m[0]), dtype=bool)
+        for along, across in itertools.product(self._between(*east_m), self._between(*north_m)):
+            enters = np.maximum(np.maximum(along[0], across[0]), 0.0)
+            hidden |= enters < np.minimum(np.minimum(along[1], across[1]), 1.0)
+        return hidden
+
+    def _between(self, from_m: Array, to_m: Array) -> list[tuple[Array, Array]]:
+        """From which share of each line to which it is between the borders of houses, along one
+        axis, for each of the blocks that it passes.
+        """
+        first = np.floor(np.minimum(from_m, to_m) / self._block_m)
+        last = np.floor(np.maximum(from_m, to_m) / self._block_m)
+        shares = []
+        for number in range(int((last - first).max(initial=0.0)) + 1):
+            middle_m = (np.minimum(first + number, last) + 0.5) * self._block_m
+            shares.append(between(middle_m - from_m, to_m - from_m, self._house_m))
+        return shares
+
+    def are_there(
+        self, labels: Sequence[str], east_m: Array, north_m: Array, *, t_s: Array, range_m: float
+    ) -> Array:
+        """Whether anything of the class of each label is within a distance of each place then,
+        whether it can be seen or not.
+        """
+        codes = (self._codes.get(CANONICAL.get(label, label), self._nothing) for label in labels)
+        class_ = np.fromiter(codes, dtype=int, count=len(labels))
+        places, rows = [], []
+        for group, moved_m in zip(self._groups, self._moved(east_m, north_m, t_s), strict=True):
+            asked = np.flatnonzero(group.has_class[class_])
+            if len(asked):
+                near = group.near(moved_m[asked], range_m)
+                places.append(np.repeat(asked, [len(numbers) for numbers in near]))
+                rows.append(group.row[list(itertools.chain.from_iterable(near))])
+        result = np.zeros(len(labels), dtype=bool)
+        if rows:
+            place, row = np.concatenate(places), np.concatenate(rows)
+            _, there_east_m, there_north_m = self._at(row, t_s[place])
+            away_m = np.hypot(there_east_m - east_m[place], there_north_m - north_m[place])
+            result[place[(away_m <= range_m) & (self._class[row] == class_[place])]] = True
+        return result
