@@ -122,5 +122,5 @@ def test_its_number_may_be_of_numpy():
 
 def test_a_scenario_has_none_unless_it_names_some():
     assert plain_data(load_scenario("street_1car_homo"))["metrics"] == []
-    with pytest.raises(UserError, match=r"metrics.0.: unknown metric 'streaming_f1'"):
+    with pytest.raises(UserError, match=r"metrics.0.: must be a metric of your own"):
         load_scenario("street_1car_homo", ["metrics=[streaming_f1]"])

@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.cli.main import main
-from tests.checkout import REPOSITORY
+from tests.checkout import REPOSITORY, copied
 
 GOOD = """
 methods: [genie]
@@ -227,7 +227,7 @@ def test_a_damaged_run_json_gets_one_line(damage, message, capsys):
     damage(made)
     path.write_text(json.dumps(made))
     capsys.readouterr()
-    assert main(["rerun", str(path.parent)]) == 1
+    assert main(["rerun", str(path.parent), "--allow-changed"]) == 1
     _one_line(capsys, message)
 
 
@@ -378,9 +378,9 @@ def test_the_main_command_imports_nothing_that_it_does_not_need():
 
 
 def test_a_page_without_a_replay_has_no_start(tmp_path, capsys):
-    (tmp_path / "verdicts.json").write_text("{}")
-    assert main(["report", str(tmp_path), "--start", "1 s"]) == 1
-    assert f"--start: {tmp_path} holds no single run" in capsys.readouterr().err
+    folder = copied(REPOSITORY / "results" / "paper", tmp_path / "paper")
+    assert main(["report", str(folder), "--start", "1 s"]) == 1
+    assert f"--start: {folder} holds no single run" in capsys.readouterr().err
 
 
 @pytest.mark.process
