@@ -393,9 +393,9 @@ def test_wherever_a_folder_names_a_class_it_is_not_imported(
     make_drive(tmp_path / "kitti")
     said = json.loads((made / "run.json").read_text())
     said["facts"]["scenario"] |= {"methods": ["local", "genie"]} | changes
-    (tmp_path / "folder").mkdir()
+    shutil.copytree(made, tmp_path / "folder")
     (tmp_path / "folder" / "run.json").write_text(json.dumps(said))
-    assert main(["rerun", "folder"]) == 1
+    assert main(["rerun", "folder", "--allow-changed"]) == 1
     assert not (tmp_path / "sprung").exists()
     assert "pass --allow-own-code" in capsys.readouterr().err
 

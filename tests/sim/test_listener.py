@@ -41,9 +41,9 @@ class Street:
 
 
 def listener(street: Street, edge: str | None, has_server: bool = True) -> CarListener:
-    uplinks: Any = [SimpleNamespace(edge=edge)] if edge is not None else []
+    uplink: Any = None if edge is None else SimpleNamespace(edge=edge)
     graph: Any = street
-    return CarListener(graph, graph, uplinks=uplinks, has_server=has_server)
+    return CarListener(graph, graph, uplink=uplink, has_server=has_server)
 
 
 @pytest.mark.parametrize(
