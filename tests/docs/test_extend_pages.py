@@ -114,13 +114,7 @@ def _defined(path: Path) -> set[str]:
     return found
 
 
-def test_the_registries_stand_where_the_page_says():
-    page = (DOCS / "explanation" / "way-of-a-frame.md").read_text(encoding="utf-8")
-    for file in re.findall(r"^\| an? [\w ]+ \|.*?\| `(genie_sim/[\w/.]+)` \|", page, re.MULTILINE):
-        assert re.search(r"^[A-Z_]+: dict\[str, ", (REPOSITORY / file).read_text(), re.MULTILINE), (
-            file
-        )
-    guides = re.findall(r"\(\.\./(extend/[\w-]+\.md)\)", page)
-    assert len(guides) == 5 and all((DOCS / one).is_file() for one in guides)
+def test_every_page_on_extensions_is_in_the_navigation():
     navigation = (REPOSITORY / "mkdocs.yml").read_text(encoding="utf-8")
-    assert all(one in navigation for one in (*guides, "explanation/way-of-a-frame.md"))
+    pages = sorted(page.name for page in (DOCS / "extend").glob("*.md"))
+    assert len(pages) > 5 and all(f"extend/{page}" in navigation for page in pages)
