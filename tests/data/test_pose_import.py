@@ -213,7 +213,7 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
         ({"poses": POSES + "../a,1,1,1,0\n"}, "line 7: car: '../a' must be letters, digits"),
         ({"poses": POSES + "edges,1,1,1,0\n"}, "line 7: car: 'edges' must be"),
         ({"poses": POSES[:38]}, "poses.csv: has no poses"),
-        ({"poses": ""}, "poses.csv: column 'time_s' is missing; the file has none"),
+        ({"poses": ""}, "poses.csv: is empty"),
         (
             {"poses": "car,car," + POSES[4:]},
             "poses.csv: column 'car' could be each of 'car', 'car': keep one",
