@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.text import one_line
 
@@ -68,6 +69,21 @@ class ImportReport:
     def leave_label(self, label: str, count: int = 1) -> None:
         """An object was left out because nobody knows its label."""
         self.unused[one_line(label)[:60]] += count
+
+    def check_labels(self, known: int, path: object = None) -> None:
+        """Raises UserError where most detections have labels that are no classes; ``known`` have
+        such as are.
+        """
+        none = self.unused[NO_CLASS]
+        unknown_labels = self.unused.total() - none
+        if unknown_labels > known + none:
+            labels = ", ".join(short_repr(label) for label, _ in self.unused.most_common(3))
+            self.refuse(
+                f"{unknown_labels:,} of {known + self.unused.total():,} detections have labels "
+                f"that are no classes, such as {labels}: say --map LABEL=CLASS; classes: "
+                f"{', '.join(sorted(ROAD_LABELS))}",
+                path,
+            )
 
     def choose(self, what: str, chosen: str, among: Sequence[str], option: str = "") -> None:
         """One source was chosen among several, and which ``option`` chooses another."""

@@ -344,7 +344,6 @@ def _read_detections(
         car: [[] for _ in rows] for car, rows in by_car.items()
     }
     outside = dict.fromkeys(by_car, 0)
-    count, unknown_labels = 0, 0
     distances_m: list[float] = []
     times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
     for where, (name, time_s, label, east_m, north_m, score, up_m) in table.reader.rows(DETECTIONS):
@@ -356,10 +355,8 @@ def _read_detections(
                 f"{where}: time_s: {car} has no pose at {time_s:.15g}; the nearest is at "
                 f"{nearest_s:.15g}"
             )
-        count += 1
         label = classes.get(label, label)
         if label not in ROAD_LABELS:
-            unknown_labels += label != NO_CLASS
             report.leave_label(label)
             continue
         pose = by_car[car][index].pose
@@ -378,13 +375,7 @@ def _read_detections(
         distances_m.append(math.hypot(east_m - pose[0], north_m - pose[1]))
         outside[car] += ViewSector(pose, sensor.fov_rad).distance_m(east_m, north_m) is None
     report.read("detections", len(distances_m))
-    if 2 * unknown_labels > count:
-        labels = ", ".join(short_repr(label) for label, _ in report.unused.most_common(3))
-        report.refuse(
-            f"{unknown_labels:,} of {count:,} detections have labels that are no classes, such as "
-            f"{labels}: say --map LABEL=CLASS; classes: {', '.join(sorted(ROAD_LABELS))}",
-            table.path,
-        )
+    report.check_labels(len(distances_m), table.path)
     if distances_m and min(distances_m) > sensor.range_m + BEYOND_M:
         report.refuse(
             f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "

@@ -21,7 +21,12 @@ def on_image(image):
     time.sleep(rospy.get_param("~seconds", 0.05))
     place = image.data[0]  # the test's images say where they were taken
     found = Object(
-        header=image.header, label="car", score=0.75, valid=True, space_frame="map", x=place
+        header=image.header,
+        label=rospy.get_param("~label", "car"),
+        score=0.75,
+        valid=True,
+        space_frame="map",
+        x=place,
     )
     found.pose.position.x, found.pose.position.y = 10.0 * place, 5.0
     found.pose.orientation.w = 1.0

@@ -441,4 +441,6 @@ def test_labels_of_a_bag_that_are_no_classes_are_told_and_mapped(tmp_path: Path)
     mapped = perceive_bag(path, detections=OBJECTS, classes={"7": "car"})
     same = perceive_bag(street(tmp_path / "b.mcap").write(), detections=OBJECTS)
     assert mapped.digest == same.digest
+    with pytest.raises(UserError, match="9 of 9 detections have labels that are no classes"):
+        perceive_bag(path, detections=OBJECTS, classes={"car": "no", "person": "no", "7": "no"})
     assert mapped.provenance["import"]["read"][f"images of {CAMERA}"] == 3
