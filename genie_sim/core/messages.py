@@ -424,7 +424,7 @@ class MapChange(NamedTuple):
 class ObjectLookups:
     """The object map was asked ``requests`` times for one message.
 
-    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 10). ``hits`` counts the
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` counts the
     look-ups answered by a stored object with C >= C_T; ``updates`` the confidences changed, by
     ``boost_sum`` in total (C_new - C_old). ``changes`` are the objects that these updates changed,
     and the new ones; ``forgotten`` those that the map no longer holds because of this message. A

@@ -18,7 +18,8 @@ topic         what arrives                     what leaves
 
 On a car ``-remote`` leads to its edge, where the car is a client; between edges it is a broadcast.
 What the paper leaves open is decided where it matters, by the settings of ``GenieRules``;
-docs/explanation/print.md tells where the default leaves the print.
+docs/explanation/print.md tells where the default leaves the print. Comments name the lines of
+Algorithm 1 as the paper numbers them, which gives lines with ``end`` no number.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
@@ -183,7 +184,7 @@ class GenieNode:
             cache = self._caches[name] = self._new_cache()  # lines 5 and 6
         key = self._key(message)
         requester = Requester(message.header, neighbour=is_remote, name=sender)
-        answers = cache.get(key, now_ns)
+        answers = cache.get(key, now_ns)  # lines 12 and 17
         if answers is None:
             return effects + self._on_miss(name, message, key, requester, now_ns)
         if len(answers) < len(self._published):  # the node may still answer on other topics
@@ -259,7 +260,7 @@ class GenieNode:
         """Lines 16 to 19: the stored answers go to whoever asked."""
         objects, rules = self.object_map, self.rules
         effects: list[Effect] = [self._image_lookup(requester, "hit")]
-        for topic, stored in answers.items():  # line 17
+        for topic, stored in answers.items():
             header = stored.header if rules.replay_stamp == "stored" else message.header
             reply = stored
             if objects is not None:

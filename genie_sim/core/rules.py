@@ -155,7 +155,7 @@ class GenieRules:
     """How long an answer stays valid, where `eviction` is `ttl`."""
 
     pending_index: Literal["across_topics", "per_topic"] = "across_topics"
-    """How an answer is matched to its request. Algorithm 1, line 8, is `per_topic`, which never
+    """How an answer is matched to its request. Algorithm 1, line 7, is `per_topic`, which never
     matches, since an answer comes on another topic than its request."""
 
     header_identity: Literal["stamp_frame_origin", "stamp"] = "stamp_frame_origin"
@@ -166,7 +166,7 @@ class GenieRules:
     (line 12)."""
 
     replay_stamp: Literal["request", "stored"] = "request"
-    """Which header a replayed answer carries, that of the request, or the stored one (line 5)."""
+    """Which header a replayed answer carries, that of the request, or the stored one (line 19)."""
 
     second_answer: Literal["overwrite", "first_wins", "merge"] = "overwrite"
     """What a later answer to the same request does to the stored one (line 10): it replaces it, it

@@ -2,7 +2,6 @@
 
 import bisect
 import math
-from typing import ClassVar
 
 from genie_sim.core.rules import Percentile
 
@@ -13,8 +12,6 @@ EMPIRICAL_PERCENT = 60.0
 
 class Threshold:
     """A fixed C_T. ``value`` is what holds now."""
-
-    ranks_confidences: ClassVar[bool] = False  # wants to know what the map holds
 
     def __init__(self, value: float) -> None:
         self.value = value
@@ -33,8 +30,6 @@ class PercentileOfStored(Threshold):
     """C_T is a percentile, by nearest rank, of the confidences that the map holds now; 1 while it
     holds none.
     """
-
-    ranks_confidences = True
 
     def __init__(self, percent: float) -> None:
         super().__init__(1.0)

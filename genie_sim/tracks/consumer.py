@@ -51,7 +51,7 @@ class Consumer(ABC):
     @abstractmethod
     def shown(self, now_ns: int) -> Sequence[Shown]:
         """The objects that the consumer believes in, answer by answer; of an earlier answer first,
-        where two show the same (``recording.held``).
+        where two show the same (``judge.held``).
         """
 
 

@@ -78,7 +78,6 @@ class Track:
     velocity_mps: tuple[float, float] = (0.0, 0.0)
     sightings: int = 1
     slow_since_ns: int | None = None
-    origins: dict[str, int] = field(default_factory=dict)
     seen_by_ns: dict[str, int] = field(default_factory=dict)  # newest stamp of each car's sightings
     range_m: float = 0.0  # from the camera that saw it last
     cell: float | None = None  # of the grid that it is in
