@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 
@@ -227,10 +228,9 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
 @pytest.mark.parametrize("seeds", [None, 1])
 def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
     settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}
-    bare = gs.run_seeds("street_1car_homo", settings, seeds=seeds, jobs=1, out="bare", report=False)
-    drawn = gs.run_seeds(
-        "street_1car_homo", settings, seeds=seeds, jobs=1, out="drawn", figures=True
-    )
+    run = gs.run if seeds is None else partial(gs.run_seeds, seeds=seeds)
+    bare = run("street_1car_homo", settings, jobs=1, out="bare", report=False)
+    drawn = run("street_1car_homo", settings, jobs=1, out="drawn", figures=True)
     assert not list(bare.folder.rglob("report.html")) + list(bare.folder.rglob("figures"))
     assert (drawn.folder / "report.html").is_file()
     assert (drawn.folder / "figures/latency_cdf.svg").is_file()

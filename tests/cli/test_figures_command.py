@@ -88,7 +88,6 @@ def test_every_figure_of_a_run_is_completed_and_can_be_asked_for_alone(folders):
         ),
         (["--only", "lap_f1"], "lap_f1: these results have no value of it"),
         (["--only", "utilization"], "values are too many for a column: name fewer with --methods"),
-        (["--only", "resources", "--width", "3.5"], "--width: the figure resources needs a page"),
         (["--only", "latency_cdf", "--width", "30"], "--width: '30': expected column, page,"),
         (["--only", "latency_cdf", "--width", "wide"], "or inches from 2 to 12, such as 3.5"),
         (["--only", "latency_cdf", "--out", "f.jpg"], "--out: unknown format 'jpg'"),

@@ -157,7 +157,7 @@ FAULTS = "hand_over, outage, or package.module:Class"
             {"method": "genie", "seed": 3},
             "methods[0].seed: unknown parameter of genie 'seed' (did you mean ",
         ),
-        ({"method": "genie", "title": ""}, "methods[0].title: must be text, not ''"),
+        ({"method": "genie", "title": ""}, "methods[0].title: must be one line of text, not ''"),
         ({"method": "genie", "name": 5}, "methods[0].name: must be text, not 5"),
         ({"method": "genie", "name": "a b"}, "methods[0].name: must be letters, digits, "),
         (

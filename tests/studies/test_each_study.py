@@ -112,7 +112,7 @@ def test_the_study_of_other_caches(start: str, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(baselines, "CONSUMERS", {"set": "consumer", "list": ["tracker"]})
     baselines.main(start)
     kept = pd.read_csv(f"results/baselines/{start}.csv")
-    assert set(kept["consumer"]) == {"tracker"} and set(kept["runs"]) == {1}
+    assert set(kept["consumer"]) == {"tracker"} and set(kept["n"]) == {1}
     assert {"genie", "genie_free", "oracle", "central"} <= set(kept["method"])
     assert ("lap_f1" in set(kept["metric"])) == (start == "warm")
 
