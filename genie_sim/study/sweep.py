@@ -327,8 +327,11 @@ class SweepPlots(Suggesting):
         return self._first_of(axis)
 
     def heat(self, first: str, second: str) -> "Figure":
-        """A heat map over the first two axes. Raises ``UserError`` for other ones."""
-        return self._first_of(f"{first}-{second}")
+        """A heat map over the first two axes, named in any order. Raises ``UserError`` for other
+        ones.
+        """
+        axes = [name for name in self._sweep.design.axes if name in (first, second)]
+        return self._first_of("-".join(axes))
 
     def _first_of(self, name: str) -> "Figure":
         """The figure of that name; where the sweep has more axes, at their first values."""
