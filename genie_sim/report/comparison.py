@@ -87,11 +87,7 @@ def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> s
     their methods, their figures, and the way to the page of each run. Figures that were ``drawn``
     are not drawn again. Raises ``UserError``.
     """
-    from genie_sim.analysis.figures import makers
-
     with provenance.of_this_version(runs.folder):
-        if drawn is None:
-            drawn = {name: draw() for name, draw in makers(runs).items() if name in OF_SEEDS}
         comparison, seeds = compared([runs]), seeds_text(runs.seeds)
         pages = [
             f'<li><a href="runs/{escape(run.folder.name)}/{template.NAME}">seed {run.seed}, run '
@@ -116,10 +112,7 @@ def seeds_page(runs: SeedRuns, drawn: "Mapping[str, Figure] | None" = None) -> s
                         template.table(summary.main_table(runs)),
                     ],
                 ),
-                Section(
-                    "Figures",
-                    [template.figures({name: drawn[name] for name in OF_SEEDS if name in drawn})],
-                ),
+                Section("Figures", [template.figures(html_page.shown(runs, OF_SEEDS, drawn))]),
                 _differences(comparison),
                 Section("Each run", [links]),
             ],

@@ -1,6 +1,6 @@
 """The page about a run: what it comes to, its numbers, figures, replay and settings."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from genie_sim.report.template import Page, Section
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from genie_sim.analysis.seed_runs import SeedRuns
     from genie_sim.record.results import Run
 
 FIGURES = ("latency_cdf", "image_reuse", "object_reuse", "confidence_boost", "resources")
@@ -30,18 +31,26 @@ def write(path: Path, run: "Run", start_ns: int = 0) -> None:
     template.write(path, page(run, start_ns))
 
 
+def shown(
+    results: "Run | SeedRuns", names: Sequence[str], drawn: "Mapping[str, Figure] | None"
+) -> "dict[str, Figure]":
+    """The figures of a page, in the order of their ``names``, of those that there are. Figures that
+    were ``drawn`` are not drawn again.
+    """
+    if drawn is None:
+        from genie_sim.analysis.figures import makers  # imports matplotlib
+
+        drawn = {name: draw() for name, draw in makers(results).items() if name in names}
+    return {name: drawn[name] for name in names if name in drawn}
+
+
 def page(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" = None) -> str:
     """The text of the page about ``run``. Figures that were ``drawn`` are not drawn again. Raises
     ``UserError`` for a run from a folder that this version did not write.
     """
-    from genie_sim.analysis.figures import makers  # imports matplotlib
-
     with provenance.of_this_version(run.folder):
         notes: list[str] = []
         replay = replay_data(run, start_ns, notes)
-        if drawn is None:
-            drawn = {name: draw() for name, draw in makers(run).items() if name in FIGURES}
-        shown = {name: drawn[name] for name in FIGURES if name in drawn}
         main = summary.main_table(run)
         several = len(run.methods) > 1
         description = str(run.facts["scenario"]["description"])
@@ -56,7 +65,7 @@ def page(run: "Run", start_ns: int = 0, drawn: "Mapping[str, Figure] | None" = N
                     "In short", [template.listed(verdicts(compared([run])) if several else [])]
                 ),
                 Section("Results", [template.table(main), template.note(summary.ABOUT_INTERVALS)]),
-                Section("Figures", [template.figures(shown)]),
+                Section("Figures", [template.figures(shown(run, FIGURES, drawn))]),
                 Section("Replay", [template.part("replay.html")] if replay is not None else []),
                 Section("All tables", [*map(template.table, summary.tables(run))], folded=True),
                 Section("Settings", [f'<pre tabindex="0">{escape(run.yaml)}</pre>'], folded=True),
