@@ -167,19 +167,19 @@ def tables() -> Lines:
 
 
 def _columns(columns: Iterable[Column]) -> Lines:
-    yield "| column | type | unit | meaning |\n|---|---|---|---|"
+    yield "| column | meaning |\n|---|---|"
     for column in columns:
-        kind = f"{column.kind} or null" if column.nullable else column.kind
-        yield f"| `{column.name}` | {kind} | {column.unit} | {_cell(column.description)} |"
+        unit = f" [{column.unit}]" if column.unit else ""
+        null = " (or null)" if column.nullable and "null" not in column.description else ""
+        yield f"| `{column.name}` | {_cell(column.description)}{unit}{null} |"
     yield ""
 
 
 def metrics() -> Lines:
     """Every metric with its unit and its meaning."""
-    yield "| name | title | unit | better | meaning |\n|---|---|---|---|---|"
+    yield "| name | title | better | meaning |\n|---|---|---|---|"
     for name, metric in registry.METRICS.items():
-        meaning = _cell(metric.meaning)
-        yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {meaning} |"
+        yield f"| `{name}` | {metric.label} | {metric.better} | {_cell(metric.meaning)} |"
 
 
 def names(kinds: Iterable[str]) -> Lines:
