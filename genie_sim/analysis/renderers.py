@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from html import escape
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
@@ -53,6 +53,7 @@ MAX_WIDE = 6  # and over both
 MAX_ROWS = 25  # with intervals below them they take the height of a page
 HEADING_CHARACTERS = 14
 UNDEFINED = "--"
+LAST_LATIN = "\u00ff"  # of the letters that pdflatex knows
 
 
 def checked(format: str) -> str:
@@ -215,7 +216,7 @@ def latex(table: ResultTable, name: str) -> str:
         wide = len(part.columns) > MAX_NARROW
         environment = "table*" if wide else "table"
         lines = [
-            f"% needs \\usepackage{{{','.join(PACKAGES)}}}",
+            f"% needs \\usepackage{{{','.join(PACKAGES)}}}{_engine(part)}",
             rf"\begin{{{environment}}}[!t]",
             r"\centering",
             r"\setlength{\tabcolsep}{3pt}\renewcommand{\arraystretch}{0.96}",
@@ -229,6 +230,12 @@ def latex(table: ResultTable, name: str) -> str:
         ]
         texts.append("\n".join([*lines, ""]))
     return "\n".join(texts)
+
+
+def _engine(table: ResultTable) -> str:
+    """What a table of texts beyond Latin letters needs besides packages."""
+    texts = [table.title, *table.headings, *table.notes, *chain(*table.texts())]
+    return "" if all(text.isascii() or max(text) <= LAST_LATIN for text in texts) else ", lualatex"
 
 
 def _blocks(length: int, most: int) -> list[slice]:
