@@ -40,8 +40,8 @@ from genie_sim.core.view import ViewSector
 from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
 from genie_sim.data.files import lines, within
 from genie_sim.data.perceive import DriveFrames, perceive
-from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.table_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity_cache import (
