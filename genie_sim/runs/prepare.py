@@ -214,12 +214,12 @@ def notes(scenario: Scenario) -> list[str]:
     silent = [
         entry.title or entry.name
         for entry in scenario.methods
-        if entry.method.parameters.get("told") == "auto" and not scenario.is_one_world
+        if entry.method.parameters.get("sharing") == "auto" and not scenario.is_one_world
     ]
     said = []
     if silent:
         why = "cars replay recordings at different times, so what one sees is not there for others"
-        said.append(f"{', '.join(silent)}: edges tell cars nothing, because {why}.")
+        said.append(f"{', '.join(silent)}: edges share nothing with cars, because {why}.")
     unnamed = sum(edge.neighbours is None for edge in scenario.edges)
     if unnamed and len(scenario.edges) > ALL_SHARE and scenario.edge_neighbours is None:
         said.append(
