@@ -352,6 +352,8 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
         (lambda: gs.run("3car_hetero", methods={"genie": {}}), "methods"),
         (lambda: gs.sweep("3car_hetero", 5), "axes"),
         (lambda: gs.sweep("3car_hetero", {}), "axes"),
+        (lambda: gs.sweep("3car_hetero"), "3car_hetero is a scenario"),
+        (lambda: gs.sweep("3car_hetero", {"seed": [1]}, shard=(3, 2)), "shard"),
         (lambda: gs.load_scenario(b"x"), "source"),
     ],
 )
