@@ -54,7 +54,7 @@ UNDEFINED = "--"
 def checked(format: str) -> str:
     """The format, if it is known. Raises ``UserError``."""
     if format not in FORMATS:
-        raise UserError(f"--format: {unknown('format', format, FORMATS)}")
+        raise UserError(f"format: {unknown('format', format, FORMATS)}")
     return format
 
 

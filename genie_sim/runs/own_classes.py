@@ -3,11 +3,13 @@ seen nowhere else. What other classes of the user's own return is checked by the
 ``tests/conformance``.
 """
 
+import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base import plugins
 from genie_sim.base.contracts import (
     BOOLEAN,
     MAPPING,
@@ -53,14 +55,22 @@ TEXT_BY_NAME = Contract(
     ),
 )
 MAPPING_BY_NAME = Contract(
-    "a mapping from name to a mapping",
+    "a mapping from name to a mapping that JSON can hold",
     lambda value: (
         isinstance(value, Mapping)
         and all(
-            isinstance(name, str) and isinstance(facts, Mapping) for name, facts in value.items()
+            isinstance(name, str) and isinstance(facts, Mapping) and _is_json(dict(facts))
+            for name, facts in value.items()
         )
     ),
 )
+
+
+def _is_json(value: Any) -> bool:
+    try:
+        return bool(json.dumps(value, allow_nan=False))
+    except (TypeError, ValueError, RecursionError):
+        return False
 
 
 def _is_hash(value: Any) -> bool:
@@ -82,8 +92,25 @@ def check_frames(frames: Any, owner: str) -> None:
     """
     check_base(frames, f"{owner}: what open() returns", Frames)
     require(owner, "seeded", frames.seeded, BOOLEAN)
-    require(owner, "digests()", frames.digests(), TEXT_BY_NAME)
-    require(owner, "provenance()", frames.provenance(), MAPPING_BY_NAME)
+
+
+class Origin(NamedTuple):
+    """Where the frames of a source come from: ``Frames.digests`` and ``Frames.provenance``, once
+    all drives are handed out.
+    """
+
+    digests: Mapping[str, str]
+    provenance: Mapping[str, Mapping[str, Any]]
+
+
+def origin_of(frames: Frames, source: str) -> Origin:
+    """Of an open source by its name, checked if it is the user's own. Raises ``UserError``."""
+    found = Origin(frames.digests(), frames.provenance())
+    owner = plugins.own_label("frame source", source)
+    if owner is not None:
+        require(owner, "digests()", found.digests, TEXT_BY_NAME)
+        require(owner, "provenance()", found.provenance, MAPPING_BY_NAME)
+    return found
 
 
 def check_drive(drive: Any, owner: str) -> None:

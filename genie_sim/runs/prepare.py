@@ -1,12 +1,13 @@
 """Prepares a run: opens what the scenario names, and gives every car its drive."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.base import plugins
 from genie_sim.base.contracts import BOOLEAN, TEXT, require
-from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.errors import UserError, as_user_error, first_line
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data import detector_laws
@@ -14,6 +15,7 @@ from genie_sim.data.source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
+from genie_sim.runs.own_classes import Origin
 from genie_sim.scenario import checks
 from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile
@@ -41,6 +43,8 @@ class Prepared:
         Each car's drive, by the car's name.
     encoded : mapping
         What the drives are after their pictures were sent, by encoding and car.
+    origin : Origin
+        Where the frames come from.
     facts : mapping
         Everything that decides the outcome of a run, as plain data, with the scenario as it is
         written.
@@ -53,6 +57,7 @@ class Prepared:
     frames: Frames
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
+    origin: Origin
     facts: Mapping[str, Any]
     laws: DetectorLaws
 
@@ -65,56 +70,62 @@ def prepare(
     """Opens the frame source and gives every car its drive, all in one world. ``devices`` replace
     the profiles that the scenario read. Raises ``UserError``.
     """
-    checks.check_own_plugins(scenario)
-    if scenario.metrics:
-        from genie_sim.analysis.registry import own_metrics
+    with own_code_named(scenario):
+        checks.check_own_plugins(scenario)
+        if scenario.metrics:
+            from genie_sim.analysis.registry import own_metrics
 
-        own_metrics(scenario.metrics)
-    source: FrameSource = FRAME_SOURCE.make(scenario.perception)
-    owner = plugins.own_label("frame source", scenario.perception.name)
-    if owner is not None:
-        own_classes.check_base(source, owner, FrameSource)
-    if source.is_map:
-        checks.check_time_on_map(scenario, source.duration_ns)
-    frames = source.open(scenario.seed, scenario.origin, progress)
-    return prepare_with_frames(scenario, frames, devices)
+            own_metrics(scenario.metrics)
+        source: FrameSource = FRAME_SOURCE.make(scenario.perception)
+        owner = plugins.own_label("frame source", scenario.perception.name)
+        if owner is not None:
+            own_classes.check_base(source, owner, FrameSource)
+        if source.is_map:
+            checks.check_time_on_map(scenario, source.duration_ns)
+        frames = source.open(scenario.seed, scenario.origin, progress)
+        return prepare_with_frames(scenario, frames, devices)
 
 
 def prepare_with_frames(
     scenario: Scenario, frames: Frames, devices: Mapping[str, DeviceProfile] | None = None
 ) -> Prepared:
     """``prepare`` with a frame source that is open. Raises ``UserError``."""
-    owner = plugins.own_label("frame source", scenario.perception.name)
-    if owner is not None:
-        own_classes.check_frames(frames, owner)
-    full = scenario  # with every car and edge, each with the part of its drive that it replays
-    if scenario.fleet is not None:
-        full, drives = expanded(scenario, scenario.fleet, frames)
-    else:
-        drives = {
-            car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
-            for car in scenario.cars
-        }
-    if owner is not None:
-        for drive in drives.values():
-            own_classes.check_drive(drive, owner)
-    if scenario.sequence is not None:
-        full = _on_one_clock(full, drives)
-    methods = new_methods(scenario)
-    checks.check_driven(full, drives, features_of(methods))
-    encoded = _encoded_drives(full, frames)
-    profiles = scenario.profiles if devices is None else devices
-    names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
-    used = {name: profiles[name] for name in dict.fromkeys(names)}
-    return Prepared(
-        scenario=full,
-        devices=used,
-        frames=frames,
-        drives=drives,
-        encoded=encoded,
-        facts=facts(scenario, methods, devices=used, frames=frames, encoded=encoded),
-        laws=detector_laws.detector_laws(*looked_at(frames)),
-    )
+    with own_code_named(scenario):
+        owner = plugins.own_label("frame source", scenario.perception.name)
+        if owner is not None:
+            own_classes.check_frames(frames, owner)
+        full = scenario  # with every car and edge, each with the part of its drive that it replays
+        if scenario.fleet is not None:
+            full, drives = expanded(scenario, scenario.fleet, frames)
+        else:
+            drives = {
+                car.name: frames.drive(car.name, car.route.trace, scenario.start_ns(car))
+                for car in scenario.cars
+            }
+        if owner is not None:
+            for drive in drives.values():
+                own_classes.check_drive(drive, owner)
+        origin = own_classes.origin_of(frames, scenario.perception.name)
+        if scenario.sequence is not None:
+            full = _on_one_clock(full, drives)
+        methods = new_methods(scenario)
+        checks.check_driven(full, drives, features_of(methods))
+        encoded = _encoded_drives(full, frames)
+        profiles = scenario.profiles if devices is None else devices
+        names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
+        used = {name: profiles[name] for name in dict.fromkeys(names)}
+        return Prepared(
+            scenario=full,
+            devices=used,
+            frames=frames,
+            drives=drives,
+            encoded=encoded,
+            origin=origin,
+            facts=facts(
+                scenario, methods, devices=used, frames=frames, encoded=encoded, origin=origin
+            ),
+            laws=detector_laws.detector_laws(*looked_at(origin)),
+        )
 
 
 def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
@@ -161,6 +172,7 @@ def facts(
     devices: Mapping[str, DeviceProfile],
     frames: Frames,
     encoded: Mapping[tuple[str, str], Any],
+    origin: Origin,
 ) -> dict[str, Any]:
     """Everything that decides the outcome of a run: the scenario as it is written, and what was
     found where it says.
@@ -171,7 +183,7 @@ def facts(
         "scenario": plain_data(scenario),
         "devices": {name: plain_data(device) for name, device in devices.items()},
         "traces": {
-            **frames.digests(),
+            **origin.digests,
             **link_digests(scenario),
             **{f"{encoding} of {car}": drive.digest for (encoding, car), drive in encoded.items()},
         },
@@ -181,12 +193,12 @@ def facts(
     if any(features_of(methods).values()):
         features = {
             name: dict(about["features"])
-            for name, about in frames.provenance().items()
+            for name, about in origin.provenance.items()
             if "features" in about
         }
         if features:
             found["features"] = features
-    laws = detector_laws.facts(*looked_at(frames))
+    laws = detector_laws.facts(*looked_at(origin))
     if laws is not None:
         found["laws"] = laws
     if scenario.fleet is not None:
@@ -198,11 +210,11 @@ def facts(
     return found
 
 
-def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
+def looked_at(origin: Origin) -> tuple[set[str], set[str]]:
     """The detectors that looked at the drives of a frame source, as far as it tells, and these
     drives.
     """
-    traces = [about for about in frames.provenance().values() if "detector" in about]
+    traces = [about for about in origin.provenance.values() if "detector" in about]
     return (
         {str(about["detector"]) for about in traces},
         {str(about.get("drive")) for about in traces},
@@ -281,6 +293,26 @@ def plugin_names(scenario: Scenario) -> dict[str, tuple[str, str]]:
         f"{mark.what} {choice.name}": (mark.what, choice.name)
         for _, mark, choice, _ in scenario.own_plugins()
     }
+
+
+@contextmanager
+def own_code_named(scenario: Scenario) -> Iterator[None]:
+    """An exception in the simulator names the classes of the user's own that take part, as a
+    ``UserError``: one of them raised it, or returned what it should not.
+    """
+    try:
+        with plugins.own_faults_told():
+            yield
+    except (UserError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        names = ", ".join(plugin_names(scenario))
+        if not names:
+            raise
+        what = f"{type(error).__name__}: {first_line(error)}"
+        raise UserError(
+            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
+        ) from error
 
 
 def plugin_digests(scenario: Scenario) -> dict[str, str]:

@@ -48,4 +48,4 @@ def _key(prepared: Prepared) -> str:
     """Names the frames that a scenario needs."""
     scenario = prepared.facts["scenario"]
     source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
-    return f"{source} {sorted(prepared.frames.digests().items())}"
+    return f"{source} {sorted(prepared.origin.digests.items())}"

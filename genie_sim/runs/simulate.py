@@ -9,8 +9,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base import plugins
-from genie_sim.base.errors import UserError, first_line
+from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
@@ -22,7 +21,7 @@ from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.method_processes import side_by_side
-from genie_sim.runs.prepare import Prepared, new_method, plugin_names, prepare
+from genie_sim.runs.prepare import Prepared, new_method, own_code_named, prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
@@ -70,24 +69,25 @@ def simulate(
     observer : Observer, optional
         Sees the world of each method; then they run one after the other, in this process.
     """
-    methods = prepared.scenario.methods
-    if observer is None and min(workers, len(methods)) > 1:
-        packed = pickle.dumps((prepared.facts["scenario"], prepared.devices))
-        apart = partial(_simulate_apart, packed)
-        return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
-    tables = new_tables(spill)
-    earlier_cars: set[str] = set()
-    for number, entry in enumerate(methods):
-        report = _of_all(progress, number, len(methods))
-        earlier_cars |= simulate_method(
-            prepared,
-            entry,
-            tables,
-            earlier_cars=earlier_cars,
-            progress=report,
-            observer=observer,
-        )
-    return tables
+    with own_code_named(prepared.scenario):
+        methods = prepared.scenario.methods
+        if observer is None and min(workers, len(methods)) > 1:
+            packed = pickle.dumps((prepared.facts["scenario"], prepared.devices))
+            apart = partial(_simulate_apart, packed)
+            return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
+        tables = new_tables(spill)
+        earlier_cars: set[str] = set()
+        for number, entry in enumerate(methods):
+            report = _of_all(progress, number, len(methods))
+            earlier_cars |= simulate_method(
+                prepared,
+                entry,
+                tables,
+                earlier_cars=earlier_cars,
+                progress=report,
+                observer=observer,
+            )
+        return tables
 
 
 def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
@@ -176,35 +176,14 @@ def simulate_method(
         earlier_cars=earlier_cars,
     )
     note_power(tables["power"], entry.name, prepared, setup)
-    with own_code_named(scenario):
-        world = World(setup, new_method(entry), log)
-        check_warm_up(scenario, world.last_frame_ns)
-        if observer is not None:
-            observer.before(entry.name, world)
-        world.run(_progress_of(log, progress))
-        if observer is not None:
-            observer.after(entry.name, world)
-        cars = {car.name for car in setup.cars if car.name in world.network.graphs}
-    return cars
-
-
-@contextmanager
-def own_code_named(scenario: Scenario) -> Iterator[None]:
-    """An exception in the simulator names the classes of the user's own that take part, as a
-    ``UserError``: one of them may have returned what it should not. One in their own code stays.
-    """
-    try:
-        yield
-    except (UserError, OSError, MemoryError):
-        raise
-    except Exception as error:
-        names = ", ".join(plugin_names(scenario))
-        if not names or plugins.own_fault(error) is not None:
-            raise
-        what = f"{type(error).__name__}: {first_line(error)}"
-        raise UserError(
-            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
-        ) from error
+    world = World(setup, new_method(entry), log)
+    check_warm_up(scenario, world.last_frame_ns)
+    if observer is not None:
+        observer.before(entry.name, world)
+    world.run(_progress_of(log, progress))
+    if observer is not None:
+        observer.after(entry.name, world)
+    return {car.name for car in setup.cars if car.name in world.network.graphs}
 
 
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:

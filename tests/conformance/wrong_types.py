@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from tests.conformance import own
+from tests.conformance import own, small
 
 OWN = "tests.conformance.own"
 
@@ -61,3 +61,26 @@ CASES = {
     ),
     "digests": ({}, own.Street, "digests", returns(["x"]), "digests() is ['x'], but must be a"),
 }
+
+
+STREET = {"methods": ["local"]}
+FEW = {"methods": ["genie"], "genie": {"eviction": f"{OWN}:OwnEviction", "capacity": "2 entries"}}
+ALIKE = {"methods": ["genie"], "genie": {"similarity": f"{OWN}:OwnSimilarity"}}
+RADIO = {
+    "methods": ["remote"],
+    "cars": [small.car(i, link={"model": f"{OWN}:Radio", "slot_ms": 0.5}) for i in (1, 2)],
+}
+STRUCK = {"methods": ["remote"], "faults": [{**FAULT, "begin": "0.1 s", "end": "0.2 s"}]}
+# What the simulator asks of each kind of own class: settings, class and the names asked for.
+HOOKS = (
+    (STREET, own.Street, "open drive digests provenance _frames _frame seeded truth_of extent_m"),
+    ({**STREET, "image_encoding": "jpeg80"}, own.Street, "encoded"),
+    (STREET, own.StreetDrive, "name position duration_ns frames"),
+    (FEW, own.OwnEviction, "stored used removed victim expires_ns"),
+    (ALIKE, own.OwnSimilarity, "key index"),
+    (STRUCK, own.Blackout, "strike check duration_ns dropped_by"),
+    (RADIO, own.Radio, "sender digests"),
+    (RADIO, own.RadioSender, "occupied_ns delay_ns sent"),
+    (METHOD, own.Again, "on_car on_edge title baseline feature wire"),
+    (METHOD, own.Latest, "on_message subscriptions publications void name"),
+)
