@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import registry
+from genie_sim.analysis import registry, renderers
 from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
@@ -191,7 +191,7 @@ class Study:
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
             tables.write_parquet(table, self.folder / f"{name}.parquet", about)
-            tables.write_csv(table, self.folder / f"{name}.csv")
+            template.write(self.folder / f"{name}.csv", renderers.csv_of_table(table))
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
         return runs
