@@ -7,7 +7,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from genie_sim.base.contracts import whole
+from genie_sim.base.contracts import class_of, whole
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.messages import Answer, Header
@@ -95,9 +95,8 @@ class MessageCache:
         """
         key = self._eviction.victim()
         if key not in self._answers:
-            policy = type(self._eviction).__name__
             text = f"victim() is {short_repr(key)}, but must be a key that is stored"
-            raise UserError(f"eviction {policy}: {text}")
+            raise UserError(f"eviction {class_of(self._eviction)}: {text}")
         self._remove(key)
 
     def _remove(self, key: Hashable) -> None:

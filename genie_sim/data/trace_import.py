@@ -37,8 +37,11 @@ from genie_sim.data.trace import (
 
 RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
+NEAREST_M = 0.5  # what is nearer is the car itself
+SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
 FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
+USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
 
 
@@ -263,6 +266,9 @@ def _tell_ways(
         for axis, values in zip(("east", "north"), poses.T, strict=False):
             report.span(axis, values, "m")
         report.span("width", {frame.width for frame in pictured}, "px")
+        report.usual(
+            f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
+        )
         report.span("height", {frame.height for frame in pictured}, "px")
         report.way(name, times_s.tolist(), poses[:, :2])
         course = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
@@ -286,13 +292,15 @@ def _tell_detections(
 ) -> None:
     """How many detections there are, and whether they are where the sensors look."""
     distances_m: list[float] = []
-    found, outside = 0, 0
+    found, outside, doubled = 0, 0, 0
     for frame in (
         one for cameras in cars.values() for camera in cameras.values() for one in camera
     ):
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
         found += len(frame.detections)
-        for place in (one.location for one in frame.detections if one.location is not None):
+        places = [one.location for one in frame.detections if one.location is not None]
+        doubled += len(places) - len(set(places)) if len(places) > 1 else 0
+        for place in places:
             distances_m.append(math.dist(place[:2], frame.pose[:2]))
             outside += sector.distance_m(*place[:2]) is None
     report.read("detections", found)
@@ -304,6 +312,17 @@ def _tell_detections(
             "plane of its poses?",
             detected_in,
         )
+    if distances_m and max(distances_m) < NEAREST_M:
+        report.refuse(
+            f"all {len(distances_m):,} detections are within {max(distances_m):.2g} m of their "
+            "cars: are their places in metres?",
+            detected_in,
+        )
+    if doubled:
+        text = f"{doubled:,} of {len(distances_m):,} detections are at the very place of another"
+        if doubled > max(FEW, SAME_SHARE * len(distances_m)):
+            report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
+        report.warn(f"{text} in the same frame")
     tell_distances(report, distances_m)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(

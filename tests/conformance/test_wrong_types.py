@@ -40,3 +40,10 @@ def test_a_node_that_returns_no_effects_says_so(returned: object, monkeypatch: p
     with pytest.raises(UserError) as error:
         run_in_memory(small.scenario(methods=[f"{OWN}:Again"]))
     assert f"on_message() is {returned!r}, but must be a list of effects" in str(error.value)
+
+
+def test_a_fault_at_what_is_not_there_is_one_line():
+    fault = {"fault": f"{OWN}:Nowhere", "target": "edge1", "begin": "0.1 s", "end": "0.2 s"}
+    with pytest.raises(UserError) as error:
+        run_in_memory(small.scenario(methods=["remote"], faults=[fault]))
+    assert f"fault '{OWN}:Nowhere': unknown host 'edge99'" in str(error.value)
