@@ -22,8 +22,8 @@ from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.data.files import numbers, picture_size, size_of, within
 from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
+from genie_sim.data.number_files import numbers, picture_size, size_of, within
 
 log = logging.getLogger(__name__)
 

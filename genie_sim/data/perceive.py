@@ -24,11 +24,11 @@ from genie_sim.data.kitti import (
     KittiDrive,
     open_drive,
 )
+from genie_sim.data.kitti_tracking import TRACKING
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.trace_import import tell_network, traces
-from genie_sim.data.tracking import TRACKING
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()
@@ -52,7 +52,7 @@ def kitti_folder(root: str | Path | None) -> Path:
 
 
 @dataclass(frozen=True)
-class DriveFrames:
+class FrameSelection:
     """Frames of a KITTI drive, and the world that they are placed in.
 
     Parameters
@@ -73,7 +73,7 @@ class DriveFrames:
 
 def perceive(
     kitti_root: str | Path | None,
-    frames: DriveFrames,
+    frames: FrameSelection,
     detector: DetectorSettings = DEFAULT_DETECTOR,
     *,
     progress: Progress | None = None,

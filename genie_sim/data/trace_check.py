@@ -16,7 +16,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.evaluation import iou
-from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.trace import Trace
 
 MIN_IOU = 0.5  # of one object in both
@@ -47,7 +47,7 @@ def perceive_again(
         encoding=kept.get("encoding", "raw"),
     )
     numbers = {frame.index for frames in trace.frames.values() for frame in frames}
-    selection = DriveFrames(
+    selection = FrameSelection(
         about["drive"], kept["cameras"], numbers, trace.origin, allow_missing_scans=True
     )
     again = perceive(kitti_root, selection, settings, progress=progress)

@@ -3,7 +3,7 @@
 import json
 
 from genie_sim.base.settings import plain_data
-from genie_sim.data.source import Frames
+from genie_sim.data.frame_source import Frames
 from genie_sim.runs.prepare import Prepared, prepare, prepare_with_frames
 from genie_sim.scenario.scenario import Scenario
 

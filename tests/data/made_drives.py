@@ -14,7 +14,7 @@ import pymap3d
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.table_import import Sensor, recordings
 from tests.data.tracking_files import CALIBRATION
 from tests.kitti_folder import DATE, make_network, make_street
@@ -159,7 +159,7 @@ def of_raw_drive(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
         "".join(f"{str(stamp).replace('T', ' ')}\n" for stamp in stamps)
     )
     detector = DetectorSettings(weights=make_network(folder / "yolox_nano.onnx"))
-    perceive(folder, DriveFrames(f"{DATE}/0005", ("02",)), detector, report=report)
+    perceive(folder, FrameSelection(f"{DATE}/0005", ("02",)), detector, report=report)
 
 
 def of_published(drive: MadeDrive, folder: Path, report: ImportReport) -> None:

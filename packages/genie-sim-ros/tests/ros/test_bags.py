@@ -246,12 +246,12 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
 ):
     from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.kitti import open_drive, read_image
-    from genie_sim.data.perceive import DriveFrames, perceive
+    from genie_sim.data.perceive import FrameSelection, perceive
 
     numbers = range(0, 50, 10)
     expected = perceive(
         kitti_root,
-        DriveFrames("2011_09_26/0005", ("02",), numbers),
+        FrameSelection("2011_09_26/0005", ("02",), numbers),
         DetectorSettings(weights=weights_dir),
     )
     drive = open_drive(kitti_root, "2011_09_26/0005", ("02",))
