@@ -84,9 +84,9 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
     """Width and height of a sequence's pictures: by the day that has this focal length, else those
     of a picture.
     """
-    known = picture_size(focal_px)
-    if known is not None:
-        return known
+    size = picture_size(focal_px)
+    if size is not None:
+        return size
     picture = next(
         iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None
     )

@@ -108,17 +108,17 @@ def perceive(
         place_from=detector.place_from,
         encoding=detector.encoding,
     )
-    shown = []
+    pictures = []
     for done, frame in enumerate(perceived, start=1):
-        shown.append(frame)
+        pictures.append(frame)
         if progress is not None:
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    _tell_sizes(drive, shown, report)
+    _tell_sizes(drive, pictures, report)
     set_name, _, number = frames.drive.partition("/")
     name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
     of_drive = traces(
-        {name: shown},
+        {name: pictures},
         origin=drive.origin,
         provenance=_provenance(drive, network, detector),
         report=report,
@@ -128,15 +128,15 @@ def perceive(
     return of_drive[name]
 
 
-def _tell_sizes(drive: KittiDrive, shown: Iterable[TraceFrame], report: ImportReport) -> None:
+def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportReport) -> None:
     """Warns of pictures that have another size than the calibration."""
-    sizes = Counter((frame.camera, frame.width, frame.height) for frame in shown)
+    sizes = Counter((frame.camera, frame.width, frame.height) for frame in frames)
     for (camera, width, height), count in sorted(sizes.items()):
-        wanted = drive.frames[camera][0].size
-        if wanted is not None and (width, height) != wanted:
+        size = drive.frames[camera][0].size
+        if size is not None and (width, height) != size:
             report.warn(
                 f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
-                f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
+                f"calibration's {size[0]}x{size[1]}: its matrix is scaled"
             )
 
 

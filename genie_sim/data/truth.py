@@ -166,15 +166,15 @@ def _in_raw_drive(
         root, name, sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
     )
     for camera, frames in trace.frames.items():
-        taken = {frame.index: frame for frame in drive.frames[camera]}
+        frames_by_index = {frame.index: frame for frame in drive.frames[camera]}
         camera_SE3_velo = drive.camera_SE3_velo(camera)
         for frame in frames:
-            if frame.index not in taken:
+            if frame.index not in frames_by_index:
                 raise UserError(
                     f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
                 )
             size = (frame.width, frame.height)
-            intrinsics = taken[frame.index].intrinsics_of(size)
+            intrinsics = frames_by_index[frame.index].intrinsics_of(size)
             for track, item in enumerate(objects):
                 i = frame.index - item.first
                 if not 0 <= i < len(item.centres):
