@@ -43,7 +43,7 @@ from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host
+from genie_sim.sim.host import Host
 from tools.page_tables import filled, markdown
 
 REPOSITORY = Path(__file__).resolve().parent.parent

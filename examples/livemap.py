@@ -18,6 +18,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated, Literal
 
 from genie_sim.extend import (
     LOCAL,
@@ -25,6 +26,7 @@ from genie_sim.extend import (
     NS_PER_S,
     REMOTE,
     REMOTE_UPLINK,
+    Bounds,
     Detection,
     Detections,
     Effect,
@@ -43,39 +45,32 @@ from genie_sim.extend import (
     Publish,
     TrackMap,
     ViewSector,
-    at_least,
-    unknown,
 )
 
-REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``ToldRules``
+REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``SharingRules``
 VIEW_M = 50.0  # how far a car looks for what others see
 LATELY_NS = NS_PER_S  # so long a sighting of another car counts
 HEARD_NS = 2 * NS_PER_S  # so long a car is sent maps after its newest frame
 WAYS = {"car": (LOCAL,), "edge": (REMOTE,), "faster": (LOCAL, REMOTE)}
 
 
+@dataclass(frozen=True)
 class LiveMap(Method):
     """An edge makes one map of what its cars and its own detector find in their frames."""
 
     title = "live map"
 
-    def __init__(
-        self,
-        where: str = "faster",
-        probe_ns: int = NS_PER_S,
-        every_ns: int = 100 * NS_PER_MS,
-        others: int = 0,
-    ) -> None:
-        """``where``: frames are detected on the ``car``, at the ``edge`` or where it is ``faster``;
-        ``probe``: a way that was not used for so long is tried; ``every``: so often a car gets a
-        map unasked; ``others``: see ``Controller``.
-        """
-        if where not in WAYS:
-            raise ValueError(unknown("where", where, WAYS))
-        self._ways = WAYS[where]
-        self._probe_ns = int(at_least("probe", probe_ns, 1))
-        self._every_ns = int(at_least("every", every_ns, 0))
-        self._others = int(at_least("others", others, 0))
+    where: Literal["car", "edge", "faster"] = "faster"
+    """Where frames are detected: on the car, at the edge, or where it is faster."""
+
+    probe_ns: Annotated[int, Bounds(above=0)] = NS_PER_S
+    """A way that was not used for so long is tried."""
+
+    every_ns: int = 100 * NS_PER_MS
+    """So often a car gets a map unasked."""
+
+    others: Annotated[int, Bounds(minimum=0)] = 0
+    """See ``Controller``."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -94,14 +89,14 @@ class LiveMap(Method):
     def _reporter(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "Reporter":
-        controller = Controller(self._ways, self._probe_ns, self._others)
+        controller = Controller(WAYS[self.where], self.probe_ns, self.others)
         return Reporter(f"{host.name}/reporter", controller, subscribed, published)
 
     def _server(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "MapServer":
         tracks = TrackMap(Existence(laws=host.laws))
-        return MapServer(f"{host.name}/map", tracks, self._every_ns, subscribed, published)
+        return MapServer(f"{host.name}/map", tracks, self.every_ns, subscribed, published)
 
 
 @dataclass(slots=True, unsafe_hash=True)

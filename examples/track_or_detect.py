@@ -12,13 +12,16 @@ one is drift-plus-penalty; and their tracker looks at pictures, this one predict
 """
 
 from collections import deque
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
 from genie_sim.extend import (
     NS_PER_MS,
     NS_PER_S,
     REMOTE,
     REMOTE_UPLINK,
+    Bounds,
     Detections,
     Effect,
     Existence,
@@ -35,7 +38,6 @@ from genie_sim.extend import (
     RoundTrip,
     TrackMap,
     Viewer,
-    at_least,
 )
 
 VIEW_M = 50.0  # how far a tracked object is served, as by the recommended Genie
@@ -90,19 +92,12 @@ class EveryNth:
 Choice = DriftPlusPenalty | EveryNth
 
 
-class TrackOrDetect(Method):
-    """Each frame is tracked on the car or detected at the edge, by the delay that it may take."""
-
-    title = "track or detect"
-
-    def __init__(self, required_ns: int = 100 * NS_PER_MS, weight: float = 1.0) -> None:
-        """``required``: the mean delay that frames may have; ``weight``: of errors against it."""
-        self._required_ns = int(at_least("required", required_ns, 1))
-        self._weight = at_least("weight", weight, 0.0)
+class Tracking(Method):
+    """Each frame is tracked on the car or detected at the edge."""
 
     def choice(self) -> Choice:
         """What decides on one car."""
-        return DriftPlusPenalty(self._required_ns, self._weight)
+        raise NotImplementedError
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -118,17 +113,33 @@ class TrackOrDetect(Method):
         return Handler(f"{host.name}/tracker", state, subscribed, published)
 
 
-class FixedInterval(TrackOrDetect):
+@dataclass(frozen=True)
+class TrackOrDetect(Tracking):
+    """Each frame is tracked on the car or detected at the edge, by the delay that it may take."""
+
+    title = "track or detect"
+
+    required_ns: Annotated[int, Bounds(above=0)] = 100 * NS_PER_MS
+    """The mean delay that frames may have."""
+
+    weight: Annotated[float, Bounds(minimum=0)] = 1.0
+    """How much errors weigh against delays."""
+
+    def choice(self) -> Choice:
+        return DriftPlusPenalty(self.required_ns, self.weight)
+
+
+@dataclass(frozen=True)
+class FixedInterval(Tracking):
     """Every n-th frame is detected at the edge, the others are tracked on the car."""
 
     title = "fixed interval"
 
-    def __init__(self, every: int = 5) -> None:
-        """``every``: 1 detects all frames, 0 only the first one."""
-        self._every = int(at_least("every", every, 0))
+    every: Annotated[int, Bounds(minimum=0)] = 5
+    """1 detects all frames, 0 only the first one."""
 
     def choice(self) -> Choice:
-        return EveryNth(self._every)
+        return EveryNth(self.every)
 
 
 class Handler(LocalAndRemote):

@@ -17,6 +17,7 @@ a table, which is here ``0.2 / n``, at least 0.01, near theirs.
 
 import math
 from collections.abc import Hashable
+from dataclasses import dataclass
 from statistics import NormalDist
 
 from genie_sim.extend import (
@@ -32,9 +33,9 @@ from genie_sim.extend import (
     Metric,
     Replay,
     Sample,
+    Share,
     SimilarityCache,
     SimilarityCaching,
-    as_share,
     frame_key,
     is_wrong,
     same,
@@ -198,20 +199,17 @@ class VerifiedCache(SimilarityCache):
             self._laws.pop(key, None)
 
 
+@dataclass(frozen=True, kw_only=True)
 class VCache(SimilarityCaching):
     """vCache: an answer is replayed as often as a bound on the wrong ones allows."""
 
     title = "vCache"
 
-    def __init__(
-        self,
-        delta: float = 0.1,
-        shared: bool = False,
-        feature: str = "hsv",
-        replay: Replay = "camera",
-    ) -> None:
-        self.delta = as_share("delta", delta)
-        self.shared, self.feature, self.replay = shared, feature, replay
+    delta: Share = 0.1
+    """The largest share of wrong answers among the replayed ones."""
+
+    shared: bool = False
+    """Whether all stored answers have one law, or each its own."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return VerifiedCache(

@@ -40,12 +40,16 @@ from genie_sim.core.view import ViewSector
 from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
 from genie_sim.data.files import lines, within
 from genie_sim.data.perceive import DriveFrames, perceive
-from genie_sim.data.pose_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.table_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.nearest import FeatureKey
-from genie_sim.methods.similarity import LocalAndRemote, SimilarityCaching, as_share, at_least
-from genie_sim.methods.similarity_cache import Replay, SimilarityCache, same
+from genie_sim.methods.similarity_cache import (
+    Replay,
+    SimilarityCache,
+    SimilarityCaching,
+    same,
+)
 from genie_sim.recommended.pacing import Pacer, RoundTrip
 from genie_sim.record.columns import Columns
 from genie_sim.sim.bends import Bend, Objects, bent, shifted
@@ -61,15 +65,16 @@ from genie_sim.sim.method import (
     HostConfig,
     HostContext,
     Interceptor,
+    LocalAndRemote,
     Method,
     Uplink,
 )
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 __all__ = [
     "COAST_NS",
@@ -150,9 +155,7 @@ __all__ = [
     "UserError",
     "ViewSector",
     "Viewer",
-    "as_share",
     "as_user_error",
-    "at_least",
     "bent",
     "frame_key",
     "is_wrong",

@@ -4,8 +4,9 @@ why, what was chosen among several, and what is unusual or cannot be.
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple, TypeVar
 
 from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -22,8 +23,11 @@ LONG_PERIOD_S = 5.0  # between two places of a car; in between it drives straigh
 SHORT_PERIOD_S = 0.001  # nobody records as often; times in another unit look so
 DRIVES_MPS = 1.0  # what is faster has a course
 ASKEW_RAD = math.radians(45.0)  # what looks farther away from it is worth a word
+MAX_RADIANS = math.tau + math.pi / 2  # of a heading, whichever way it counts
 FROM_EAST = "count counter-clockwise from east; a compass bearing does not"
 DROPPED_SHARE = 0.5  # what loses more has another content than it claims
+
+Row = TypeVar("Row")
 
 
 class _Way(NamedTuple):
@@ -172,8 +176,23 @@ class ImportReport:
         self.speeds(name, speeds, float(t_s[-1] - t_s[0]))
         self.times(name, t_s.tolist(), "in between it drives straight")
 
+    def in_order(self, what: str, rows: Sequence[Row], key: Callable[[Row], Any]) -> list[Row]:
+        """Rows in order of time, which ``key`` tells. Warns where they are in another."""
+        times = [key(row) for row in rows]
+        early = sum(after < before for before, after in pairwise(times))
+        if early:
+            self.warn(f"{what}: {early:,} rows are earlier than the one before: sorted by time")
+        return sorted(rows, key=key)
+
     def heading(
-        self, what: str, off_rad: float, radians_rad: float, counts: str = FROM_EAST
+        self,
+        what: str,
+        heading_rad: Any,
+        *,
+        as_radians: Any,
+        steps_m: Any,
+        passed_s: Any,
+        counts: str = FROM_EAST,
     ) -> None:
         """Warns of a heading beside the way driven. Raises UserError for radians that were read as
         degrees.
@@ -181,11 +200,14 @@ class ImportReport:
         Parameters
         ----------
         what : whose heading
-        off_rad : ``askew_rad`` of it
-        radians_rad : the same, if its numbers are taken for radians; infinite: they cannot be
+        heading_rad, steps_m, passed_s : as of ``askew_rad``
+        as_radians : the heading, if the numbers that were read as degrees are radians (n,)
         counts : how it must count
         """
-        if off_rad > ASKEW_RAD / 3 and radians_rad < off_rad / 3:
+        off_rad = askew_rad(heading_rad, steps_m, passed_s)
+        may_be_radians = abs(as_radians).max(initial=0.0) <= MAX_RADIANS
+        as_radians_rad = askew_rad(as_radians, steps_m, passed_s) if may_be_radians else math.inf
+        if off_rad > ASKEW_RAD / 3 and as_radians_rad < off_rad / 3:
             self.refuse(f"{what} fits the way driven as radians, not as degrees")
         if off_rad > ASKEW_RAD:
             off_deg = math.degrees(off_rad)

@@ -58,20 +58,20 @@ def import_tables(
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.data import pose_import
+    from genie_sim.data import table_import
 
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
-    sensor = pose_import.Sensor(fov_rad, size_bytes, range_m)
-    recordings = pose_import.recordings(
+    sensor = table_import.Sensor(fov_rad, size_bytes, range_m)
+    recordings = table_import.recordings(
         poses,
         detections,
         truth,
         sensor=sensor,
-        origin=place or pose_import.ORIGIN,
+        origin=place or table_import.ORIGIN,
         classes=of_labels,
         report=report,
     )
-    for line in pose_import.write_recordings(out, recordings):
+    for line in table_import.write_recordings(out, recordings):
         click.echo(line)
     tell(report)

@@ -79,7 +79,7 @@ def perceive(
     """Run a detector over a drive; write its trace."""
     from genie_sim.base.import_report import ImportReport
     from genie_sim.data import perceive as perception
-    from genie_sim.data.trace_report import write_told
+    from genie_sim.data.trace_import import write_told
 
     if (drive is None) == (check is None):
         raise UserError("perceive: give either --drive or --check")

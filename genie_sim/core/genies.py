@@ -31,7 +31,7 @@ def make_genie(
     on_edge: bool,
     alone: bool = False,
     miss_policy: MissPolicy | None = None,
-    **middleware: Any,
+    **others: Any,
 ) -> GenieNode:
     """The Genie called ``name`` for a node with the topics T_S and T_P.
 
@@ -52,8 +52,8 @@ def make_genie(
         Whether nobody listens to ``-remote``.
     miss_policy : str, optional
         What clients get whose request missed, in the place of what settings and role say.
-    **middleware
-        Arguments of ``GenieNode`` that depend on the middleware.
+    **others
+        Arguments of ``GenieNode`` beside, or in the place of, those that follow from the settings.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def make_genie(
         ),
         "map_answer": Detections,
     }
-    return GenieNode(name, subscribed, published, role_rules, **(arguments | middleware))
+    return GenieNode(name, subscribed, published, role_rules, **(arguments | others))
 
 
 def confidence_rule(name: str) -> ConfidenceRule:

@@ -3,7 +3,7 @@
 import importlib.metadata
 import os
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,8 +26,8 @@ from genie_sim.data.kitti import (
 )
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
-from genie_sim.data.trace import Trace, TraceFrame, feature_facts
-from genie_sim.data.trace_report import tell_frames, tell_network
+from genie_sim.data.trace import Trace, TraceFrame
+from genie_sim.data.trace_import import tell_network, traces
 from genie_sim.data.tracking import TRACKING
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
@@ -108,43 +108,36 @@ def perceive(
         place_from=detector.place_from,
         encoding=detector.encoding,
     )
-    by_camera = _by_camera(perceived, len(camera_frames), progress)
+    shown = []
+    for done, frame in enumerate(perceived, start=1):
+        shown.append(frame)
+        if progress is not None:
+            progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    _tell(drive, by_camera, report)
-    about = _provenance(drive, network, detector) | {
-        "features": feature_facts(by_camera),
-        "import": report.facts(),
-    }
+    _tell_sizes(drive, shown, report)
     set_name, _, number = frames.drive.partition("/")
     name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
-    return Trace(name, drive.origin, by_camera, about)
+    of_drive = traces(
+        {name: shown},
+        origin=drive.origin,
+        provenance=_provenance(drive, network, detector),
+        report=report,
+        first_ns=drive.first_stamp_ns,
+        numbered=True,
+    )
+    return of_drive[name]
 
 
-def _tell(
-    drive: KittiDrive, by_camera: Mapping[str, Sequence[TraceFrame]], report: ImportReport
-) -> None:
-    """What was read, for the report: also which pictures have another size than the calibration."""
-    for camera, sequence in by_camera.items():
+def _tell_sizes(drive: KittiDrive, shown: Iterable[TraceFrame], report: ImportReport) -> None:
+    """Warns of pictures that have another size than the calibration."""
+    sizes = Counter((frame.camera, frame.width, frame.height) for frame in shown)
+    for (camera, width, height), count in sorted(sizes.items()):
         wanted = drive.frames[camera][0].size
-        sizes = Counter((frame.width, frame.height) for frame in sequence)
-        for (width, height), count in sizes.items():
-            if wanted is not None and (width, height) != wanted:
-                report.warn(
-                    f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
-                    f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
-                )
-    tell_frames(report, by_camera)
-
-
-def _by_camera(
-    frames: Iterable[TraceFrame], total: int, progress: Progress | None
-) -> dict[str, tuple[TraceFrame, ...]]:
-    by_camera: dict[str, list[TraceFrame]] = {}
-    for done, frame in enumerate(frames, start=1):
-        by_camera.setdefault(frame.camera, []).append(frame)
-        if progress is not None:
-            progress(done, total, "perceive")
-    return {camera: tuple(by_camera[camera]) for camera in sorted(by_camera)}
+        if wanted is not None and (width, height) != wanted:
+            report.warn(
+                f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
+                f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
+            )
 
 
 def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:

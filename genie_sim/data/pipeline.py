@@ -25,7 +25,8 @@ from genie_sim.data.encoding import difference_hash, hue_saturation, sent
 from genie_sim.data.kitti import CameraFrame, KittiDrive, decode_image
 from genie_sim.data.onnx_detector import OnnxDetector
 from genie_sim.data.placement import Placement, Plane
-from genie_sim.data.trace import TraceFrame, detection, trace_frame
+from genie_sim.data.trace import TraceFrame
+from genie_sim.data.trace_import import detection, picture_frame
 
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
 MAX_WORKERS = 3  # read and place; more than the fastest networks here can use
@@ -76,7 +77,7 @@ def trace_frames(
     place_from: float = 0.0,
     encoding: Encoding = "raw",
 ) -> Iterator[TraceFrame]:
-    """The frames as a trace keeps them, in order.
+    """The frames for a trace, in order, with KITTI's stamps.
 
     The network has this thread for itself: the processors it leaves free read the frames that come,
     and place what was found in those that went.
@@ -124,10 +125,10 @@ class _Stages:
         intrinsics = frame.intrinsics_of((width, height))
         return _ReadFrame(
             world_SE3_camera=frame.world_SE3_camera,
-            frame=trace_frame(
+            frame=picture_frame(
                 camera=frame.camera,
                 index=frame.index,
-                stamp_ns=frame.stamp_ns - self._drive.first_stamp_ns,
+                stamp_ns=frame.stamp_ns,
                 size=(width, height),
                 digest=hashlib.sha256(data).hexdigest(),
                 dhash=dhash,

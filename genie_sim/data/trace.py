@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from genie_sim.base import parquet
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
+from genie_sim.base.geometry import Geodetic, heading_of, transform
 from genie_sim.base.paths import remembered
-from genie_sim.core.messages import Box, CameraPose, Detection
+from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data import world_table
 from genie_sim.data.source import Drive
 from genie_sim.data.world_table import in_range
@@ -150,115 +150,6 @@ class Trace(Drive):
         return replace(self, frames=frames, provenance=provenance)
 
 
-def detection(
-    label: str, score: float, box: Box | None, location: Array | None, *, method: str
-) -> Detection:
-    """A detection as a trace keeps it.
-
-    Parameters
-    ----------
-    label : its class
-    score : in [0, 1]
-    box : left, top, right and bottom [pixels]; ``None`` where there is no picture
-    location : of the object's centre in the world, (3,) [m]
-    method : how it was placed
-
-    Raises UserError for a score that is none.
-    """
-    if not 0 <= score <= 1:
-        raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
-    rounded_score = round(float(score), SCORE_DECIMALS)
-    return Detection(
-        label,
-        rounded_score,
-        box=None if box is None else _rounded(box, PIXEL_DECIMALS),
-        location=None if location is None else _rounded(location, POSITION_DECIMALS),
-        confidence=rounded_score,
-        method=method,
-    )
-
-
-def trace_frame(
-    *,
-    camera: str,
-    index: int,
-    stamp_ns: int,
-    size: tuple[int, int],
-    digest: str,
-    dhash: int,
-    world_SE3_camera: Array,
-    intrinsics: Array,
-    detections: Iterable[Detection] = (),
-    features: Mapping[str, bytes] | None = None,
-    size_bytes: int | None = None,
-) -> TraceFrame:
-    """A frame as a trace keeps it: ``TraceFrame``, with numbers rounded.
-
-    Parameters
-    ----------
-    size : width and height [pixels]
-    world_SE3_camera : where the camera is, (4, 4)
-    intrinsics : of the camera, (3, 3)
-    size_bytes : of the picture without its header; ``None``: of the raw pixels
-    camera, index, stamp_ns, digest, dhash, detections, features : as in ``TraceFrame``
-    """
-    width, height = size
-    east_m, north_m, up_m = _rounded(world_SE3_camera[:3, 3], POSITION_DECIMALS)
-    heading_rad = round(heading_of(world_SE3_camera[:3, 2]), ANGLE_DECIMALS)
-    picture_bytes = width * height * 3 if size_bytes is None else size_bytes
-    return TraceFrame(
-        camera=camera,
-        index=index,
-        stamp_ns=stamp_ns,
-        width=width,
-        height=height,
-        size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
-        digest=digest,
-        dhash=dhash,
-        pose=CameraPose(east_m, north_m, up_m, heading_rad),
-        horizontal_fov_rad=round(horizontal_fov_rad(intrinsics, width), ANGLE_DECIMALS),
-        detections=tuple(detections),
-        features=features or {},
-    )
-
-
-def scan_frame(
-    *,
-    camera: str,
-    index: int,
-    stamp_ns: int,
-    size_bytes: int,
-    key: str,
-    pose: CameraPose,
-    horizontal_fov_rad: float,
-    detections: Iterable[Detection],
-) -> TraceFrame:
-    """A frame of a lidar as a trace keeps it: it has no picture, and numbers are rounded.
-
-    Parameters
-    ----------
-    size_bytes : of the scan
-    key : tells this frame from every other: no two are the same picture
-    camera, index, stamp_ns, pose, horizontal_fov_rad, detections : as in ``TraceFrame``
-    """
-    digest = hashlib.sha256(key.encode()).hexdigest()
-    east_m, north_m, up_m = _rounded(pose[:3], POSITION_DECIMALS)
-    return TraceFrame(
-        camera=camera,
-        index=index,
-        stamp_ns=stamp_ns,
-        width=0,
-        height=0,
-        size_bytes=size_bytes,
-        digest=digest,
-        dhash=int(digest[:16], 16),
-        pose=CameraPose(east_m, north_m, up_m, round(pose.heading_rad, ANGLE_DECIMALS)),
-        horizontal_fov_rad=round(horizontal_fov_rad, ANGLE_DECIMALS),
-        detections=tuple(detections),
-        kind="lidar",
-    )
-
-
 def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
     """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by
     camera.
@@ -274,10 +165,6 @@ def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[
         }
         for name in sorted(names)
     }
-
-
-def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
-    return tuple(round(float(x), decimals) for x in numbers)
 
 
 def write_trace(path: str | Path, trace: Trace) -> None:

@@ -38,14 +38,13 @@ from genie_sim.data import world_table
 from genie_sim.data.files import lines, within
 from genie_sim.data.kitti import TRACKLETS, drive_folders, open_drive
 from genie_sim.data.trace import MIN_HEIGHT_PX, POSITION_DECIMALS, Trace
-from genie_sim.data.trace_report import tell_distances
+from genie_sim.data.trace_import import RANGE_M, tell_distances
 from genie_sim.data.tracking import CAMERA, TRACKING, TrackingDrive, open_sequence
 
 if TYPE_CHECKING:
     import pyarrow
 
 SUFFIX = ".truth.parquet"
-RANGE_M = 40.0  # where KITTI's labels end
 RULER = {"reach_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
 MAX_RULER_M = 1000.0  # no sensor of a car sees farther
 RAW_DRIVE = re.compile(r"\d{4}_\d{2}_\d{2}/\d{4}", re.ASCII)

@@ -2,20 +2,29 @@
 
 import math
 from collections.abc import Hashable, Iterable
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import accumulate
+from typing import Annotated
 
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.settings import Bounds
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.eviction import Eviction
+from genie_sim.core.genies import make_genie
 from genie_sim.core.messages import Answer
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
 from genie_sim.methods.nearest import FeatureKey, Nearest
 from genie_sim.methods.remote import Remote
-from genie_sim.methods.similarity import SimilarityCaching, at_least
-from genie_sim.methods.similarity_cache import Replay, SimilarityCache, cache_node, stores_nothing
+from genie_sim.methods.similarity_cache import (
+    Replay,
+    SimilarityCache,
+    SimilarityCaching,
+    cache_rules,
+    stores_nothing,
+)
 from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE, HostConfig, HostContext
 
 GAIN = 1 / 8  # of the mean of the cloud's times, as TCP's of round-trip times (RFC 6298)
@@ -164,6 +173,7 @@ class PopularityCache(SimilarityCache):
             self._remove(self.popularity.victim())
 
 
+@dataclass(frozen=True, kw_only=True)
 class Cachier(SimilarityCaching):
     """Cachier: one edge stands for the cloud and alone detects; the others have caches as large as
     pays.
@@ -171,45 +181,23 @@ class Cachier(SimilarityCaching):
 
     title = "Cachier"
 
-    def __init__(
-        self,
-        cloud: str | None = None,
-        per_entry_ns: int = 2 * NS_PER_MS,
-        *,
-        period_ns: int = 5 * NS_PER_S,
-        radius: float = 0.1,
-        feature: str = "hsv",
-        replay: Replay = "camera",
-    ) -> None:
-        """Checks the settings.
+    cloud: str | None = None
+    """The edge that stands for the cloud; `null`: the last one."""
 
-        Parameters
-        ----------
-        cloud : str or None
-            The edge that stands for the cloud; ``None``: the last one.
-        per_entry_ns : int
-            CPU time [ns] to compare an image with one stored key.
-        period_ns : int
-            The time between two computations of a cache's size [ns].
-        radius : float
-            The distance up to which two images count as the same.
-        feature : str
-            The images' vectors.
-        replay : {"camera", "world"}
-            Where the objects of a replayed answer are (see ``SimilarityCache``).
-        """
-        self._cloud = cloud
-        self.feature = feature
-        self.replay = replay
-        self._radius = at_least("radius", radius, 0.0)
-        self._per_entry_ns = int(at_least("per_entry", per_entry_ns, 0))
-        self._period_ns = int(at_least("period", period_ns, 1))
+    per_entry_ns: int = 2 * NS_PER_MS
+    """CPU time to compare an image with one stored key."""
+
+    period_ns: Annotated[int, Bounds(above=0)] = 5 * NS_PER_S
+    """The time between two computations of a cache's size."""
+
+    radius: Annotated[float, Bounds(minimum=0)] = 0.1
+    """The distance up to which two images count as the same."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         return Remote().on_car(host)
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        cloud = host.edges[-1] if self._cloud is None else self._cloud
+        cloud = host.edges[-1] if self.cloud is None else self.cloud
         if cloud not in host.edges:
             raise UserError(f"cachier: cloud: {unknown('edge', cloud, host.edges)}")
         if host.name == cloud:
@@ -229,15 +217,15 @@ class Cachier(SimilarityCaching):
             interceptor=partial(self._node, host, on_edge=True, forwards_misses=True),
             neighbour_topics=(OBJECTS + REMOTE,),
             key=self.feature,
-            per_entry_ns=self._per_entry_ns,
+            per_entry_ns=self.per_entry_ns,
         )
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return PopularityCache(
             capacity,
-            self._radius,
-            per_entry_ns=self._per_entry_ns,
-            period_ns=self._period_ns,
+            self.radius,
+            per_entry_ns=self.per_entry_ns,
+            period_ns=self.period_ns,
             replay=self.replay,
         )
 
@@ -247,15 +235,16 @@ def _cloud(host: HostContext, subscribed: tuple[str, ...], published: tuple[str,
     back to the requester.
     """
     assert host.genie is not None
-    return cache_node(
-        host.genie,
+    rules = cache_rules(host.genie, share_requests=False)
+    return make_genie(
+        replace(rules, same_key_pending="forward", neighbour_miss="process"),
         f"{host.name}/cloud",
         subscribed,
         published,
+        on_edge=True,
+        miss_policy="blocking",
         key=Exact().key,
         new_cache=stores_nothing,
-        pending=Exact().index,
-        share_requests=False,
-        same_key_pending="forward",
-        neighbour_miss="process",
+        new_keys=Exact().index,
+        object_map=None,
     )

@@ -2,7 +2,7 @@
 other edges ask it.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 from genie_sim.base.errors import UserError, unknown
@@ -20,6 +20,7 @@ from genie_sim.sim.method import (
 )
 
 
+@dataclass(frozen=True)
 class Central(Method):
     """One edge has the only cache, a Genie's; the other edges ask it for what their cars send
     up.
@@ -27,9 +28,8 @@ class Central(Method):
 
     title = "central cache"
 
-    def __init__(self, at: str | None = None) -> None:
-        """``at``: the edge with the cache; ``None``: the first one."""
-        self._at = at
+    at: str | None = None
+    """The edge with the cache; `null`: the first one."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -37,7 +37,7 @@ class Central(Method):
         return HostConfig(detector=True, uplink=DIRECT_UPLINK if host.has_edge else None)
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        hub = host.edges[0] if self._at is None else self._at
+        hub = host.edges[0] if self.at is None else self.at
         if hub not in host.edges:
             raise UserError(f"central: at: {unknown('edge', hub, host.edges)}")
         if host.name == hub:

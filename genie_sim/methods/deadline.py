@@ -5,14 +5,22 @@ Kang et al., ASPLOS 2017). Expected times are estimated from the answers so far.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
+from genie_sim.base.settings import Bounds, NotEmpty, Share
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Effect, Expired, Header, Image, Message, Publish
-from genie_sim.methods.similarity import LocalAndRemote, as_share, at_least
-from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
+from genie_sim.sim.method import (
+    LOCAL,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    LocalAndRemote,
+    Method,
+)
 
 GAIN = 1 / 8  # of exponential means, as TCP's of round-trip times (RFC 6298)
 Route = Literal["local", "remote"]
@@ -128,6 +136,7 @@ class Scheduler:
         self._free_ns = now_ns
 
 
+@dataclass(frozen=True)
 class Deadline(Method):
     """Each frame goes to the car's detector or up, in less quality if need be, or nowhere if both
     are too late.
@@ -135,18 +144,14 @@ class Deadline(Method):
 
     title = "deadline"
 
-    def __init__(
-        self,
-        deadline_ns: int = 300 * NS_PER_MS,
-        shares: tuple[float, ...] = (1.0, 0.7, 0.35),
-        probe_ns: int = NS_PER_S,
-    ) -> None:
-        """``shares``: how many of an image's bytes each quality takes, best first."""
-        if not shares:
-            raise ValueError("shares: must not be empty")
-        self._deadline_ns = int(at_least("deadline", deadline_ns, 1))
-        self._shares = tuple(as_share("shares", value) for value in shares)
-        self._probe_ns = probe_ns
+    deadline_ns: Annotated[int, Bounds(above=0)] = 300 * NS_PER_MS
+    """How long an answer may take."""
+
+    shares: Annotated[tuple[Share, ...], NotEmpty()] = (1.0, 0.7, 0.35)
+    """How many of an image's bytes each quality takes, best first."""
+
+    probe_ns: int = NS_PER_S
+    """A route that was not used for so long is tried again."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -160,7 +165,7 @@ class Deadline(Method):
     def _router(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "Router":
-        scheduler = Scheduler(self._deadline_ns, self._shares, self._probe_ns)
+        scheduler = Scheduler(self.deadline_ns, self.shares, self.probe_ns)
         return Router(f"{host.name}/router", scheduler, subscribed, published)
 
 

@@ -3,12 +3,20 @@
 """
 
 import math
+from dataclasses import dataclass
+from typing import Annotated
 
+from genie_sim.base.settings import Bounds, Share
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
-from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
-from genie_sim.methods.similarity_cache import AnswerObjects, Replay, SimilarityCache, same
+from genie_sim.methods.similarity_cache import (
+    AnswerObjects,
+    Replay,
+    SimilarityCache,
+    SimilarityCaching,
+    same,
+)
 from genie_sim.sim.method import HostContext
 
 
@@ -64,6 +72,7 @@ class VotingCache(SimilarityCache):
         return largest[0] if homogeneity >= self._theta else None
 
 
+@dataclass(frozen=True, kw_only=True)
 class FoggyCache(SimilarityCaching):
     """FoggyCache: the answers to the nearest images vote; where they agree, the nearest of them is
     replayed.
@@ -71,34 +80,14 @@ class FoggyCache(SimilarityCaching):
 
     title = "FoggyCache"
 
-    def __init__(
-        self,
-        theta: float = 0.8,
-        neighbours: int = 10,
-        radius: float = 0.3,
-        feature: str = "hsv",
-        replay: Replay = "camera",
-    ) -> None:
-        """Checks the settings.
+    theta: Share = 0.8
+    """The least homogeneity of a hit."""
 
-        Parameters
-        ----------
-        theta : float
-            The least homogeneity of a hit, 0 to 1.
-        neighbours : int
-            How many keys vote at most.
-        radius : float
-            The distance up to which a key votes.
-        feature : str
-            The images' vectors.
-        replay : {"camera", "world"}
-            Where the objects of a replayed answer are (see ``SimilarityCache``).
-        """
-        self.theta = as_share("theta", theta)
-        self.neighbours = int(at_least("neighbours", neighbours, 2))
-        self.radius = at_least("radius", radius, 0.0)
-        self.feature = feature
-        self.replay = replay
+    neighbours: Annotated[int, Bounds(minimum=2)] = 10
+    """How many keys vote at most."""
+
+    radius: Annotated[float, Bounds(minimum=0)] = 0.3
+    """The distance up to which a key votes."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return VotingCache(

@@ -17,9 +17,16 @@ from genie_sim.core.messages import (
     Message,
     Publish,
 )
-from genie_sim.methods.similarity import LocalAndRemote
 from genie_sim.methods.similarity_cache import SAME_F1
-from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, HostConfig, HostContext, Method
+from genie_sim.sim.method import (
+    LOCAL,
+    REMOTE,
+    REMOTE_UPLINK,
+    HostConfig,
+    HostContext,
+    LocalAndRemote,
+    Method,
+)
 
 Cell = tuple[str, int, int]  # class, and east and north in multiples of SAME_M
 

@@ -3,15 +3,22 @@ ASPLOS 2018).
 """
 
 from collections.abc import Hashable
+from dataclasses import dataclass
+from typing import Annotated
 
 from genie_sim.base.seeds import Draws
+from genie_sim.base.settings import Bounds, Count, Share
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.eviction import TTL
 from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
-from genie_sim.methods.similarity import SimilarityCaching, as_share, at_least
-from genie_sim.methods.similarity_cache import Replay, SimilarityCache, same
+from genie_sim.methods.similarity_cache import (
+    Replay,
+    SimilarityCache,
+    SimilarityCaching,
+    same,
+)
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 
@@ -112,6 +119,7 @@ class AdaptiveThresholdCache(SimilarityCache):
             self._importance.sizes.pop(key, None)
 
 
+@dataclass(frozen=True, kw_only=True)
 class Potluck(SimilarityCaching):
     """Potluck: the nearest image within a threshold that each cache learns; some hits are dropped
     for that.
@@ -119,36 +127,29 @@ class Potluck(SimilarityCaching):
 
     title = "Potluck"
 
-    def __init__(
-        self,
-        feature: str = "hsv",
-        replay: Replay = "camera",
-        *,
-        dropout: float = 0.1,
-        warm: int = 100,
-        tighten: float = 4.0,
-        keep: float = 0.8,
-        ttl_ns: int = 10 * NS_PER_S,
-    ) -> None:
-        """Checks the settings, which are those of ``AdaptiveThresholdCache``; ``feature`` names the
-        images' vectors.
-        """
-        self.feature = feature
-        self.replay = replay
-        self._dropout = as_share("dropout", dropout)
-        self._warm = int(at_least("warm", warm, 1))
-        self._tighten = at_least("tighten", tighten, 1.0)
-        self._keep = as_share("keep", keep)
-        self._ttl_ns = int(at_least("ttl", ttl_ns, 1))
+    dropout: Share = 0.1
+    """The share of hits that count as misses."""
+
+    warm: Count = 100
+    """The number of stored requests from which on the threshold is learned."""
+
+    tighten: Annotated[float, Bounds(minimum=1)] = 4.0
+    """What a wrong hit divides the threshold by."""
+
+    keep: Share = 0.8
+    """The share of the old threshold in the new one when it grows."""
+
+    ttl_ns: Annotated[int, Bounds(above=0)] = 10 * NS_PER_S
+    """How long an answer is kept."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return AdaptiveThresholdCache(
             capacity,
             host.draws("potluck"),
             replay=self.replay,
-            dropout=self._dropout,
-            warm=self._warm,
-            tighten=self._tighten,
-            keep=self._keep,
-            ttl_ns=self._ttl_ns,
+            dropout=self.dropout,
+            warm=self.warm,
+            tighten=self.tighten,
+            keep=self.keep,
+            ttl_ns=self.ttl_ns,
         )

@@ -2,12 +2,15 @@
 Vassilvitskii, PODS 2009).
 """
 
+from dataclasses import dataclass
+from typing import Annotated
+
 from genie_sim.base.seeds import Draws
+from genie_sim.base.settings import Bounds
 from genie_sim.core.eviction import LRU
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
-from genie_sim.methods.similarity import SimilarityCaching, at_least
-from genie_sim.methods.similarity_cache import Replay, SimilarityCache
+from genie_sim.methods.similarity_cache import Replay, SimilarityCache, SimilarityCaching
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
 
@@ -45,17 +48,14 @@ class RandomNearestCache(NearestCache):
         return stored if is_hit or distance == 0 else None
 
 
+@dataclass(frozen=True, kw_only=True)
 class SimLRU(SimilarityCaching):
     """SIM-LRU: the answer to the nearest image within a radius is replayed for an image."""
 
     title = "SIM-LRU"
 
-    def __init__(
-        self, radius: float = 0.1, feature: str = "hsv", replay: Replay = "camera"
-    ) -> None:
-        self.radius = at_least("radius", radius, 0.0)
-        self.feature = feature
-        self.replay = replay
+    radius: Annotated[float, Bounds(minimum=0)] = 0.1
+    """The distance up to which an image's answer is replayed."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
         return NearestCache(capacity, self.radius, self.replay)

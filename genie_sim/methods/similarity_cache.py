@@ -1,19 +1,22 @@
-"""What similarity caches share: a message cache whose keys are vectors, and the node around it."""
+"""What similarity caches share: a message cache whose keys are vectors, and its method."""
 
 import functools
 import math
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import replace
-from typing import Any, Literal
+from collections.abc import Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
+from genie_sim.core.genies import make_genie
 from genie_sim.core.message_cache import Answers, MessageCache
 from genie_sim.core.messages import Answer, CameraPose, Detection
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
-from genie_sim.core.similarity import Exact, KeyIndex
-from genie_sim.methods.nearest import NONE, FeatureKey, Nearest
+from genie_sim.core.similarity import Exact
+from genie_sim.methods.nearest import NONE, FeatureKey, Nearest, key_of
+from genie_sim.sim.method import REMOTE_UPLINK, HostConfig, HostContext, Method
 
 Replay = Literal["world", "camera"]
 ORIGIN = CameraPose(0.0, 0.0, 0.0, 0.0)
@@ -153,51 +156,78 @@ def stores_nothing() -> MessageCache:
     return MessageCache(Exact().index(), Eviction(), Capacity(entries=0))
 
 
-def cache_node(
-    rules: GenieRules,
-    name: str,
-    subscribed: tuple[str, ...],
-    published: tuple[str, ...],
-    *,
-    key: Callable[[Any], Hashable],
-    new_cache: Callable[[], MessageCache],
-    pending: Callable[[], KeyIndex],
-    **changes: Any,
-) -> GenieNode:
-    """A node that takes over a detector's topics with a cache alone: requests wait for the first
-    answer, misses go to the detector and up, equal ones coalesce.
-
-    Parameters
-    ----------
-    rules : GenieRules
-        The settings of a Genie; what of them a cache has no use for is overruled.
-    name : str
-        The node's name.
-    subscribed, published : tuple of str
-        The detector's own topics.
-    key : callable
-        Gives a request its similarity key.
-    new_cache : callable
-        Makes the empty message cache of one topic.
-    pending : callable
-        Makes an empty index of keys that says which pending requests are equal.
-    **changes
-        Other settings in the place of ``rules``.
+def cache_rules(rules: GenieRules, *, share_requests: bool) -> GenieRules:
+    """The settings of a node with a cache alone: an answer goes to those who asked for it, and it
+    stores all that it gets. Misses go to the detector, and to ``-remote`` if ``share_requests``.
     """
-    usual: dict[str, Any] = {
-        "share_answers": "on_request",
-        "miss_policy": "blocking",
-        "header_identity": "stamp_frame_origin",
-        "car_learns": "all",
-    }
-    cache_rules = replace(rules, **(usual | changes))
-    return GenieNode(
-        name,
-        subscribed,
-        published,
-        cache_rules,
-        key=key,
-        new_cache=new_cache,
-        new_keys=pending,
-        object_map=None,
+    return replace(
+        rules,
+        share_answers="on_request",
+        share_requests=share_requests,
+        header_identity="stamp_frame_origin",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimilarityCaching(Method):
+    """A cache before every detector, on cars and edges alike; cars upload what they miss, edges
+    share nothing. A subclass makes the caches: ``cache``.
+    """
+
+    title = "similarity cache"
+
+    feature: str = "hsv"
+    """The images' vectors. The car computes them and sends them along with the image."""
+
+    replay: Replay = "camera"
+    """Where the objects of a replayed answer are: where they were in the `world`, or as they were
+    before the `camera`, which the requester's pose then places."""
+
+    def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
+        """An empty cache for a host."""
+        raise NotImplementedError
+
+    def on_car(self, host: HostContext) -> HostConfig | None:
+        if not host.gets_images:
+            return None  # there are no images to compare
+        if host.genie is None:
+            return HostConfig(detector=True)
+        return HostConfig(
+            detector=True,
+            interceptor=partial(self._node, host, on_edge=False, forwards_misses=host.has_edge),
+            uplink=REMOTE_UPLINK if host.has_edge else None,
+            key=self.feature,
+        )
+
+    def on_edge(self, host: HostContext) -> HostConfig:
+        if not host.gets_images:
+            return HostConfig()
+        node = partial(self._node, host, on_edge=True, forwards_misses=False)
+        return HostConfig(detector=True, interceptor=node)
+
+    def _node(
+        self,
+        host: HostContext,
+        subscribed: tuple[str, ...],
+        published: tuple[str, ...],
+        *,
+        on_edge: bool,
+        forwards_misses: bool,
+    ) -> GenieNode:
+        """A node with a new cache; ``forwards_misses``: they go to ``-remote``, too."""
+        rules = host.genie
+        assert rules is not None
+        own_capacity = not on_edge and rules.car_capacity is not None
+        cache = self.cache(host, rules.car_capacity if own_capacity else rules.capacity)
+        return make_genie(
+            cache_rules(rules, share_requests=forwards_misses),
+            f"{host.name}/cache",
+            subscribed,
+            published,
+            on_edge=True,
+            miss_policy="blocking",
+            key=key_of(self.feature),
+            new_cache=lambda: cache,
+            new_keys=lambda: Nearest(lambda: cache.reach),
+            object_map=None,
+        )

@@ -4,28 +4,32 @@ Remote execution with the pacing of the recommended Genie, and without its map: 
 the way is free, else nobody looks at it. It needs a consumer that predicts between answers.
 """
 
+from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
+from genie_sim.base.settings import Bounds, Count
 from genie_sim.base.units import NS_PER_MS
 from genie_sim.core.messages import Effect, Expired, Image, Message, Publish
 from genie_sim.methods.remote import Remote
-from genie_sim.methods.similarity import LocalAndRemote, at_least
 from genie_sim.recommended.pacing import Pacer
-from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext
+from genie_sim.sim.method import REMOTE, REMOTE_UPLINK, HostConfig, HostContext, LocalAndRemote
 
 
+@dataclass(frozen=True)
 class PacedRemote(Remote):
     """Each car's frames go to its edge's detector while few enough are on their way."""
 
     title = "paced remote"
 
-    def __init__(
-        self, every_ns: int = 0, in_flight: int = 1, stale_ns: int = 500 * NS_PER_MS
-    ) -> None:
-        """``every``, ``in_flight`` and ``stale``: as those of ``recommended``."""
-        self._every_ns = int(at_least("every", every_ns, 0))
-        self._in_flight = int(at_least("in_flight", in_flight, 1))
-        self._stale_ns = int(at_least("stale", stale_ns, 1))
+    every_ns: int = 0
+    """As that of `recommended`."""
+
+    in_flight: Count = 1
+    """As that of `recommended`."""
+
+    stale_ns: Annotated[int, Bounds(above=0)] = 500 * NS_PER_MS
+    """As that of `recommended`."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -39,7 +43,7 @@ class PacedRemote(Remote):
     def _sender(
         self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
     ) -> "PacedSender":
-        pacer = Pacer(every_ns=self._every_ns, in_flight=self._in_flight, stale_ns=self._stale_ns)
+        pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
         return PacedSender(f"{host.name}/sender", pacer, subscribed, published)
 
 

@@ -14,11 +14,11 @@ from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS
 from genie_sim.scenario.profiles import DeviceProfile, KeyTime
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.device import Device, HopTime, ServiceTime
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_model import LINK, LinkModel
 from genie_sim.sim.places import DrivenPlace, Place, RecordedPlace
-from genie_sim.sim.service import Device, HopTime, ServiceTime
 from genie_sim.sim.settings import Car
 from genie_sim.sim.setup import Setup
 

@@ -21,9 +21,9 @@ class Clock(simpy.Environment):
     """The time of a run: ``now`` is in whole nanoseconds since its start.
 
     Where time ``is_traced``, every frame is followed, which changes nothing else: ``path`` is the
-    last span of the path of the message that is handled now. A process keeps the path of its
-    message while it waits, and continues it with ``waited``. A span begins where the one before it
-    ends, so the spans of an answer add up to its response time.
+    last span of the path of the message that is handled now. A process that has one in hand waits
+    with ``wait``, which continues its path, or takes it out of a queue with ``waited``. A span
+    begins where the one before it ends, so the spans of an answer add up to its response time.
 
     ``in_flight`` is how many calls are due that carry a message on.
     """
@@ -89,6 +89,14 @@ class Clock(simpy.Environment):
         """A new frame is handled from now on."""
         if self._is_traced:
             self.path = Span(None, self.now, before=None, header=header)
+
+    def wait(self, event: simpy.Event, label: SpanLabel) -> Steps:
+        """Waits for an event with the message that is handled now, whose path goes on, as ``label``
+        says: ``yield from clock.wait(event, label)``.
+        """
+        path = self.path
+        yield event
+        self.waited(path, label)
 
     def waited(self, path: Span | None, label: SpanLabel) -> None:
         """Continues the ``path`` of a message that has waited until now, as ``label`` says."""

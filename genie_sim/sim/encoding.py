@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple
 
 from genie_sim.core.messages import Detection, Encoding, Frame, Image, Message
 from genie_sim.sim.clock import Steps
+from genie_sim.sim.device import MEGABYTE
 from genie_sim.sim.ros_graph import Graph, Node
-from genie_sim.sim.service import MEGABYTE
 
 
 class CodecTimes(NamedTuple):

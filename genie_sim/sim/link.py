@@ -42,8 +42,8 @@ class Transfer:
 
 
 class Link:
-    """One direction of a connection: a queue for the wire, then the sender of a link model. The
-    wire is a process.
+    """One direction of a connection: a queue, then the sender of a link model. The
+    sender is a process.
 
     Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
     publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
@@ -91,11 +91,11 @@ class Link:
         self._queueing = SpanLabel("queueing", name)
         self._dropped = dropped
         self._waiting = NewestQueue[Transfer](clock, queue_length)
-        self._on_wire: Transfer | None = None
+        self._sending: Transfer | None = None
         self._busy_since_ns = 0
         self._busy_ns = 0
         self._last_arrival_ns = 0
-        clock.process(self._wire())
+        clock.process(self._transmit())
 
     @property
     def queued(self) -> int:
@@ -108,14 +108,14 @@ class Link:
 
     @property
     def busy_ns(self) -> int:
-        """How long the wire has been in use until now."""
-        present_ns = self.clock.now - self._busy_since_ns if self._on_wire is not None else 0
+        """How long it has been sending until now."""
+        present_ns = self.clock.now - self._busy_since_ns if self._sending is not None else 0
         return self._busy_ns + present_ns
 
     @property
     def is_busy(self) -> bool:
-        """Whether a message waits or is on the wire, other than background traffic."""
-        transfers = (self._on_wire, *self._waiting.items)
+        """Whether a message waits or is being sent, other than background traffic."""
+        transfers = (self._sending, *self._waiting.items)
         return any(transfer is not None and transfer.deliver for transfer in transfers)
 
     def send(
@@ -141,7 +141,7 @@ class Link:
         arguments : tuple
             See ``deliver``.
         carried : callable or None
-            Called with the message when it was on the wire, whether it arrives or is lost.
+            Called with the message when its last bit has left, whether it arrives or is lost.
         host : str
             The host that it goes to, or a node there.
         """
@@ -162,7 +162,7 @@ class Link:
         )
 
     def load(self, flow: Hashable, size_bytes: int) -> None:
-        """Queues background traffic, which takes its time on the wire and reaches no node. Raises
+        """Queues background traffic, which takes its time on the link and reaches no node. Raises
         ValueError for a size that is not positive.
         """
         if size_bytes <= 0:
@@ -174,32 +174,30 @@ class Link:
         if oldest is not None and oldest.message is not None:
             self.lose(oldest.message, self.name)
 
-    def _wire(self) -> Steps:
+    def _transmit(self) -> Steps:
         """Sends one message after the other; each arrives after a delay, or is lost."""
         clock = self.clock
         while True:
             transfer = yield self._waiting.get()
-            if self._on_wire is None:
+            if self._sending is None:
                 self._busy_since_ns = clock.now
                 if self.interface is not None:
                     self.interface.begin(clock.now)
-            self._on_wire = transfer
+            self._sending = transfer
             clock.waited(transfer.path, self._queueing)
-            path = clock.path
             self.sender.random.begin(transfer.message, transfer.host)
-            yield self.sender.sent(transfer.size_bytes)
-            clock.waited(path, self._transport)
+            yield from clock.wait(self.sender.sent(transfer.size_bytes), self._transport)
             self.sent_bytes += transfer.size_bytes
             if transfer.message is not None:
                 self._leave(transfer, transfer.message)
             if not self._waiting.items:
-                self._on_wire = None
+                self._sending = None
                 self._busy_ns += clock.now - self._busy_since_ns
                 if self.interface is not None:
                     self.interface.end(clock.now)
 
     def _leave(self, transfer: Transfer, message: Message) -> None:
-        """The last bit of a message is on the wire: it arrives after the delay, or is lost."""
+        """The last bit of a message has left: it arrives after the delay, or is lost."""
         clock = self.clock
         now_ns, size_bytes = clock.now, message.size_bytes
         if transfer.carried is not None:
@@ -257,7 +255,7 @@ class Bridge(Subscriber):
     address : str
         The node at the far end, for messages meant for one receiver.
     carried : callable or None
-        Called with each message that was on the wire.
+        Called with each message whose last bit has left.
     lost : callable or None
         Called with each message lost by ``take_down``, at the instant at which it would have begun
         or ended its way.

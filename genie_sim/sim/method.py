@@ -85,13 +85,37 @@ class Interceptor(Protocol):
         return ()
 
 
+class LocalAndRemote(Interceptor):
+    """The base of a car's interceptor that sends images to the car's own detector or up to the
+    edge, and gets answers from both.
+
+    Parameters
+    ----------
+    name : str
+        Of the node, such as ``car1/router``.
+    subscribed, published : tuple of str
+        T_S and T_P of the car's detector: one topic each.
+    """
+
+    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+        self.name = name
+        (self._images,) = subscribed
+        (self._objects,) = published
+
+    def subscriptions(self) -> tuple[str, ...]:
+        return self._images, self._objects + LOCAL, self._objects + REMOTE
+
+    def publications(self) -> tuple[str, ...]:
+        return self._objects, self._images + LOCAL, self._images + REMOTE
+
+
 # Makes an interceptor from T_S and T_P, the topics of the node behind it.
 MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]
 
 
 @dataclass(frozen=True)
 class HostContext:
-    """What a method is told about a host: a car or an edge.
+    """What a method gets to know of a host: a car or an edge.
 
     Parameters
     ----------

@@ -158,7 +158,7 @@ class Monitor(Protocol):
         """A frame is in the queue of the first node that handles it."""
 
     def carried(self, column: str, message: Message) -> None:
-        """A message about a frame was on the wire of the car's link: ``bytes_up`` or
+        """A message about a frame has left over the car's link: ``bytes_up`` or
         ``bytes_down``.
         """
 

@@ -15,15 +15,15 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.sim.bends import Bend, Border, Sense
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.device import Device
 from genie_sim.sim.encoding import Coder, CoderRole, ImageCodec, Take
+from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Link
 from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
-from genie_sim.sim.service import Device
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink

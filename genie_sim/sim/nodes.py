@@ -145,14 +145,15 @@ class InterceptorNode(Node):
     def _carry_out(self, effects: list[Effect]) -> None:
         path = self.clock.path
         for effect in effects:
-            if not isinstance(effect, Publish):
+            if isinstance(effect, Publish):
+                self._publish_effect(effect)
+                self.clock.path = path  # that of another frame may have left
+            else:
                 self._observe(self.name, effect, self.clock.now)
-                continue
-            self._publish_effect(effect, path)
-            self.clock.path = path
 
-    def _publish_effect(self, effect: Publish, path: Span | None) -> None:
-        """Publishes a message; ``path`` is that of the message that led to it."""
+    def _publish_effect(self, effect: Publish) -> None:
+        """Publishes a message, on the path of that which led to it, or on its own."""
+        path = self.clock.path
         if path is not None:
             header = effect.message.header
             if header != path.header and header in self._paths:
@@ -190,10 +191,10 @@ class InterceptorNode(Node):
         too; this is for when none does.
         """
         clock = self.clock
+        clock.path = path
         while (deadline_ns := self.pure.next_deadline_ns()) is not None:
-            yield clock.timeout(max(int(deadline_ns) - clock.now, TIMER_STEP_NS))
-            clock.waited(path, self._pending)
-            path = clock.path
+            timer = clock.timeout(max(int(deadline_ns) - clock.now, TIMER_STEP_NS))
+            yield from clock.wait(timer, self._pending)
             self._carry_out(self.pure.on_deadline(clock.now))
         self._timer_set = False
 

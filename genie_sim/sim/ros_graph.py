@@ -11,7 +11,7 @@ import simpy
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.messages import Message
 from genie_sim.sim.clock import NewestQueue, Occupancy, Steps
-from genie_sim.sim.device import Host
+from genie_sim.sim.host import Host
 from genie_sim.sim.monitor import Part, Span, SpanLabel
 
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from genie_sim.core.messages import Frame
+from genie_sim.sim.device import Device
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_model import LinkModel
 from genie_sim.sim.places import Place
-from genie_sim.sim.service import Device
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 

@@ -13,7 +13,8 @@ from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.rules import GenieRules
-from genie_sim.sim import fault_process, wiring
+from genie_sim.sim import connectivity, fault_process
+from genie_sim.sim.batching import BatchingDetectorNode
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
 from genie_sim.sim.listener import CarListener
@@ -22,7 +23,6 @@ from genie_sim.sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Reso
 from genie_sim.sim.network import Network
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach
 from genie_sim.sim.ros_graph import Graph
-from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Car, Edge, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
@@ -149,10 +149,10 @@ class World:
     def _check_wiring(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
         with as_user_error(self._method.title, UserError):
-            wiring.check_car(graph, config)
+            connectivity.check_car(graph, config)
             if config.uplink is not None and car.edge is not None:
                 edge = self.edges[car.edge]
-                wiring.check_edge(edge.graph, edge.config, car.name)
+                connectivity.check_edge(edge.graph, edge.config, car.name)
 
     def _add_detector(self, graph: Graph, serving: Serving = ONE_BY_ONE) -> None:
         name, topics = f"{graph.name}/{DETECTOR}", ((IMAGES,), (OBJECTS,))
@@ -285,7 +285,7 @@ def _checked(field: str, config: HostConfig) -> HostConfig:
 
 
 class HostContexts(NamedTuple):
-    """What a method is told about the hosts of one world."""
+    """What a method gets to know of the hosts of one world."""
 
     setup: Setup
     stream: Callable[..., np.random.Generator]
@@ -324,5 +324,5 @@ class HostContexts(NamedTuple):
 def answered_cars(setup: Setup, method: Method) -> set[str]:
     """The cars on which a method runs something; it is asked, and no world is built."""
     streams = partial(seeds.stream, setup.seed)
-    told = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
-    return {car.name for car in setup.cars if method.on_car(told.car(car)) is not None}
+    contexts = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
+    return {car.name for car in setup.cars if method.on_car(contexts.car(car)) is not None}

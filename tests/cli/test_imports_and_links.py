@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from genie_sim.cli.main import main
-from genie_sim.data import pose_import
+from genie_sim.data import table_import
 from genie_sim.links import recording
 
 TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]
@@ -25,8 +25,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
         given.append((files, options))
         return []
 
-    monkeypatch.setattr(pose_import, "recordings", recordings)
-    monkeypatch.setattr(pose_import, "write_recordings", lambda out, _: [f"{out}: written"])
+    monkeypatch.setattr(table_import, "recordings", recordings)
+    monkeypatch.setattr(table_import, "write_recordings", lambda out, _: [f"{out}: written"])
     return given
 
 
@@ -34,7 +34,7 @@ def test_tables_with_what_holds_unless_it_is_said(asked: list[Any], capsys):
     assert main(TABLES) == 0
     (files, options) = asked[0]
     assert files == (Path("poses.csv"), Path("detections.csv"), None)
-    assert options["origin"] == pose_import.ORIGIN
+    assert options["origin"] == table_import.ORIGIN
     assert astuple(options["sensor"]) == (math.tau, 960_000, 40.0), "it sees all around itself"
     assert capsys.readouterr().out == "traces: written\n"
 

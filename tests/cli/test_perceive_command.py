@@ -13,7 +13,7 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import evaluation, perceive, trace, trace_report, truth
+from genie_sim.data import evaluation, perceive, trace, trace_import, truth
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -48,7 +48,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
-    monkeypatch.setattr(trace_report, "write_trace", noting("write"))
+    monkeypatch.setattr(trace_import, "write_trace", noting("write"))
     monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
     monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
     monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")

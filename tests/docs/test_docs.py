@@ -87,6 +87,7 @@ def test_every_name_of_the_registries_is_explained():
     from genie_sim.cli import catalogue
 
     text = "".join(path.read_text(encoding="utf-8") for path in PAGES.values())
+    text += "".join(site_texts().values())
     for kind in ("similarities", "evictions", "rules", "links"):
         for name, _ in catalogue.KINDS[kind]():
             assert f"`{name}`" in text, f"{kind}: {name} is in no page"

@@ -139,9 +139,9 @@ def test_it_beats_fixed_intervals_where_the_rate_changes():
 @pytest.mark.parametrize(
     ("method", "message"),
     [
-        ("TrackOrDetect, required: 0 s", "required: must be at least 1, but is 0"),
-        ("TrackOrDetect, weight: -1", "weight: must be at least 0, but is -1"),
-        ("FixedInterval, every: -1", "every: must be at least 0, but is -1"),
+        ("TrackOrDetect, required: 0 s", "methods[0].required: must be"),
+        ("TrackOrDetect, weight: -1", "methods[0].weight: must be"),
+        ("FixedInterval, every: -1", "methods[0].every: must be"),
         ("FixedInterval, requires: 1 s", "unknown parameter"),
     ],
 )

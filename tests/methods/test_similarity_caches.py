@@ -9,8 +9,7 @@ import pytest
 
 from genie_sim.core.messages import Header
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache, RndLRU, SimLRU
-from genie_sim.methods.similarity import LocalAndRemote, at_least
-from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK
+from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, LocalAndRemote
 
 
 class Fixed:
@@ -53,13 +52,6 @@ def test_a_key_at_no_distance_is_a_hit_even_where_the_radius_is_zero(monkeypatch
     assert cache.choose(asked, 5) == "stored"
     monkeypatch.setattr(cache, "near", lambda *_: [])
     assert cache.choose(asked, 5) is None
-
-
-def test_settings_at_their_borders():
-    assert at_least("radius", 0.0, 0.0) == 0.0
-    for wrong in (-0.1, float("inf"), float("nan")):
-        with pytest.raises(ValueError, match=f"radius: must be at least 0, but is {wrong:g}"):
-            SimLRU(radius=wrong)
 
 
 def host(**other: Any) -> Any:

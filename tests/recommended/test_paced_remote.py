@@ -83,9 +83,9 @@ def test_a_car_without_an_edge_answers_nothing():
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("in_flight: 0", "in_flight: must be at least 1, but is 0"),
+        ("in_flight: 0", "methods[0].in_flight: must be"),
         ("every: -1 ms", "every: must not be negative"),
-        ("stale: 0 s", "stale: must be at least 1, but is 0"),
+        ("stale: 0 s", "methods[0].stale: must be"),
     ],
 )
 def test_a_setting_that_makes_no_sense_is_one_line(setting: str, message: str):

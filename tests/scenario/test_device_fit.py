@@ -14,7 +14,7 @@ from genie_sim.base.units import NS_PER_MS
 from genie_sim.runs.build import detector_time
 from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
-from genie_sim.sim.service import ServiceTime
+from genie_sim.sim.device import ServiceTime
 from tests.kitti_folder import make_network
 
 

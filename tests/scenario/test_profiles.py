@@ -19,7 +19,7 @@ from genie_sim.base.settings import SettingError
 from genie_sim.runs import build
 from genie_sim.scenario.power import Watts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
-from genie_sim.sim.service import ServiceTime
+from genie_sim.sim.device import ServiceTime
 
 SHIPPED = [
     "jetson_tx2",

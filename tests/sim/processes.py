@@ -12,7 +12,7 @@ import simpy
 
 from genie_sim.base.seeds import Draws
 from genie_sim.sim.clock import Clock, Steps
-from genie_sim.sim.device import Processor
+from genie_sim.sim.host import Processor
 from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
 
 UP = LinkEnds("car1->edge1", "car1", "edge1", up=True)

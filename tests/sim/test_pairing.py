@@ -21,7 +21,7 @@ from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.link import Link
 from genie_sim.sim.message_random import REMEMBERED, MessageRandom
 from tests.conformance import small

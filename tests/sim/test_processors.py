@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Processor
+from genie_sim.sim.host import Processor
 from tests.sim.processes import job
 
 MS = 1_000_000

@@ -10,7 +10,7 @@ from genie_sim.core.messages import Header, Publish
 from genie_sim.links.wire import Wire
 from genie_sim.runs.build import device as built_device
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host
+from genie_sim.sim.host import Host
 from genie_sim.sim.link import Bridge, Link
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig
 from genie_sim.sim.nodes import DetectorNode, InterceptorNode, attach

@@ -18,7 +18,7 @@ from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import RECORDS
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
 from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import InterceptorNode

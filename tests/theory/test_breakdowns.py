@@ -11,9 +11,9 @@ from genie_sim.base.seeds import stream
 from genie_sim.faults.slow import Slow
 from genie_sim.faults.stall import Stall
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Processor
 from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.fault_process import run
+from genie_sim.sim.host import Processor
 from tests.sim.processes import job
 
 S, MS = 1_000_000_000, 1_000_000

@@ -20,12 +20,12 @@ from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.data.trace import TraceFrame
 from genie_sim.links.presets import LINKS
 from genie_sim.runs import build
+from genie_sim.sim.batching import BatchingDetectorNode
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host, Processor
+from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.link import Link
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Serving
 from tests.sim.processes import job, sender
 from tests.sim.street import FOV_RAD, fixed_device

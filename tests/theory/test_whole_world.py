@@ -21,9 +21,9 @@ from genie_sim.data.trace import Trace
 from genie_sim.runs import build
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host
+from genie_sim.sim.device import Device, ServiceTime
+from genie_sim.sim.host import Host
 from genie_sim.sim.monitor import SpanLabel
-from genie_sim.sim.service import Device, ServiceTime
 from tests.sim.processes import then
 from tests.sim.street import drive, scenario, street
 from tests.theory.replications import equivalent, replicate

@@ -12,7 +12,6 @@ import hashlib
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from genie_sim.base.errors import UserError, unknown
@@ -23,8 +22,8 @@ from genie_sim.core.messages import Box, Detection, Location
 from genie_sim.data.files import numbers
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.placement import Placement
-from genie_sim.data.trace import Trace, detection, trace_frame, write_trace
-from genie_sim.data.trace_report import tell_frames
+from genie_sim.data.trace import Trace
+from genie_sim.data.trace_import import detection, picture_frame, traces, write_told
 from genie_sim.data.tracking import CAMERA, TrackingDrive, open_sequence
 
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
@@ -51,6 +50,7 @@ def tracking_trace(
     *,
     min_score: float = 0.3,
     origin: Geodetic | None = None,
+    report: ImportReport | None = None,
 ) -> Trace:
     """The trace of a tracking sequence such as ``0005``, with the detections that a detector's
     authors published.
@@ -65,6 +65,7 @@ def tracking_trace(
     detections : the name of the published detector
     min_score : the lowest score kept
     origin : of the world; ``None``: the sequence's first fix
+    report : is told what was read
     """
     if detections not in PUBLISHED:
         raise UserError(f"{root}: {unknown('published detector', detections, PUBLISHED)}")
@@ -85,7 +86,7 @@ def tracking_trace(
         )
         digest = hashlib.sha256(f"tracking/{sequence}/{detections}/{index}".encode()).hexdigest()
         frames.append(
-            trace_frame(
+            picture_frame(
                 camera=CAMERA,
                 index=index,
                 stamp_ns=index * FRAME_NS,
@@ -108,9 +109,15 @@ def tracking_trace(
             "pointrcnn_scores": POINTRCNN_SCORES,
         },
     }
-    return Trace(
-        f"tracking_{sequence}_{detections}", drive.origin, {CAMERA: tuple(frames)}, provenance
+    name = f"tracking_{sequence}_{detections}"
+    of_drive = traces(
+        {name: frames},
+        origin=drive.origin,
+        provenance=provenance,
+        report=report or ImportReport(root),
+        numbered=True,
     )
+    return of_drive[name]
 
 
 def _published(
@@ -167,15 +174,13 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         root = kitti_folder(given.kitti)
-        trace = tracking_trace(root / "tracking", given.sequence, given.detector)
         report = ImportReport(root)
-        tell_frames(report, trace.frames)
-        about = {**trace.provenance, "import": report.facts()}
-        write_trace(given.out, replace(trace, provenance=about))
+        trace = tracking_trace(root / "tracking", given.sequence, given.detector, report=report)
+        line = write_told(given.out, trace)
     except UserError as error:
         sys.stderr.write(f"published: {error}\n")
         return 1
-    sys.stdout.write("".join(f"{line}\n" for line in [str(given.out), *report.lines()]))
+    sys.stdout.write("".join(f"{line}\n" for line in [line, *report.lines()]))
     return 0
 
 

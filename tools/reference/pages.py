@@ -1,11 +1,12 @@
-"""The pages of the reference. Four are committed (``python -m tools.reference``), to be read beside
-the code; the others are made with the site (``tools/reference/site.py``).
+"""The pages of the reference. Two are committed (``python -m tools.reference``): no command prints
+what they say. The others are made with the site (``tools/reference/site.py``).
 """
 
 from __future__ import annotations
 
 import inspect
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from genie_sim.cli import catalogue
 from genie_sim.cli.main import app
 from genie_sim.links.presets import LINKS
 from genie_sim.record import records
+from genie_sim.record.tables import Column
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from tools.reference.settings import settings
@@ -86,8 +88,6 @@ Lines = Iterator[str]
 def texts() -> dict[str, str]:
     """The pages below docs that are committed."""
     pages = {
-        "cli": _page("Command line", CLI, commands()),
-        "scenario": _page("Settings of a scenario", SETTINGS, settings()),
         "metrics": _page("Metrics", METRIC, metrics()),
         "tables": _page("Tables", NULL, tables()),
     }
@@ -98,6 +98,8 @@ def site_texts() -> dict[str, str]:
     """The pages that the site has besides."""
     profiles = {name: load_profile(name) for name in files.available(files.DEVICE)}
     pages = {
+        "cli": _page("Command line", CLI, commands()),
+        "scenario": _page("Settings of a scenario", SETTINGS, settings()),
         "devices": _page("Devices", LAWS, devices(profiles)),
         "links": _page("Links", LINK, links()),
         "names": _page("Methods, faults and other names", NAMES, names(KINDS)),
@@ -151,22 +153,33 @@ def _help(*words: str) -> Lines:
 
 
 def tables() -> Lines:
-    """The columns of every table."""
-    for table in records.SCHEMAS.values():
-        yield f"## {table.name}.parquet\n\n{table.description}\n"
-        yield "| column | type | unit | meaning |\n|---|---|---|---|"
-        for column in table.columns:
-            kind = f"{column.kind} or null" if column.nullable else column.kind
-            yield f"| `{column.name}` | {kind} | {column.unit} | {_cell(column.description)} |"
-        yield ""
+    """The columns of every table; those of several first."""
+    schemas = records.SCHEMAS.values()
+    uses = Counter(column for table in schemas for column in table.columns)
+    shared = [column for column, tables in uses.items() if tables > 3]
+    yield "## Columns of several tables\n"
+    yield from _columns(shared)
+    for table in schemas:
+        names = [f"`{column.name}`" for column in table.columns if column in shared]
+        above = f" Also: {', '.join(names)}." if names else ""
+        yield f"## {table.name}.parquet\n\n{table.description}{above}\n"
+        yield from _columns(column for column in table.columns if column not in shared)
+
+
+def _columns(columns: Iterable[Column]) -> Lines:
+    yield "| column | meaning |\n|---|---|"
+    for column in columns:
+        unit = f" [{column.unit}]" if column.unit else ""
+        null = " (or null)" if column.nullable and "null" not in column.description else ""
+        yield f"| `{column.name}` | {_cell(column.description)}{unit}{null} |"
+    yield ""
 
 
 def metrics() -> Lines:
     """Every metric with its unit and its meaning."""
-    yield "| name | title | unit | better | meaning |\n|---|---|---|---|---|"
+    yield "| name | title | better | meaning |\n|---|---|---|---|"
     for name, metric in registry.METRICS.items():
-        meaning = _cell(metric.meaning)
-        yield f"| `{name}` | {metric.title} | {metric.unit} | {metric.better} | {meaning} |"
+        yield f"| `{name}` | {metric.label} | {metric.better} | {_cell(metric.meaning)} |"
 
 
 def names(kinds: Iterable[str]) -> Lines:

@@ -19,7 +19,7 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
-from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport, askew_rad
+from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport
 from genie_sim.base.paths import check_is_file
 from genie_sim.base.tables import FileColumn, FileTable, is_gzip
 from genie_sim.base.text import one_line
@@ -394,13 +394,13 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
     steps_m = np.column_stack([np.diff(rows.x_m[order]), np.diff(rows.y_m[order])])[pairs]
     drives = ~np.array(rows.is_person)[vehicle[1:][pairs]]
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
-    way = steps_m[drives], passed_s[drives]
-    is_small = np.abs(angle_deg).max(initial=0.0) <= math.tau
     report.heading(
         "vehicles: angle",
-        askew_rad(np.radians(90.0 - angle_deg), *way),
-        askew_rad(math.pi / 2 - angle_deg, *way) if is_small else math.inf,
-        "count clockwise from north, in degrees",
+        np.radians(90.0 - angle_deg),
+        as_radians=math.pi / 2 - angle_deg,
+        steps_m=steps_m[drives],
+        passed_s=passed_s[drives],
+        counts="count clockwise from north, in degrees",
     )
     way_m = np.hypot(*steps_m.T)
     told_m = passed_s * np.array(content.speeds_mps)[order][1:][pairs]

@@ -11,9 +11,8 @@ import contextlib
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,8 +28,8 @@ from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
 from genie_sim.data.perceive import versions
 from genie_sim.data.placement import HALF_DEPTH_M, Placement
-from genie_sim.data.trace import Trace, TraceFrame, checked, detection, trace_frame
-from genie_sim.data.trace_report import tell_frames, tell_network
+from genie_sim.data.trace import Trace, TraceFrame
+from genie_sim.data.trace_import import detection, picture_frame, tell_network, traces
 from genie_sim_ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim_ros.surroundings import (
     FIX,
@@ -155,14 +154,14 @@ def perceive_bag(
         perception = _Perception(
             path, selected, around, place_of=place_of, detector=detector, report=report
         )
-        frames: dict[str, list[TraceFrame]] = {}
+        frames: list[TraceFrame] = []
         shown = _pictures(path, reader, selected, scan=scan, stamps=stamps)
         for done, one in enumerate(shown, start=1):
             frame = perception.frame(one, min_score)
             if frame is None:
                 report.leave_out("images taken where the position is not known")
             else:
-                frames.setdefault(one.camera, []).append(frame)
+                frames.append(frame)
             if progress is not None:
                 progress(done, total, "")
     stamps.tell(report)
@@ -171,9 +170,7 @@ def perceive_bag(
             f"{path}: no image was taken where the car's position is known: "
             f"{perception.when(around)}"
         )
-    by_camera = _numbered(path, frames, report)
     tell_network(report, detector)
-    tell_frames(report, by_camera)
     detected_by: dict[str, Any] = {"detector": detections}
     if detector is not None:
         detected_by = {
@@ -185,10 +182,10 @@ def perceive_bag(
         "data": f"bag {path.name}",
         "bag_sha256": _digest(path),
         "parameters": {"cameras": dict(selected), "scans": [scan] if scan else []},
-        "import": report.facts(),
         **detected_by,
     }
-    return Trace(path.stem, origin, by_camera, provenance)
+    name = path.stem
+    return traces({name: frames}, origin=origin, provenance=provenance, report=report)[name]
 
 
 class _BagPicture(NamedTuple):
@@ -217,7 +214,7 @@ class _Perception:
 
     def frame(self, shown: _BagPicture, min_score: float) -> TraceFrame | None:
         """One picture perceived; ``None`` if nobody knows where it was taken. Its stamp is still
-        the bag's, and it has no number yet.
+        the bag's.
         """
         camera, stamp_ns, image, _ = shown
         topic = self.topics[camera]
@@ -233,9 +230,8 @@ class _Perception:
         found: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
         if self.detector is not None:
             found = (BagDetection(*detection) for detection in self.detector.detect(pixels))
-        return trace_frame(
+        return picture_frame(
             camera=camera,
-            index=0,
             stamp_ns=stamp_ns,
             size=size,
             digest=hashlib.sha256(bytes(image.data)).hexdigest(),
@@ -548,27 +544,6 @@ def _points(path: Path, cloud: Any) -> Array:
     read = np.frombuffer(data, layout, count)
     points: Array = np.column_stack([read[name] for name in names]).astype(np.float64)
     return points[np.isfinite(points).all(axis=1)]
-
-
-def _numbered(
-    path: Path, frames: Mapping[str, list[TraceFrame]], report: ImportReport
-) -> dict[str, tuple[TraceFrame, ...]]:
-    """Frames in order of time with numbers for each camera, and stamps that begin with the first
-    one's. Raises UserError.
-    """
-    first_ns = min(frame.stamp_ns for of_camera in frames.values() for frame in of_camera)
-    numbered = []
-    for camera, of_camera in frames.items():
-        early = sum(after.stamp_ns < before.stamp_ns for before, after in pairwise(of_camera))
-        if early:
-            report.warn(f"{camera}: {early:,} images are earlier than the one before: sorted")
-        by_stamp = {frame.stamp_ns: frame for frame in of_camera}
-        report.dropped("images", len(by_stamp), len(of_camera), "the stamp of another")
-        numbered += [
-            replace(by_stamp[stamp_ns], index=index, stamp_ns=stamp_ns - first_ns)
-            for index, stamp_ns in enumerate(sorted(by_stamp))
-        ]
-    return checked(path, numbered)
 
 
 def _digest(path: Path) -> str:

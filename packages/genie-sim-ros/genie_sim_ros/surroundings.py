@@ -154,7 +154,7 @@ def read_surroundings(
     fix, imu : the topics to take; ``None``: the first that has what is needed
     classes : the classes of labels that have other names
 
-    Raises UserError for a message that cannot be, and where most labels are no classes.
+    Raises UserError for a message that cannot be.
     """
     around = Surroundings()
     fixes: dict[str, list[tuple[int, Geodetic, str]]] = {}
@@ -190,7 +190,6 @@ def read_surroundings(
             objects = tuple(_known(where, _objects(message, kind), classes, report))
             stamp_ns = stamps.of(topic, message.header, at_ns)
             around.detections[stamp_ns] = BagDetections(message.header.frame_id, objects)
-    report.check_labels(report.counts["objects"])
     fix = _chosen("fix", fix, fixes, report)
     around.fixes = _with_altitudes(fixes.get(fix, []), report)
     around.fixes_ns = sorted(entry[0] for entry in around.fixes)

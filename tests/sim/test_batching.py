@@ -19,11 +19,11 @@ from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.sim import world
+from genie_sim.sim.batching import BatchingDetectorNode
 from genie_sim.sim.clock import Clock
-from genie_sim.sim.device import Host
+from genie_sim.sim.host import Host
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.serving import BatchingDetectorNode
 from genie_sim.sim.settings import Admission, Serving
 from tests.sim.processes import job
 from tests.sim.street import FOV_RAD, fixed_device, scenario

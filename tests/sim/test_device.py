@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from genie_sim.sim.service import Device, HopTime, ServiceTime
+from genie_sim.sim.device import Device, HopTime, ServiceTime
 
 LAW = ServiceTime(median_ns=1_000_000, loc=0.4, sigma=0.5)
 

@@ -20,23 +20,21 @@ import numpy as np
 from genie_sim.base.classes import CANONICAL, MOVING_MPS, NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.base.import_report import ImportReport, askew_rad
+from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import sha256_of
 from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn, FileTable
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.trace import (
-    ANGLE_DECIMALS,
-    POSITION_DECIMALS,
-    SCORE_DECIMALS,
-    Trace,
-    TraceFrame,
-    checked,
+from genie_sim.data.trace import POSITION_DECIMALS, Trace, TraceFrame
+from genie_sim.data.trace_import import (
+    BEYOND_M,
+    RANGE_M,
+    detection,
     scan_frame,
-    write_trace,
+    traces,
+    write_told,
 )
-from genie_sim.data.trace_report import tell_distances
 from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 if TYPE_CHECKING:
@@ -51,7 +49,6 @@ ORIGIN: Geodetic = (0.0, 0.0, 0.0)
 SAME_TIME_S = 0.0005  # what differs by less is one instant
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 MAX_UP_M = 1e5  # above the plane
-BEYOND_M = 10.0  # the truth is told so much beyond the range, for what is held a little off
 MOVING_OVER_S = 1.0  # the time over which a speed is computed
 Flags = np.ndarray[Any, np.dtype[np.bool_]]
 CAR = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*", re.ASCII)
@@ -84,7 +81,7 @@ class Sensor:
 
     fov_rad: float = 2 * math.pi
     size_bytes: int = 960_000
-    range_m: float = 40.0
+    range_m: float = RANGE_M
 
 
 class _Table(NamedTuple):
@@ -105,13 +102,10 @@ class _Table(NamedTuple):
 
 
 class ImportedCar(NamedTuple):
-    """The trace of one car, its truth table if there is one, and how many of its detections lie
-    outside the field of view.
-    """
+    """The trace of one car, and its truth table if there is one."""
 
     trace: Trace
     truth: TruthTable | None
-    outside: int
 
 
 class _Pose(NamedTuple):
@@ -198,37 +192,48 @@ def recordings(
     tables = [_Table.of(name, table) for name, table in named.items()]
     report = report or ImportReport(tables[0].path)
     by_car = _read_poses(tables[0], report)
-    detected, outside = _read_detections(
-        tables[1], by_car, sensor=sensor, classes=classes, report=report
-    )
+    detected = _read_detections(tables[1], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables}
     if len(digests) < len(tables):
         raise UserError(f"{tables[-1].path}: has the name of another of the tables; rename it")
-    first_s = min(rows[0].time_s for rows in by_car.values())
     tracks = {} if truth is None else _read_truth(tables[2], by_car, classes, report)
-    about = {
-        **({"source": "tables"} if provenance is None else provenance),
-        "files": digests,
-        "parameters": asdict(sensor),
-        "import": report.facts(),
-    }
     key = hashlib.sha256("".join(digests.values()).encode()).hexdigest()
-    sequence = f"{tables[0].path.stem}-{key[:12]}" if len(by_car) > 1 else None
-    traces = {}
-    for car, rows in by_car.items():
-        frames = [
-            _frame(row, index, found, first_s=first_s, key=f"{key}/{car}/{index}", sensor=sensor)
+    first_s = min(rows[0].time_s for rows in by_car.values())
+    first_ns = round(first_s * NS_PER_S)
+    frames = {
+        car: [
+            _frame(
+                row,
+                first_ns + _since_ns(row.time_s, first_s),
+                key=f"{key}/{car}/{index}",
+                detections=found,
+                sensor=sensor,
+            )
             for index, (row, found) in enumerate(zip(rows, detected[car], strict=True))
         ]
-        by_camera = checked(tables[0].path, frames)
-        traces[car] = Trace(car, origin, by_camera, {**about, "car": car}, sequence=sequence)
+        for car, rows in by_car.items()
+    }
+    of_cars = traces(
+        frames,
+        origin=origin,
+        provenance={
+            **({"source": "tables"} if provenance is None else provenance),
+            "files": digests,
+            "parameters": asdict(sensor),
+        },
+        report=report,
+        first_ns=first_ns,
+        sequence=f"{tables[0].path.stem}-{key[:12]}" if len(by_car) > 1 else None,
+        range_m=sensor.range_m,
+        detected_in=tables[1].path,
+    )
     if truth is None:
-        return {car: ImportedCar(trace, None, outside[car]) for car, trace in traces.items()}
+        return {car: ImportedCar(trace, None) for car, trace in of_cars.items()}
     imported = {}
-    for car, trace in traces.items():
+    for car, trace in of_cars.items():
         objects = tracks.get(None, tracks.get(car, []))
         table = _truth_table(tables[2].path, trace, by_car[car], objects, sensor=sensor)
-        imported[car] = ImportedCar(trace, table, outside[car])
+        imported[car] = ImportedCar(trace, table)
     if not any(recording.truth.rows for recording in imported.values() if recording.truth):
         report.refuse(
             f"no object is ever within {sensor.range_m + BEYOND_M:g} m of a car: are the places on "
@@ -250,17 +255,12 @@ def write_recordings(out: Path, recordings: Mapping[str, ImportedCar]) -> list[s
         if recordings[car].truth is None and beside.exists():
             raise UserError(f"{beside}: is of other recordings; take it away, or give --truth")
     lines = []
-    for car, (trace, truth, outside) in recordings.items():
-        write_trace(paths[car], trace)
-        frames = trace.frames[RECORDING]
-        detections = sum(len(frame.detections) for frame in frames)
-        line = f"{paths[car]}: {len(frames)} frames, {detections} detections"
+    for car, (trace, truth) in recordings.items():
+        line = write_told(paths[car], trace)
         if truth is not None:
             write_truth(path_beside(paths[car]), truth)
             visible = sum(row.visible for row in truth.rows)
             line += f", objects visible {visible:,} times"
-        if outside:
-            line += f"; {outside} detections outside the field of view: check heading_deg, --fov"
         lines.append(line)
     return lines
 
@@ -280,71 +280,37 @@ def _car(where: str, name: str | None, cars: Mapping[str, Any] | None = None) ->
 
 def _read_poses(table: _Table, report: ImportReport) -> dict[str, list[_Pose]]:
     """The poses of each car, in order of time."""
-    rows_of: dict[str, list[tuple[str, _Pose, tuple[float, float]]]] = {}
+    rows_of: dict[str, list[tuple[str, _Pose]]] = {}
     for where, (name, time_s, east_m, north_m, heading_deg, up_m) in table.reader.rows(POSES):
         heading_rad = math.remainder(math.radians(heading_deg), math.tau)
-        pose = CameraPose(
-            round(east_m, POSITION_DECIMALS),
-            round(north_m, POSITION_DECIMALS),
-            round(up_m or 0.0, POSITION_DECIMALS),
-            round(heading_rad, ANGLE_DECIMALS),
-        )
-        row = (where, _Pose(time_s, pose), (east_m, north_m))
-        rows_of.setdefault(_car(where, name), []).append(row)
+        pose = CameraPose(east_m, north_m, up_m or 0.0, heading_rad)
+        rows_of.setdefault(_car(where, name), []).append((where, _Pose(time_s, pose)))
     if not rows_of:
         raise UserError(f"{table.path}: has no poses")
     by_car = {}
     for car, rows in rows_of.items():
-        early = sum(after[1].time_s < before[1].time_s for before, after in pairwise(rows))
-        if early:
-            report.warn(f"{car}: {early:,} poses are earlier than the one before: sorted by time_s")
-            rows.sort(key=lambda row: row[1].time_s)
-        for (_, before, _), (where, after, _) in pairwise(rows):
+        rows = report.in_order(car, rows, key=lambda row: row[1].time_s)
+        for (_, before), (where, after) in pairwise(rows):
             if after.time_s - before.time_s <= 2 * SAME_TIME_S:
                 raise UserError(
                     f"{where}: time_s: {after.time_s:.15g} must be at least a millisecond after "
                     f"{before.time_s:.15g}, the time of {car}'s pose before"
                 )
-        by_car[car] = [row[1] for row in rows]
-        _tell_way(car, by_car[car], np.array([row[2] for row in rows]), report)
-    report.read("poses", sum(map(len, by_car.values())))
+        by_car[car] = [pose for _, pose in rows]
     return by_car
-
-
-def _tell_way(car: str, rows: Sequence[_Pose], places: Array, report: ImportReport) -> None:
-    """The way of a car, and whether it looks where it drives."""
-    times_s = [row.time_s for row in rows]
-    report.span("times", times_s, "s")
-    for name, values in zip(("east", "north"), places.T, strict=True):
-        report.span(name, values.tolist(), "m")
-    report.way(car, times_s, places)
-    heading = np.array([row.pose.heading_rad for row in rows[:-1]])
-    way = np.diff(places, axis=0), np.diff(times_s)
-    degrees = np.degrees(heading)
-    is_small = np.abs(degrees).max(initial=0.0) <= math.tau
-    report.heading(
-        f"{car}: heading_deg",
-        askew_rad(heading, *way),
-        askew_rad(degrees, *way) if is_small else math.inf,
-    )
 
 
 def _read_detections(
     table: _Table,
     by_car: Mapping[str, Sequence[_Pose]],
     *,
-    sensor: Sensor,
     classes: Mapping[str, str],
     report: ImportReport,
-) -> tuple[dict[str, list[list[Detection]]], dict[str, int]]:
-    """The detections of each frame of each car, best score first, and how many of a car lie outside
-    its field of view.
-    """
+) -> dict[str, list[list[Detection]]]:
+    """The detections of each frame of each car, best score first."""
     detected: dict[str, list[list[Detection]]] = {
         car: [[] for _ in rows] for car, rows in by_car.items()
     }
-    outside = dict.fromkeys(by_car, 0)
-    distances_m: list[float] = []
     times_s = {car: [row.time_s for row in rows] for car, rows in by_car.items()}
     for where, (name, time_s, label, east_m, north_m, score, up_m) in table.reader.rows(DETECTIONS):
         car = _car(where, name, by_car)
@@ -359,35 +325,12 @@ def _read_detections(
         if label not in ROAD_LABELS:
             report.leave_label(label)
             continue
-        pose = by_car[car][index].pose
-        rounded_score = round(score, SCORE_DECIMALS)
-        place = tuple(round(x, POSITION_DECIMALS) for x in (east_m, north_m, up_m or 0.0))
-        detected[car][index].append(
-            Detection(
-                label,
-                rounded_score,
-                box=None,
-                location=place,  # type: ignore[arg-type]
-                confidence=rounded_score,
-                method="table",
-            )
-        )
-        distances_m.append(math.hypot(east_m - pose[0], north_m - pose[1]))
-        outside[car] += ViewSector(pose, sensor.fov_rad).distance_m(east_m, north_m) is None
-    report.read("detections", len(distances_m))
-    report.check_labels(len(distances_m), table.path)
-    if distances_m and min(distances_m) > sensor.range_m + BEYOND_M:
-        report.refuse(
-            f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "
-            f"cars, beyond --range {sensor.range_m:g} m: are they in the car's frame, not on the "
-            "plane of its poses?",
-            table.path,
-        )
-    tell_distances(report, distances_m)
+        place = np.array([east_m, north_m, up_m or 0.0])
+        detected[car][index].append(detection(label, score, None, place, method="table"))
     for frames in detected.values():
         for found in frames:
             found.sort(key=lambda detection: -detection.score)
-    return detected, outside
+    return detected
 
 
 def _nearest(times_s: Sequence[float], time_s: float) -> int:
@@ -399,31 +342,20 @@ def _nearest(times_s: Sequence[float], time_s: float) -> int:
     return after - 1
 
 
-def _frame(
-    row: _Pose,
-    index: int,
-    detections: Sequence[Detection],
-    *,
-    first_s: float,
-    key: str,
-    sensor: Sensor,
-) -> TraceFrame:
-    """One frame of a trace.
-
-    Parameters
-    ----------
-    row : the pose, and when it was
-    index : of the frame
-    detections : in it
-    first_s : when the clock of all cars begins
-    key : tells this frame from every other: no two are the same picture
-    sensor : that took it
+def _since_ns(time_s: float, first_s: float) -> int:
+    """The time from the first pose on [ns], in whole microseconds, as far as a time since 1970
+    tells.
     """
-    microseconds = round((row.time_s - first_s) * NS_PER_S / NS_PER_US)
+    return round((time_s - first_s) * NS_PER_S / NS_PER_US) * NS_PER_US
+
+
+def _frame(
+    row: _Pose, stamp_ns: int, *, key: str, detections: Sequence[Detection], sensor: Sensor
+) -> TraceFrame:
+    """One frame of a trace; ``key`` tells it from every other."""
     return scan_frame(
         camera=RECORDING,
-        index=index,
-        stamp_ns=microseconds * NS_PER_US,
+        stamp_ns=stamp_ns,
         size_bytes=sensor.size_bytes,
         key=key,
         pose=row.pose,
@@ -492,8 +424,8 @@ def _truth_table(
     times_s = np.array([row.time_s for row in poses])
     _check_covered(path, trace.name, times_s, tracks)
     frames = trace.frames[RECORDING]
-    sectors = [ViewSector(row.pose, sensor.fov_rad, sensor.range_m) for row in poses]
-    origins = np.array([row.pose[:2] for row in poses])
+    sectors = [ViewSector(frame.pose, sensor.fov_rad, sensor.range_m) for frame in frames]
+    origins = np.array([frame.pose[:2] for frame in frames])
     rows = []
     for track in tracks:
         sightings, moving = track.at(times_s), track.is_moving(times_s)

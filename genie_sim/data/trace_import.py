@@ -1,0 +1,329 @@
+"""Traces out of what readers of other people's files find: KITTI's drives, bags, tables, published
+detections.
+
+A reader finds when and from where each frame was taken, and what was detected in it
+(``picture_frame``, ``scan_frame``, ``detection``). ``traces`` alone orders, numbers and checks the
+frames, tells what was read, and keeps where it comes from: what is refused or warned of in one kind
+of file is so in all.
+"""
+
+import hashlib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from genie_sim.base.errors import UserError
+from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad
+from genie_sim.base.import_report import ImportReport, askew_rad
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
+from genie_sim.core.messages import Box, CameraPose, Detection
+from genie_sim.core.view import ViewSector
+from genie_sim.data.trace import (
+    ANGLE_DECIMALS,
+    IMAGE_HEADER_BYTES,
+    PIXEL_DECIMALS,
+    POSITION_DECIMALS,
+    SCORE_DECIMALS,
+    Trace,
+    TraceFrame,
+    checked,
+    feature_facts,
+    write_trace,
+)
+
+RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
+BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
+FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
+CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
+OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
+
+
+def detection(
+    label: str, score: float, box: Box | None, location: Array | None, *, method: str
+) -> Detection:
+    """A detection as a trace keeps it.
+
+    Parameters
+    ----------
+    label : its class
+    score : in [0, 1]
+    box : left, top, right and bottom [pixels]; ``None`` where there is no picture
+    location : of the object's centre in the world, (3,) [m]
+    method : how it was placed
+
+    Raises UserError for a score that is none.
+    """
+    if not 0 <= score <= 1:
+        raise UserError(f"a {label} has the score {score:.3g}: scores must be from 0 to 1")
+    rounded_score = round(float(score), SCORE_DECIMALS)
+    return Detection(
+        label,
+        rounded_score,
+        box=None if box is None else _rounded(box, PIXEL_DECIMALS),
+        location=None if location is None else _rounded(location, POSITION_DECIMALS),
+        confidence=rounded_score,
+        method=method,
+    )
+
+
+def picture_frame(
+    *,
+    camera: str,
+    stamp_ns: int,
+    size: tuple[int, int],
+    digest: str,
+    dhash: int,
+    world_SE3_camera: Array,
+    intrinsics: Array,
+    index: int = 0,
+    detections: Iterable[Detection] = (),
+    features: Mapping[str, bytes] | None = None,
+    size_bytes: int | None = None,
+) -> TraceFrame:
+    """A frame of a camera, for ``traces``.
+
+    Parameters
+    ----------
+    stamp_ns : on the reader's own clock
+    size : width and height [pixels]
+    world_SE3_camera : where the camera is, (4, 4)
+    intrinsics : of the camera, (3, 3)
+    size_bytes : of the picture without its header; ``None``: of the raw pixels
+    camera, index, digest, dhash, detections, features : as in ``TraceFrame``
+    """
+    width, height = size
+    east_m, north_m, up_m = world_SE3_camera[:3, 3].tolist()
+    picture_bytes = width * height * 3 if size_bytes is None else size_bytes
+    return TraceFrame(
+        camera=camera,
+        index=index,
+        stamp_ns=stamp_ns,
+        width=width,
+        height=height,
+        size_bytes=picture_bytes + IMAGE_HEADER_BYTES,
+        digest=digest,
+        dhash=dhash,
+        pose=CameraPose(east_m, north_m, up_m, heading_of(world_SE3_camera[:3, 2])),
+        horizontal_fov_rad=horizontal_fov_rad(intrinsics, width),
+        detections=tuple(detections),
+        features=features or {},
+    )
+
+
+def scan_frame(
+    *,
+    camera: str,
+    stamp_ns: int,
+    size_bytes: int,
+    key: str,
+    pose: CameraPose,
+    horizontal_fov_rad: float,
+    detections: Iterable[Detection],
+) -> TraceFrame:
+    """A frame of a lidar, which has no picture, for ``traces``.
+
+    Parameters
+    ----------
+    stamp_ns : on the reader's own clock
+    size_bytes : of the scan
+    key : tells this frame from every other: no two are the same picture
+    camera, pose, horizontal_fov_rad, detections : as in ``TraceFrame``
+    """
+    digest = hashlib.sha256(key.encode()).hexdigest()
+    return TraceFrame(
+        camera=camera,
+        index=0,
+        stamp_ns=stamp_ns,
+        width=0,
+        height=0,
+        size_bytes=size_bytes,
+        digest=digest,
+        dhash=int(digest[:16], 16),
+        pose=pose,
+        horizontal_fov_rad=horizontal_fov_rad,
+        detections=tuple(detections),
+        kind="lidar",
+    )
+
+
+def traces(
+    frames: Mapping[str, Iterable[TraceFrame]],
+    *,
+    origin: Geodetic,
+    provenance: Mapping[str, Any],
+    report: ImportReport,
+    first_ns: int | None = None,
+    numbered: bool = False,
+    sequence: str | None = None,
+    range_m: float = RANGE_M,
+    detected_in: Path | None = None,
+) -> dict[str, Trace]:
+    """The traces of cars that share a clock, by their names.
+
+    Parameters
+    ----------
+    frames : of each car, in any order, with stamps of that clock
+    origin : of the world: latitude [deg], longitude [deg], altitude [m]
+    provenance : where they come from; what the report knows is added
+    report : of the files that were read, whose path begins errors; is told what there is
+    first_ns : when the traces begin on that clock; ``None``: with the first frame of any car
+    numbered : whether frames have numbers; otherwise they are counted, camera by camera
+    sequence : as in ``Trace``
+    range_m : up to which objects are judged
+    detected_in : the file that the detections stand in, if that is another than the report's
+
+    Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
+    """
+    if first_ns is None:
+        frames = {car: list(of_car) for car, of_car in frames.items()}
+        first_ns = min((one.stamp_ns for of_car in frames.values() for one in of_car), default=0)
+    path = Path(str(report.path))
+    by_car = {}
+    for car, of_car in frames.items():
+        cameras = _in_order(of_car, first_ns, numbered, report)
+        by_car[car] = checked(path, [one for camera in cameras.values() for one in camera])
+        _tell_ways(car, by_car[car], first_ns, report)
+    _tell_detections(by_car, report, range_m, detected_in)
+    read = {"import": report.facts()}
+    made = {}
+    for car, by_camera in by_car.items():
+        features = feature_facts(by_camera)
+        about = {**provenance, **({"features": features} if features else {}), **read}
+        if len(by_car) > 1:
+            about["car"] = car
+        kept = {camera: tuple(map(_rounded_pose, of)) for camera, of in by_camera.items()}
+        made[car] = Trace(car, origin, kept, about, sequence=sequence)
+    return made
+
+
+def write_told(path: Path, trace: Trace) -> str:
+    """Writes a trace; returns a line about it."""
+    write_trace(path, trace)
+    frames = [frame for sequence in trace.frames.values() for frame in sequence]
+    detections = sum(len(frame.detections) for frame in frames)
+    return f"{path}: {len(frames)} frames, {detections} detections, content {trace.digest[:12]}"
+
+
+def tell_network(report: ImportReport, detector: Any) -> None:
+    """What was found out about a detector's network, and which of its labels are not used."""
+    report.chosen += getattr(detector, "notes", [])
+    for label, count in getattr(detector, "unused", {}).items():
+        report.leave_label(label, count)
+
+
+def tell_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
+    """How far away objects are. Raises UserError where most are beyond what a sensor sees."""
+    report.span("objects", distances_m, "m away")
+    far = sum(distance_m > FARTHEST_M for distance_m in distances_m)
+    text = f"{far:,} of {len(distances_m):,} objects are more than {FARTHEST_M:g} m away"
+    if 2 * far > len(distances_m):
+        report.refuse(f"{text}: are they in the car's frame, not on the plane of its poses?")
+    elif far:
+        report.warn(text)
+
+
+def _in_order(
+    frames: Iterable[TraceFrame], first_ns: int, numbered: bool, report: ImportReport
+) -> dict[str, list[TraceFrame]]:
+    """The frames of each camera in order of time, with numbers, and stamps from ``first_ns`` on."""
+    by_camera: dict[str, list[TraceFrame]] = {}
+    for frame in frames:
+        by_camera.setdefault(frame.camera, []).append(frame)
+    ordered: dict[str, list[TraceFrame]] = {}
+    for camera, taken in sorted(by_camera.items()):
+        kept = ordered[camera] = []
+        for frame in report.in_order(camera, taken, key=lambda frame: frame.stamp_ns):
+            stamp_ns = frame.stamp_ns - first_ns
+            if not kept or stamp_ns - kept[-1].stamp_ns >= CLOSEST_NS:
+                index = frame.index if numbered else len(kept)
+                kept.append(replace(frame, index=index, stamp_ns=stamp_ns))
+        report.dropped(
+            f"frames of {camera}", len(kept), len(taken), "within a millisecond of another"
+        )
+    return ordered
+
+
+def _tell_ways(
+    car: str, cameras: Mapping[str, Sequence[TraceFrame]], first_ns: int, report: ImportReport
+) -> None:
+    """When and where each camera was, and whether one of them looks where the car drives."""
+    off_rad: dict[str, float] = {}
+    courses: dict[str, tuple[Array, Array, Array]] = {}
+    for camera, frames in cameras.items():
+        pictured = [frame for frame in frames if frame.kind == "camera"]
+        name = camera if pictured else car
+        report.read(f"images of {camera}" if pictured else "poses", len(frames))
+        times_s = np.array([frame.stamp_ns for frame in frames]) / NS_PER_S
+        poses = np.array([frame.pose for frame in frames])
+        report.span("times", times_s[[0, -1]] + first_ns / NS_PER_S, "s")
+        for axis, values in zip(("east", "north"), poses.T, strict=False):
+            report.span(axis, values, "m")
+        report.span("width", {frame.width for frame in pictured}, "px")
+        report.span("height", {frame.height for frame in pictured}, "px")
+        report.way(name, times_s.tolist(), poses[:, :2])
+        course = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
+        off_rad[name], courses[name] = askew_rad(*course), course
+    ahead = min(off_rad, key=lambda name: off_rad[name])  # of several cameras some look aside
+    heading_rad, steps_m, passed_s = courses[ahead]
+    report.heading(
+        f"{ahead}: the heading",
+        heading_rad,
+        as_radians=np.degrees(heading_rad),
+        steps_m=steps_m,
+        passed_s=passed_s,
+    )
+
+
+def _tell_detections(
+    cars: Mapping[str, Mapping[str, Sequence[TraceFrame]]],
+    report: ImportReport,
+    range_m: float,
+    detected_in: Path | None,
+) -> None:
+    """How many detections there are, and whether they are where the sensors look."""
+    distances_m: list[float] = []
+    found, outside = 0, 0
+    for frame in (
+        one for cameras in cars.values() for camera in cameras.values() for one in camera
+    ):
+        sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
+        found += len(frame.detections)
+        for place in (one.location for one in frame.detections if one.location is not None):
+            distances_m.append(math.dist(place[:2], frame.pose[:2]))
+            outside += sector.distance_m(*place[:2]) is None
+    report.read("detections", found)
+    report.check_labels(found, detected_in)
+    if distances_m and min(distances_m) > range_m + BEYOND_M:
+        report.refuse(
+            f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "
+            f"cars, beyond the range of {range_m:g} m: are they in the car's frame, not on the "
+            "plane of its poses?",
+            detected_in,
+        )
+    tell_distances(report, distances_m)
+    if outside > OUTSIDE_SHARE * len(distances_m):
+        report.warn(
+            f"{outside:,} of {len(distances_m):,} detections are outside of the field of view: "
+            "are heading and field of view as they are told?"
+        )
+    if 2 * len(distances_m) < found:
+        report.warn(f"{found - len(distances_m):,} of {found:,} detections have no place")
+
+
+def _rounded_pose(frame: TraceFrame) -> TraceFrame:
+    """The frame with the decimals of its pose and field of view that a trace keeps."""
+    east_m, north_m, up_m = _rounded(frame.pose[:3], POSITION_DECIMALS)
+    heading_rad = round(frame.pose.heading_rad, ANGLE_DECIMALS)
+    return replace(
+        frame,
+        pose=CameraPose(east_m, north_m, up_m, heading_rad),
+        horizontal_fov_rad=round(frame.horizontal_fov_rad, ANGLE_DECIMALS),
+    )
+
+
+def _rounded(numbers: Sequence[float] | Array, decimals: int) -> tuple[Any, ...]:
+    return tuple(round(float(x), decimals) for x in numbers)
