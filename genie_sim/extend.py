@@ -71,10 +71,10 @@ from genie_sim.sim.method import (
 )
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 __all__ = [
     "COAST_NS",

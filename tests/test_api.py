@@ -194,12 +194,10 @@ def test_methods_and_labels(run):
     chosen = gs.run("street_3car_hetero", SHORT, seed=5, methods=["genie", "local"], label="chosen")
     assert [method.name for method in chosen.methods] == ["genie", "local"]
     compared = gs.compare(run, chosen, methods=["genie"], labels=["usual", "new"])
-    assert set(compared.table["arm"]) == {"usual: genie", "new: genie"}
+    assert set(compared.table["setting"]) == {"usual", "new"}
+    assert set(compared.table["method"]) == {"genie"}
     compared = gs.compare(run, chosen, methods=["genie"])
-    assert set(compared.table["arm"]) == {
-        f"street_3car_hetero-{run.run_id[:6]}: genie",
-        "chosen: genie",
-    }
+    assert set(compared.table["setting"]) == {f"street_3car_hetero-{run.run_id[:6]}", "chosen"}
     with pytest.raises(gs.UserError, match="unknown method 'genei'"):
         gs.run("street_3car_hetero", methods=["genei"])
     with pytest.raises(gs.UserError, match="label: must be one line"):

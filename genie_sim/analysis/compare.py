@@ -37,15 +37,20 @@ NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
 class ComparedMethod:
     """One method under one setting: its runs by seed.
 
-    Tables and the library name it by ``label``, which ends with the method's name; people read
-    ``title``, which ends with the method's title.
+    ``setting`` is empty where there is one only. Tables and the library name an arm by ``label``,
+    setting and method's name; people read ``title``, setting and method's title.
     """
 
     label: str
     title: str
     method: MethodInfo
     runs: Mapping[int, Run]
-    cell: str = ""
+    setting: str = ""
+
+    @property
+    def seed(self) -> int | None:
+        """Its one seed; ``None`` where its numbers are means over several."""
+        return next(iter(self.runs)) if len(self.runs) == 1 else None
 
 
 class Difference(NamedTuple):
@@ -203,7 +208,7 @@ def _compared(
                 label, title = (
                     f"{place}: {text}" if place else text for text in (method.name, method.title)
                 )
-                arm = ComparedMethod(label, title, method, by_seed, cell)
+                arm = ComparedMethod(label, title, method, by_seed, place)
                 key = method.name if len(sides) > 1 else ""
                 if name == names[0]:
                     firsts_of_cell.setdefault(key, arm)

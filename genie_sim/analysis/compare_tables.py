@@ -1,7 +1,8 @@
 """Tables of a comparison."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.compare import (
@@ -15,8 +16,10 @@ from genie_sim.analysis.metric import SHORT
 from genie_sim.analysis.registry import cell, definition, shown
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.statistics import MIN_SEEDS
+from genie_sim.record.results import TIDY_FIELDS, MetricValue
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "95 % interval", "so", "pairs")
+FIELDS = ("setting", *TIDY_FIELDS, "against", "by", "verdict", "variance_ratio")
 MANY = 10  # intervals, of which it is told how many miss
 RATIO = "variance ratio"  # the title of a column
 ONE_RUN = (
@@ -33,16 +36,41 @@ ABOUT_RATIO = (
 def text(comparison: ComparedRuns, format: str = "markdown") -> str:
     """The numbers; markdown and LaTeX round, csv does not. Raises UserError for another format."""
     if renderers.checked(format) == "csv":
-        if comparison.warning:
-            rows = [(*row, comparison.warning) for row in comparison.rows]
-            return renderers.exact([*Difference._fields, "changed"], rows)
-        return renderers.exact(Difference._fields, comparison.rows)
+        changed = [comparison.warning] if comparison.warning else []
+        return renderers.csv_of_rows(FIELDS, tidy_rows(comparison), changed)
     if format == "markdown":
         return renderers.markdown(
             replace(pairs(comparison), notes=[comparison.left_out, comparison.warning])
         )
     name = " and ".join(comparison.names)
     return f"{renderers.latex(values(comparison), name)}\n{differences_latex(comparison, name)}"
+
+
+def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
+    """The numbers of each arm, then the differences, each with the columns ``FIELDS``: ``against``
+    names the arm from which a value is a difference, ``by`` what its interval is over.
+    """
+    arms = {arm.label: arm for arm in comparison.arms}
+    for metric in as_metrics(comparison)[0]:
+        arm = arms[metric.method]
+        number = replace(metric, method=arm.method.name)
+        yield (arm.setting, *number.of_seed(arm.seed), "", "", "", None)
+    for row in comparison.rows:
+        if row.difference is not None:
+            arm = arms[row.arm]
+            number = MetricValue(
+                row.metric,
+                arm.method.name,
+                "all",
+                "",
+                value=row.difference,
+                unit=row.unit,
+                low=row.low,
+                high=row.high,
+                n=row.n,
+            )
+            of_difference = (row.against, row.by, row.verdict, row.variance_ratio)
+            yield (arm.setting, *number.of_seed(arm.seed), *of_difference)
 
 
 def about(comparison: ComparedRuns) -> str:
@@ -109,7 +137,7 @@ def values(comparison: ComparedRuns) -> ResultTable:
             Row(definition(name).label, [cell(by_place.get((name, arm.name))) for arm in methods])
             for name in dict.fromkeys(metric.metric for metric in metrics)
         ],
-        title=f"{' and '.join(comparison.names)}, compared",
+        title=f"{' and '.join(comparison.names)}: main results",
         notes=[about, comparison.left_out, comparison.warning],
     )
 

@@ -12,13 +12,17 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from html import escape
-from itertools import pairwise
-from typing import Any
+from itertools import chain, pairwise
+from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.text import one_line, significant
+from genie_sim.record.results import TIDY_FIELDS
 from genie_sim.record.tables import harmless
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
 GAP = 2  # characters between columns on a terminal
@@ -49,6 +53,7 @@ MAX_WIDE = 6  # and over both
 MAX_ROWS = 25  # with intervals below them they take the height of a page
 HEADING_CHARACTERS = 14
 UNDEFINED = "--"
+LAST_LATIN = "\u00ff"  # of the letters that pdflatex knows
 
 
 def checked(format: str) -> str:
@@ -211,10 +216,10 @@ def latex(table: ResultTable, name: str) -> str:
         wide = len(part.columns) > MAX_NARROW
         environment = "table*" if wide else "table"
         lines = [
-            f"% needs \\usepackage{{{','.join(PACKAGES)}}}",
+            f"% needs \\usepackage{{{','.join(PACKAGES)}}}{_engine(part)}",
             rf"\begin{{{environment}}}[!t]",
             r"\centering",
-            r"\setlength{\tabcolsep}{3pt}",
+            r"\setlength{\tabcolsep}{3pt}\renewcommand{\arraystretch}{0.96}",
             r"\sisetup{group-separator={,},group-minimum-digits=4}",  # as a terminal shows them
             rf"\caption{{{_escaped(table.title + of_parts)}}}",
             rf"\label{{tab:{label}{f'-{number}' if number > 1 else ''}}}",
@@ -225,6 +230,12 @@ def latex(table: ResultTable, name: str) -> str:
         ]
         texts.append("\n".join([*lines, ""]))
     return "\n".join(texts)
+
+
+def _engine(table: ResultTable) -> str:
+    """What a table of texts beyond Latin letters needs besides packages."""
+    texts = [table.title, *table.headings, *table.notes, *chain(*table.texts())]
+    return "" if all(text.isascii() or max(text) <= LAST_LATIN for text in texts) else ", lualatex"
 
 
 def _blocks(length: int, most: int) -> list[slice]:
@@ -327,25 +338,30 @@ def _lines(row: Row) -> list[str]:
     return [" & ".join(line).strip() + r" \\" for line in lines]
 
 
-def exact(names: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+def csv_of_rows(
+    names: Iterable[str], rows: Iterable[Sequence[Any]], changed: Sequence[str] = ()
+) -> str:
     """All numbers as CSV, to ten digits, one that is not defined as an empty field; no cell is a
-    formula to a spreadsheet.
+    formula to a spreadsheet. A last column names files which were changed since, where any was.
     """
     to = io.StringIO()
     writer = csv.writer(to, lineterminator="\n")
-    writer.writerow(names)
-    for row in rows:
+    last = [" ".join(changed)] if changed else []
+    for row in ([*names, *(["changed"] if changed else [])], *([*row, *last] for row in rows)):
         writer.writerow([_exact_cell(cell) for cell in row])
     return to.getvalue()
 
 
-def exact_changed(
-    names: Sequence[str], rows: Iterable[Sequence[Any]], changed: Sequence[str]
-) -> str:
-    """The same, with a column that names files which were changed since, where any was."""
-    if not changed:
-        return exact(names, rows)
-    return exact([*names, "changed"], ((*row, " ".join(changed)) for row in rows))
+def csv_of_table(table: "pd.DataFrame", changed: Sequence[str] = ()) -> str:
+    """The same of a table of numbers: the columns that say which setting, ``TIDY_FIELDS``, and
+    what else there is.
+    """
+    names = list(map(str, table.columns))
+    before = names[: names.index("metric")]
+    table = table if "seed" in names else table.assign(seed=None)
+    columns = dict.fromkeys((*before, *TIDY_FIELDS, *names))
+    rows = table.reindex(columns=list(columns)).itertuples(index=False, name=None)
+    return csv_of_rows(columns, rows, changed)
 
 
 def _exact_cell(cell: Any) -> Any:

@@ -32,7 +32,7 @@ from genie_sim.analysis.statistics import MIN_SEEDS
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.text import one_line
 from genie_sim.record.columns import Columns
-from genie_sim.record.results import METRIC_FIELDS, MetricValue, Run
+from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 
 OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
@@ -238,8 +238,13 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
     """
     main = main_table(run, metrics)
     if format == "csv":
-        rows = [metric.row for metric in run.measured if not metrics or metric.metric in metrics]
-        return renderers.exact_changed(METRIC_FIELDS, rows, run.changed)
+        seed = run.runs[0].seed if len(run.runs) == 1 else None
+        rows = [
+            metric.of_seed(seed)
+            for metric in run.measured
+            if not metrics or metric.metric in metrics
+        ]
+        return renderers.csv_of_rows(TIDY_FIELDS, rows, run.changed)
     if format == "latex":
         return _latex(run, main, metrics)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []

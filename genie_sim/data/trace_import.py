@@ -263,7 +263,7 @@ def _tell_ways(
         poses = np.array([frame.pose for frame in frames])
         report.span("times", times_s[[0, -1]] + first_ns / NS_PER_S, "s")
         for axis, values in zip(("east", "north"), poses.T, strict=False):
-            report.span(axis, values, "m")
+            report.span(axis, values.round(POSITION_DECIMALS), "m")
         report.span("width", {frame.width for frame in pictured}, "px")
         report.span("height", {frame.height for frame in pictured}, "px")
         report.way(name, times_s.tolist(), poses[:, :2])

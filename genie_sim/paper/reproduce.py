@@ -130,8 +130,7 @@ class Reproduction(Suggesting, Result):
             table = self.metrics
             if registry.checked(metrics, table["metric"]):
                 table = table[table["metric"].isin(metrics)]
-            rows = table.itertuples(index=False, name=None)
-            return renderers.exact_changed(list(table.columns), rows, self.changed)
+            return renderers.csv_of_table(table, self.changed)
         if metrics:
             raise UserError(
                 "--metrics: the table of an evaluation is of claims; --format csv has them"

@@ -73,8 +73,15 @@ class MetricValue:
         """The values of its fields, in their order."""
         return _row_of(self)
 
+    def of_seed(self, seed: int | None) -> tuple[Any, ...]:
+        """The values of ``TIDY_FIELDS``, of this seed."""
+        return (*self.row[:PLACE], seed, *self.row[PLACE:])
+
 
 METRIC_FIELDS = tuple(field.name for field in fields(MetricValue))
+PLACE = METRIC_FIELDS.index("value")  # so many fields say what the number is of
+# The columns of every table of numbers; where a number is a mean over seeds, it has no seed.
+TIDY_FIELDS = (*METRIC_FIELDS[:PLACE], "seed", *METRIC_FIELDS[PLACE:])
 _row_of = attrgetter(*METRIC_FIELDS)
 
 

@@ -136,10 +136,10 @@ class Comparison:
 
     @cached_property
     def table(self) -> "pd.DataFrame":
-        """One row per metric and method; see ``analysis.compare.Difference``."""
+        """One row a number, and one a difference; see ``analysis.compare_tables.tidy_rows``."""
         import pandas as pd
 
-        return pd.DataFrame(self.compared.rows, columns=comparing.Difference._fields)
+        return pd.DataFrame(compare_tables.tidy_rows(self.compared), columns=compare_tables.FIELDS)
 
     @cached_property
     def settings(self) -> "pd.DataFrame":

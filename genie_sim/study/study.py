@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import registry
+from genie_sim.analysis import registry, renderers
 from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
@@ -20,7 +20,6 @@ from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
-from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
@@ -191,7 +190,7 @@ class Study:
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
             tables.write_parquet(table, self.folder / f"{name}.parquet", about)
-            tables.write_csv(table, self.folder / f"{name}.csv")
+            template.write(self.folder / f"{name}.csv", renderers.csv_of_table(table))
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
         return runs
@@ -218,9 +217,10 @@ class Study:
         scenarios = (
             runs[entry.run_id].scenario for entry in self.plan.entries if entry.seed == seed
         )
-        methods_of_points = (method_facts(one, new_methods(one)) for one in scenarios)
         return {
-            method["name"]: method["title"] for methods in methods_of_points for method in methods
+            entry.name: entry.facts(method)["title"]
+            for scenario in scenarios
+            for entry, method in zip(scenario.methods, scenario.new_methods().values(), strict=True)
         }
 
     def _write_about(self) -> None:

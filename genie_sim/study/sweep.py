@@ -212,8 +212,7 @@ class Sweep(Suggesting, Result):
         if checked(metrics, points["metric"]):
             points = points[points["metric"].isin(metrics)]
         if format == "csv":
-            rows = points.itertuples(index=False, name=None)
-            return renderers.exact_changed(list(map(str, points.columns)), rows, self.changed)
+            return renderers.csv_of_table(points, self.changed)
         table = self._table(metrics)
         if format == "markdown":
             notes = [self.warning]
@@ -223,7 +222,9 @@ class Sweep(Suggesting, Result):
         notes = [several if seeds > 1 else "One seed.", self.warning]
         if len(table.rows) > MAX_ROWS:
             notes.append(f"The first {MAX_ROWS} of {len(table.rows)} rows; all are in table.csv.")
-        title = f"{self.title}: {', '.join(self.axes)}"
+        title = f"Sweep {self.title} of {self.design.scenario}: main results"
+        if self.axes:
+            title += f" along {' and '.join(self.axes)}"
         shown_rows = table.rows[:MAX_ROWS]
         return renderers.latex(
             replace(table, title=title, rows=shown_rows, notes=notes), self.title
@@ -260,7 +261,8 @@ class Sweep(Suggesting, Result):
             rows.append(Row(f"{place}: {self.titles.get(str(method), str(method))}", cells))
         about = [(definition(name), placement) for name, placement in columns]
         labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
-        return ResultTable(labels, rows, self.title)
+        corner = f"{', '.join(self.axes)}: method" if self.axes else "method"
+        return ResultTable(labels, rows, self.title, corner=corner)
 
     def page(self) -> str:
         """The text of a page about the sweep: its main metrics, and its figures."""

@@ -12,7 +12,6 @@ from genie_sim.analysis.tidy import NEGLIGIBLE, across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parquet import METADATA_KEY
 from genie_sim.base.paths import atomic_write
-from genie_sim.record import tables
 from genie_sim.study.plan import Entry
 
 if TYPE_CHECKING:
@@ -99,15 +98,3 @@ def write_parquet(table: "pd.DataFrame", path: Path, about: bytes) -> None:
     )
     with atomic_write(path) as beside, beside.open("wb") as file:  # of a path pyarrow makes a URI
         pq.write_table(with_metadata, file, compression="zstd", version="2.6")
-
-
-def write_csv(table: "pd.DataFrame", path: Path) -> None:
-    """An undefined number is an empty field. A text that a spreadsheet would take for a formula
-    gets an apostrophe in front. Raises ``UserError``.
-    """
-    texts = table.select_dtypes(exclude="number").columns
-    table = table.assign(**{name: table[name].map(tables.harmless) for name in texts}).rename(
-        columns=tables.harmless
-    )
-    with atomic_write(path) as beside, beside.open("w", encoding="utf-8", newline="") as file:
-        table.to_csv(file, index=False, lineterminator="\n")

@@ -265,10 +265,17 @@ def test_what_cannot_be_compared_is_refused_in_one_line(usual: list[Run]):
 def test_tables_in_three_formats_hold_the_same_rows(usual: list[Run]):
     made = compare(usual[:1])
     rows = list(csv.DictReader(io.StringIO(compare_tables.text(made, "csv"))))
-    assert [one["metric"] for one in rows] == [one.metric for one in made.rows]
-    assert float(rows[0]["value"]) == pytest.approx(made.rows[0].value, rel=1e-9)
     pairs = [one for one in rows if one["against"]]
-    assert compare_tables.text(made).count("\n") == len(pairs) + 2
+    values = {(one["metric"], one["method"]): one["value"] for one in rows if not one["against"]}
+    for one in made.rows:
+        assert float(values[one.metric, one.arm]) == pytest.approx(one.value, rel=1e-9)
+    assert [(one["metric"], one["method"], one["against"], one["verdict"]) for one in pairs] == [
+        (one.metric, one.arm, one.against, one.verdict)
+        for one in made.rows
+        if one.difference is not None
+    ]
+    assert {one["seed"] for one in rows} == {str(next(iter(made.arms[0].runs)))}
+    assert compare_tables.text(made).count("\n") == sum(bool(one.against) for one in made.rows) + 2
     values, differences = compare_tables.text(made, "latex").split("% needs")[1:]
     assert r"first answer, mean [ms] & " in values and r"\caption" in differences
     gap = next(row for row in made.rows if row.metric == "first_answer_mean" and row.against)

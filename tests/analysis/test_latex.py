@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from dataclasses import asdict
+
+import pytest
 
 from genie_sim.analysis import renderers, summary
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
@@ -98,3 +102,20 @@ def test_thousands_are_grouped_as_on_a_terminal():
     text = renderers.latex(table, "times")
     assert "[1,200, 12,345]" in text and "group-minimum-digits=4" in text
     assert "1,234 (1,200 to 12,345)" in renderers.terminal(table, 80)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pdflatex", "lualatex"])
+def test_latex_takes_any_text_of_users(engine, tmp_path):
+    if shutil.which(engine) is None:
+        pytest.skip(f"no {engine} on this machine")
+    text = r"50% & $x_1$ {\evil} #~^ \input{a} [x] * Größe"
+    text += " → 日本" if engine == "lualatex" else ""
+    rows = [Row(text, [Cell(1.5, 1.0, 2.0)] * 2), Row("[x]", [Cell(text), Cell()])]
+    table = renderers.latex(ResultTable([text, "b"], rows, text, [text], corner=text), text)
+    assert ("lualatex" in table) == (engine == "lualatex")
+    whole = r"\documentclass{article}\usepackage{booktabs,siunitx}\begin{document}%s\end{document}"
+    (tmp_path / "a.tex").write_text(whole % table, encoding="utf-8")
+    command = [engine, "-interaction=nonstopmode", "-halt-on-error", "a.tex"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False)
+    assert done.returncode == 0, done.stdout.decode(errors="replace")[-2000:]

@@ -121,8 +121,8 @@ def test_a_table_for_a_paper_has_the_same_numbers_with_intervals_in_every_format
 
 
 def test_csv_has_all_digits_and_no_formula():
-    text = renderers.exact(["a", "b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
-    assert text == "a,b\n'=1+1,0.3333333333\n'-,\nplain,-2.0\n"
+    text = renderers.csv_of_rows(["a", "@b"], [["=1+1", 1 / 3], ["-", None], ["plain", -2.0]])
+    assert text == "a,'@b\n'=1+1,0.3333333333\n'-,\nplain,-2.0\n"
 
 
 def test_every_latency_of_every_method_has_its_row(found):
@@ -244,7 +244,7 @@ def test_titles_of_somebody_else_cannot_steer_a_terminal_or_run_latex():
     assert r"\input" not in latex and "^^" not in latex and "\x1b" not in latex
     assert r"\textbackslash{}input\{" in "".join(latex.split(r"\\{}"))
     assert r"a\|b" in summary.table(bad, "markdown")
-    assert "\x1b" not in renderers.exact(["title"], [["\x1b[2J"]])
+    assert "\x1b" not in renderers.csv_of_rows(["title"], [["\x1b[2J"]])
 
 
 def test_every_placement_method_and_component_has_its_own_number():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import json
+import csv
+import io
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,10 @@ def swept() -> sweep.Sweep:
 
 def test_the_table_has_a_row_for_each_point_and_method(swept: sweep.Sweep):
     lines = swept.text().splitlines()
-    assert lines[0] == "| | first answer, mean [ms] | frames with a fresh result [%] |"
+    assert (
+        lines[0]
+        == "| rate, rule: method | first answer, mean [ms] | frames with a fresh result [%] |"
+    )
     assert lines[1] == "|---|---:|---:|"
     assert lines[2] == "| 0, rule0: local (L) | 0.5 | - |"
     assert lines[5] == "| 0.1, rule1: Genie (DG) | 1.5 | 150 |"
@@ -73,14 +77,17 @@ def test_a_paper_has_intervals_and_the_first_rows_alone(swept: sweep.Sweep):
     text = swept.text("latex")
     assert "Means, in brackets their 95 % t intervals, over 2 seeds." in text.replace("\\%", "%")
     assert "The first 50 of 52 rows; all are in table.csv." in text
-    assert "my\\_sweep: rate, rule" in text and "tab:" in text
+    assert "Sweep my\\_sweep of " in text and "main results along rate and rule" in text
+    assert r"\label{tab:my-sweep}" in text
     assert "[0.4, 0.6]" in text and "[1.4, 1.6]" in text, "intervals stand below their values"
     assert "Genie (DG)" in text and text.count("rule24") == 2 and "rule25" not in text
 
 
 def test_a_spreadsheet_has_every_number(swept: sweep.Sweep):
-    lines = swept.text("csv").splitlines()
-    assert lines[0].startswith("point,rate,rule,metric,method,placement,component,value")
-    assert len(lines) == 1 + 26 * 2 * 4
-    assert json.loads(f"[{lines[-1].split('car,,')[1]}]") == [25.5, 25.4, 25.6]
-    assert ",,0.4,0.6" in lines[1], "what is not defined is an empty field"
+    text = swept.text("csv")
+    assert text.startswith("point,rate,rule,metric,method,placement,component,seed,value,unit,low")
+    rows = list(csv.DictReader(io.StringIO(text)))
+    assert len(rows) == 26 * 2 * 4
+    ends = [rows[-1][name] for name in ("value", "low", "high", "seed")]
+    assert ends == ["25.5", "25.4", "25.6", ""]
+    assert rows[0]["value"] == "", "what is not defined is an empty field"
