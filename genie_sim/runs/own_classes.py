@@ -4,7 +4,8 @@ seen nowhere else. What other classes of the user's own return is checked by the
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,8 +23,30 @@ from genie_sim.base.contracts import (
     is_number,
     require,
 )
-from genie_sim.base.errors import UserError, short_repr
-from genie_sim.data.source import Drive, Frames
+from genie_sim.base.errors import UserError, first_line, short_repr
+from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.scenario.scenario import Scenario
+
+
+@contextmanager
+def own_code_named(scenario: Scenario) -> Iterator[None]:
+    """An exception in the simulator names the classes of the user's own that take part, as a
+    ``UserError``: one of them raised it, or returned what it should not.
+    """
+    try:
+        with plugins.own_faults_told():
+            yield
+    except (UserError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        names = ", ".join(scenario.own_code())
+        if not names:
+            raise
+        what = f"{type(error).__name__}: {first_line(error)}"
+        raise UserError(
+            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
+        ) from error
+
 
 POSE = Contract(
     "a CameraPose of four numbers",
