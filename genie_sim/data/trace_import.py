@@ -66,7 +66,7 @@ def detection(
         box=None if box is None else _rounded(box, PIXEL_DECIMALS),
         location=None if location is None else _rounded(location, POSITION_DECIMALS),
         confidence=rounded_score,
-        method=method,
+        placed_by=method,
     )
 
 
