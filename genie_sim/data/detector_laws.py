@@ -10,7 +10,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
-from genie_sim.data.source import Frames
+from genie_sim.data.frame_source import Frames
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.measure import LawCounts, shrunk, total
 
