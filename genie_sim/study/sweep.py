@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
+    from genie_sim.study.figures import SweepFigures
+
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
 MAX_ROWS = 50  # of a table in LaTeX
 
@@ -179,29 +181,21 @@ class Sweep(Suggesting, Result):
 
     def figures(self, width_in: float | None = None) -> "dict[str, Figure]":
         """See ``Result``."""
-        from genie_sim.study import figures
-
-        drawn = figures.of_sweep(
-            self.design, self.every_run, self.titles, self.footer, width_in or PAGE_IN
-        )
         with provenance.of_this_version(self.folder):
-            return dict(drawn)
+            return dict(self._figures(width_in).drawn())
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure; or one metric along the first axis, or as a heat map over the first two."""
-        from genie_sim.study import figures
-
         if name in {*METRICS, *self.every_run["metric"]} - {*self.design.axes}:
-            return figures.of_metric(
-                name,
-                self.design,
-                self.every_run,
-                titles=self.titles,
-                footer=self.footer,
-                width_in=width_in or PAGE_IN,
-            )
+            return self._figures(width_in).of(name)
         figure: Figure = named(name, self.figures(width_in))
         return figure
+
+    def _figures(self, width_in: float | None) -> "SweepFigures":
+        from genie_sim.study.figures import SweepFigures
+
+        width_in = width_in or PAGE_IN
+        return SweepFigures(self.design, self.every_run, self.titles, self.footer, width_in)
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The points: in ``csv`` every metric with all digits, in ``latex`` the main metrics with
