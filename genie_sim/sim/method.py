@@ -115,7 +115,7 @@ MakeInterceptor = Callable[[tuple[str, ...], tuple[str, ...]], Interceptor]
 
 @dataclass(frozen=True)
 class HostContext:
-    """What a method is told about a host: a car or an edge.
+    """What a method gets to know of a host: a car or an edge.
 
     Parameters
     ----------

@@ -285,7 +285,7 @@ def _checked(field: str, config: HostConfig) -> HostConfig:
 
 
 class HostContexts(NamedTuple):
-    """What a method is told about the hosts of one world."""
+    """What a method gets to know of the hosts of one world."""
 
     setup: Setup
     stream: Callable[..., np.random.Generator]
@@ -324,5 +324,5 @@ class HostContexts(NamedTuple):
 def answered_cars(setup: Setup, method: Method) -> set[str]:
     """The cars on which a method runs something; it is asked, and no world is built."""
     streams = partial(seeds.stream, setup.seed)
-    told = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
-    return {car.name for car in setup.cars if method.on_car(told.car(car)) is not None}
+    contexts = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
+    return {car.name for car in setup.cars if method.on_car(contexts.car(car)) is not None}

@@ -30,8 +30,7 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs import folder as run_folder
-from genie_sim.runs.prepare import Prepared
-from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.prepare import Prepared, SharedFrames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 

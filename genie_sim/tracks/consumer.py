@@ -11,10 +11,10 @@ from typing import Literal, NamedTuple
 from genie_sim.base import units
 from genie_sim.base.settings import Share
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 REMEMBERED_FRAMES = 256
 

@@ -92,7 +92,7 @@ SHARE = {
     "unit": "1",
     "n": 100,
 }
-RATE = "  rate: {set: genie.object_map.rate, random: {from: 0, to: 1}}\n"
+RATE = "  rate: {set: genie.object_map.rate, latin_hypercube: {from: 0, to: 1}}\n"
 VIEW = "  view: {set: genie.view_range, latin_hypercube: {from: 10 m, to: 90 m}}\n"
 
 
@@ -158,7 +158,7 @@ def test_a_grid_whose_steps_are_whole_fits_settings_that_must_be():
 
 def test_samples_on_a_logarithmic_scale_have_even_decades():
     text = RATE.replace("from: 0, to: 1", "from: 0.001, to: 1, scale: log")
-    rates = sampled(text.replace("random", "latin_hypercube"), 30)["rate"]
+    rates = sampled(text, 30)["rate"]
     assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [
         10,
         10,
@@ -184,10 +184,6 @@ def test_samples_come_from_streams_of_the_axes_names():
     assert not sampled(VIEW.replace("view:", "sight:"))["sight [m]"].equals(alone)
 
 
-def test_more_random_samples_keep_the_earlier_ones():
-    assert sampled(RATE, 30)["rate"][:20].equals(sampled(RATE, 20)["rate"])
-
-
 def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
     table = sampled(
         RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7
@@ -206,9 +202,13 @@ MISTAKES = {
     "an axis without a way": (
         "list: [0.1, 0.5]",
         "",
-        "s.yaml: axes.rate: must have exactly one of grid, list, random",
+        "s.yaml: axes.rate: must have exactly one of grid, list, latin",
     ),
-    "two ways": ("list: [0.1, 0.5]", "list: [1], random: {from: 0, to: 1}", "has list and random"),
+    "two ways": (
+        "list: [0.1, 0.5]",
+        "list: [1], latin_hypercube: {from: 0, to: 1}",
+        "has list and latin",
+    ),
     "no setting": (
         "set: genie.object_map.rate, ",
         "",
@@ -269,7 +269,7 @@ MISTAKES = {
     ),
     "no samples": (
         "list: [0.1, 0.5]",
-        "random: {from: 0, to: 1}",
+        "latin_hypercube: {from: 0, to: 1}",
         "s.yaml: samples: missing; axis 'rate' needs",
     ),
     "one setting in two axes": (
@@ -796,7 +796,7 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared: list[int] = []
     monkeypatch.setattr(
-        "genie_sim.runs.shared.prepare", lambda *a: prepared.append(1) or prepare(*a)
+        "genie_sim.runs.prepare.prepare", lambda *a, **k: prepared.append(1) or prepare(*a, **k)
     )
     work._frames_of_process.cache_clear()
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
