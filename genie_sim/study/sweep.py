@@ -374,8 +374,9 @@ def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
     import pyarrow.types as of
 
     scalars = (of.is_integer, of.is_floating, of.is_boolean, of.is_large_string, of.is_null)
-    kinds = dict.fromkeys(METRIC_FIELDS[:PLACE], (of.is_large_string,))
-    kinds |= dict.fromkeys(NUMBERS, (of.is_floating,)) | {"n": (of.is_integer, of.is_floating)}
+    kinds: dict[str, tuple[Any, ...]] = {"n": (of.is_integer, of.is_floating)}
+    kinds |= dict.fromkeys(METRIC_FIELDS[:PLACE], (of.is_large_string,))
+    kinds |= dict.fromkeys(NUMBERS, (of.is_floating,))
     for name in (BEFORE_AXES[0], *METRIC_FIELDS):
         if name not in schema.names:
             raise UserError(f"{path}: is no table of a sweep: it has no column {name}")
