@@ -8,8 +8,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.runs.prepare import facts, new_methods
-from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.prepare import SharedFrames, facts
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, SweepPoint
@@ -111,7 +110,7 @@ def runs_of(
             source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
             known = facts(
                 seeded,
-                new_methods(seeded),
+                seeded.new_methods(),
                 devices=prepared.devices,
                 frames=source,
                 encoded=prepared.encoded,

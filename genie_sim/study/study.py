@@ -20,7 +20,6 @@ from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
-from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
@@ -218,9 +217,10 @@ class Study:
         scenarios = (
             runs[entry.run_id].scenario for entry in self.plan.entries if entry.seed == seed
         )
-        methods_of_points = (method_facts(one, new_methods(one)) for one in scenarios)
         return {
-            method["name"]: method["title"] for methods in methods_of_points for method in methods
+            entry.name: entry.facts(method)["title"]
+            for scenario in scenarios
+            for entry, method in zip(scenario.methods, scenario.new_methods().values(), strict=True)
         }
 
     def _write_about(self) -> None:

@@ -13,7 +13,7 @@ import pytest
 from genie_sim import methods
 from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import method_facts, new_methods, prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import parse
@@ -94,7 +94,7 @@ def test_an_entry_overrides_the_settings_of_the_scenario() -> None:
     assert (usual.genie.eviction, small.genie.eviction) == ("fifo", "lru")
     assert (usual.genie.view_range_m, small.genie.view_range_m) == (30.0, 30.0)
     assert small.queue_length == 2
-    assert method_facts(setting, new_methods(setting)) == [
+    assert [entry.facts(entry.new()) for entry in setting.methods] == [
         {"name": "genie", "title": "Genie (DG)", "baseline": False},
         {"name": "small", "title": "Genie with 10 entries", "baseline": False},
     ]

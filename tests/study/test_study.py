@@ -798,7 +798,7 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared: list[int] = []
     monkeypatch.setattr(
-        "genie_sim.runs.shared.prepare", lambda *a: prepared.append(1) or prepare(*a)
+        "genie_sim.runs.prepare.prepare", lambda *a, **k: prepared.append(1) or prepare(*a, **k)
     )
     work._frames_of_process.cache_clear()
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
