@@ -234,7 +234,7 @@ def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
     raise UserError(f"{path}: metadata: sequence {sequence!r} is no name")
 
 
-def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
     """The frames by camera. Raises UserError, naming ``path``, if frames are out of order or have
     impossible values.
     """
