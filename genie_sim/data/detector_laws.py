@@ -10,6 +10,7 @@ from functools import cache
 from importlib import resources
 from typing import Any
 
+from genie_sim.data.frame_source import Frames
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.measure import LawCounts, shrunk, total
 
@@ -62,3 +63,14 @@ def facts(detectors: Collection[str], drives: Collection[str]) -> dict[str, Any]
         "is_known": is_known,
         "measured_on": measured_on(detectors, drives),
     }
+
+
+def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as it tells, and these
+    drives.
+    """
+    traces = [about for about in frames.provenance().values() if "detector" in about]
+    return (
+        {str(about["detector"]) for about in traces},
+        {str(about.get("drive")) for about in traces},
+    )

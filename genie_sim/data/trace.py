@@ -19,7 +19,7 @@ from genie_sim.base.geometry import Geodetic, heading_of, transform
 from genie_sim.base.paths import remembered
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data import world_table
-from genie_sim.data.source import Drive
+from genie_sim.data.frame_source import Drive
 from genie_sim.data.world_table import in_range
 
 if TYPE_CHECKING:
@@ -234,7 +234,7 @@ def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
     raise UserError(f"{path}: metadata: sequence {sequence!r} is no name")
 
 
-def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
     """The frames by camera. Raises UserError, naming ``path``, if frames are out of order or have
     impossible values.
     """

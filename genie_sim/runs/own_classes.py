@@ -21,7 +21,7 @@ from genie_sim.base.contracts import (
     require,
 )
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.data.source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Frames
 
 POSE = Contract(
     "a CameraPose of four numbers",

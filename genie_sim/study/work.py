@@ -30,8 +30,7 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs import folder as run_folder
-from genie_sim.runs.prepare import Prepared
-from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.prepare import Prepared, SharedFrames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 
@@ -303,8 +302,10 @@ class Parts:
             part = provenance.read_json(path)
             if part["run_id"] == run_id and part["digest"] == _digest(part["metrics"]):
                 rows: list[list[Any]] = part["metrics"]
+                for row in rows:
+                    MetricValue(*row).check()
                 return rows
-        except (UserError, LookupError, TypeError) as error:
+        except (UserError, LookupError, TypeError, ValueError) as error:
             log.debug("%s: %s", path, error)
         log.warning("%s: was changed since it was written: its run is made again", path)
         return None

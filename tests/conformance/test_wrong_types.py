@@ -39,9 +39,12 @@ def test_a_node_that_returns_no_effects_says_so(returned: object, monkeypatch: p
     from genie_sim.recommended.paced_remote import PacedSender
 
     monkeypatch.setattr(PacedSender, "on_message", lambda *_: returned)
-    monkeypatch.setattr("genie_sim.runs.simulate.plugin_names", lambda _: ["method 'x:Y'"])
+    setting = small.scenario(methods=["paced_remote"])
+    of_scenario = "genie_sim.scenario.scenario.Scenario"
+    monkeypatch.setattr(f"{of_scenario}.own_code", lambda _: {"method 'x:Y'": ("method", "x:Y")})
+    monkeypatch.setattr(f"{of_scenario}.own_code_digests", lambda _: {})
     with pytest.raises(UserError) as error:
-        run_in_memory(small.scenario(methods=["paced_remote"]))
+        run_in_memory(setting)
     assert f"on_message() is {returned!r}, but must be a list of effects" in str(error.value)
 
 

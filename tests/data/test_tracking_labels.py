@@ -14,7 +14,7 @@ import pytest
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import inverse, project, transform
-from genie_sim.data.tracking import open_sequence, sequences
+from genie_sim.data.kitti_tracking import open_sequence, sequences
 from genie_sim.data.truth import make_truth, read_truth, tracking_labels
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
 from tools.make.published import POINTRCNN_SCORES, tracking_trace

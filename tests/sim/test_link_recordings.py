@@ -14,7 +14,7 @@ from genie_sim.links import recording
 from genie_sim.links.recording import StepFunction
 from genie_sim.links.trace import RecordedLink
 from genie_sim.links.wire import Wire
-from genie_sim.runs.prepare import link_digests, prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_model import LinkEnds
 from tests.conformance import small
 from tests.sim.processes import DOWN, UP, sender
@@ -157,7 +157,7 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
     first, second = digests(1000), digests(2000)
     assert set(first) == {"link rate1000", "link urban_n78_generated"}
     assert first["link rate1000"] != second["link rate2000"]
-    assert link_digests(small.scenario(["local"])) == {}
+    assert small.scenario(["local"]).link_digests() == {}
 
 
 CSV = "time_s,up_mbps,down_mbps,rtt_ms\n10,1.5,50,20\n11,0,50,30.5\n12.5,20,40,25\n"
