@@ -17,7 +17,7 @@ from genie_sim.analysis import frame_metrics
 from genie_sim.analysis.metric import Metric, Sample, Seen, Tables
 from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
 from genie_sim.analysis.statistics import Measured
-from genie_sim.base.errors import UserError, short_repr, text_of
+from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of
 from genie_sim.base.plugins import is_own, own_faults_told
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
@@ -77,7 +77,11 @@ def compute(
                         unit=metric.unit_in_files,
                         **number._asdict(),
                     )
-                    measured.append(rounded(value))
+                    value = rounded(value)
+                    if is_own(name):
+                        with as_user_error(f"metric {name!r}", ValueError):
+                            value.check()
+                    measured.append(value)
     return measured
 
 

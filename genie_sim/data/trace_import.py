@@ -69,7 +69,7 @@ def detection(
         box=None if box is None else _rounded(box, PIXEL_DECIMALS),
         location=None if location is None else _rounded(location, POSITION_DECIMALS),
         confidence=rounded_score,
-        method=method,
+        placed_by=method,
     )
 
 
@@ -154,7 +154,7 @@ def scan_frame(
 
 
 def traces(
-    frames: Mapping[str, Iterable[TraceFrame]],
+    frames: Mapping[str, Sequence[TraceFrame]],
     *,
     origin: Geodetic,
     provenance: Mapping[str, Any],
@@ -182,15 +182,15 @@ def traces(
     Raises UserError for frames that no drive has: see ``docs/how-to/own-data.md``.
     """
     if first_ns is None:
-        frames = {car: list(of_car) for car, of_car in frames.items()}
         first_ns = min(
             (frame.stamp_ns for of_car in frames.values() for frame in of_car), default=0
         )
-    path = Path(str(report.path))
     by_car = {}
     for car, of_car in frames.items():
         cameras = _in_order(of_car, first_ns, numbered, report)
-        by_car[car] = checked(path, [frame for camera in cameras.values() for frame in camera])
+        by_car[car] = checked(
+            report.path, [frame for camera in cameras.values() for frame in camera]
+        )
         _tell_ways(car, by_car[car], first_ns, report)
     _tell_detections(by_car, report, range_m, detected_in)
     import_facts = {"import": report.facts()}
@@ -232,7 +232,7 @@ def tell_distances(report: ImportReport, distances_m: Sequence[float]) -> None:
 
 
 def _in_order(
-    frames: Iterable[TraceFrame], first_ns: int, numbered: bool, report: ImportReport
+    frames: Sequence[TraceFrame], first_ns: int, numbered: bool, report: ImportReport
 ) -> dict[str, list[TraceFrame]]:
     """The frames of each camera in order of time, with numbers, and stamps from ``first_ns`` on."""
     by_camera: dict[str, list[TraceFrame]] = {}
@@ -296,15 +296,15 @@ def _tell_detections(
     distances_m: list[float] = []
     count, outside, doubled = 0, 0, 0
     for frame in (
-        one for cameras in cars.values() for camera in cameras.values() for one in camera
+        frame for cameras in cars.values() for camera in cameras.values() for frame in camera
     ):
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
         count += len(frame.detections)
-        places = [one.location for one in frame.detections if one.location is not None]
+        places = [detection.location for detection in frame.detections if detection.location]
         doubled += len(places) - len(set(places))
-        for place in places:
-            distances_m.append(math.dist(place[:2], frame.pose[:2]))
-            outside += sector.distance_m(*place[:2]) is None
+        for east_m, north_m, _ in places:
+            distances_m.append(math.dist((east_m, north_m), frame.pose[:2]))
+            outside += sector.distance_m(east_m, north_m) is None
     report.read("detections", count)
     report.check_labels(count, detected_in)
     if distances_m and min(distances_m) > range_m + BEYOND_M:

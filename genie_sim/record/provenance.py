@@ -42,7 +42,10 @@ REQUIRED: dict[str, tuple[type, str]] = {
     "facts.devices": (dict, "a mapping"),
     "facts.traces": (dict, "a mapping"),
     "facts.methods": (list, "a list"),
+    "metrics": (dict, "a mapping"),
+    "rows": (dict, "a mapping"),
 }
+METHOD = {"name": (str, "text"), "title": (str, "text"), "baseline": (bool, "true or false")}
 COMMIT_FILE = "commit.txt"  # of an installed package, written by hatch_build.py
 EARLIER = ".earlier"  # the name of a result while another takes its place
 _LEFTOVER = re.compile(
@@ -383,8 +386,18 @@ def read_run_json(folder: Path) -> dict[str, Any]:
         value: Any = run
         for name in field.split("."):
             value = value.get(name) if isinstance(value, dict) else None
-        if not isinstance(value, kind):
+        if type(value) is not kind:
             raise UserError(f"{path}: {field}: missing, or not {what}")
+    where, names = f"{path}: facts.methods", set()
+    for place, method in enumerate(run["facts"]["methods"]):
+        if not isinstance(method, dict) or method.keys() != METHOD.keys():
+            raise UserError(f"{where}[{place}]: must be a mapping of {', '.join(METHOD)}")
+        for name, (kind, what) in METHOD.items():
+            if type(method[name]) is not kind:
+                raise UserError(f"{where}[{place}].{name}: must be {what}")
+        names.add(method["name"])
+    if not names or len(names) < len(run["facts"]["methods"]):
+        raise UserError(f"{where}: none, or several of one name")
     return run
 
 

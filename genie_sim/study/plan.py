@@ -68,7 +68,7 @@ def plan(
         Naming the setting that is wrong.
     """
     planned = Plan()
-    world = SharedFrames()
+    frames = SharedFrames()
     total = design.runs // len(design.seeds)
     for number, point in enumerate(design.points()):
         levels = ", ".join(
@@ -78,7 +78,7 @@ def plan(
             named = base if point.scenario == design.scenario else None
             scenario = _scenario(point, named, methods)
             name = f"point {number} ({levels})" if levels else ""
-            for run in runs_of(scenario, world, design.seeds, name):
+            for run in runs_of(scenario, frames, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
                 planned.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
                 planned.runs.setdefault(run.run_id, run)
@@ -101,10 +101,10 @@ def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) 
 
 
 def runs_of(
-    scenario: Scenario, world: "SharedFrames", seeds: Sequence[int], point: str
+    scenario: Scenario, frames: SharedFrames, seeds: Sequence[int], point: str
 ) -> Iterator[PointRun]:
     """A point's run with each seed; ``point`` names it where a run fails. Raises ``UserError``."""
-    prepared = world.prepare(scenario)
+    prepared = frames.prepare(scenario)
     for seed in seeds:
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:

@@ -322,8 +322,10 @@ class Parts:
             part = provenance.read_json(path)
             if part["run_id"] == run_id and part["digest"] == _digest(part["metrics"]):
                 rows: list[list[Any]] = part["metrics"]
+                for row in rows:
+                    MetricValue(*row).check()
                 return rows
-        except (UserError, LookupError, TypeError) as error:
+        except (UserError, LookupError, TypeError, ValueError) as error:
             log.debug("%s: %s", path, error)
         log.warning("%s: was changed since it was written: its run is made again", path)
         return None
