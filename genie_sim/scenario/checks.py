@@ -16,7 +16,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.features import feature_of
 from genie_sim.base.settings import SettingError, check_unique, join, own_arguments
 from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
-from genie_sim.data.source import Drive
+from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import MethodEntry, method_class

@@ -28,7 +28,7 @@ from genie_sim.base.settings import (
     names_of,
     plain_data,
 )
-from genie_sim.data.source import FrameSource
+from genie_sim.data.frame_source import FrameSource
 from genie_sim.data.sources import SOURCES
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet

@@ -209,13 +209,13 @@ class Study:
 
     def _draw(self, runs: "pd.DataFrame") -> None:
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.study import figures
+        from genie_sim.study.figures import SweepFigures
         from genie_sim.study.sweep import footer_of, unique_titles
 
         titles = unique_titles(self._titles())
         footer = footer_of(self.design, self.label)
         with provenance.derived(self.folder) as attempt, attempt("figures"):
-            drawn = dict(figures.of_sweep(self.design, runs, titles, footer))
+            drawn = dict(SweepFigures(self.design, runs, titles, footer).drawn())
             folder = provenance.contained(self.folder, "figures")
             of_runs.save_all(drawn, folder, ("svg", "png"))
 

@@ -147,7 +147,7 @@ def test_a_source_without_the_base_class_is_told_which():
     source = f"{__name__}:NoSource"
     message = (
         f"^frame source '{source}': must be of a subclass of FrameSource in "
-        "genie_sim.data.source, not "
+        "genie_sim.data.frame_source, not "
     )
     with pytest.raises(UserError, match=message):
         prepare(small.scenario(perception={"source": source}))
