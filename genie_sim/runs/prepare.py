@@ -189,12 +189,6 @@ def facts(
     laws = detector_laws.facts(*looked_at(frames))
     if laws is not None:
         found["laws"] = laws
-    if scenario.fleet is not None:
-        from genie_sim.worlds.town.source import TownDrives
-
-        if not isinstance(frames, TownDrives):  # the borders of a town follow from its settings
-            extent_m = [float(border_m) for border_m in frames.extent_m or ()]
-            found["map"] = {"extent_m": extent_m}
     return found
 
 
