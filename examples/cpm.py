@@ -52,7 +52,7 @@ TOPIC = "/cpm"
 # Thandavarayan et al., Intelligent Vehicles Symposium 2019: header, management and station
 # container; and one object
 MESSAGE_BYTES, OBJECT_BYTES = 121, 35
-SAME_M, SELF_M = 2.0, 4.0  # one object; the car itself, as others see it: as ``ToldRules``
+SAME_M, SELF_M = 2.0, 4.0  # one object; the car itself, as others see it: as ``SharingRules``
 OLD_NS = (
     1_500 * NS_PER_MS
 )  # what was seen longer ago is not told: ``TimeOfMeasurement``, TR 103 562

@@ -47,7 +47,7 @@ from genie_sim.extend import (
     ViewSector,
 )
 
-REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``ToldRules``
+REACH_M, SELF_M = 60.0, 4.0  # what a car is sent, and what is the car itself: as ``SharingRules``
 VIEW_M = 50.0  # how far a car looks for what others see
 LATELY_NS = NS_PER_S  # so long a sighting of another car counts
 HEARD_NS = 2 * NS_PER_S  # so long a car is sent maps after its newest frame
@@ -289,7 +289,7 @@ class MapServer(Interceptor):
                 box=seen.box,
                 location=seen.location,
                 confidence=seen.confidence,
-                method=seen.method,
+                placed_by=seen.placed_by,
                 motion=seen.motion,
                 seen_in=seen.seen_in,
                 others=others,

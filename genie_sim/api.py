@@ -104,7 +104,7 @@ def run(
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method.
     """
-    label, output = results.checked_label(label), _output(report, figures)
+    output = _output(report, figures)
     _check_jobs(jobs)
     if observer is not None and (jobs > 1 or out is not None):
         raise UserError("observer: is for one run in memory, without jobs and out")

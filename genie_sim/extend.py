@@ -38,9 +38,9 @@ from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex, Similarity
 from genie_sim.core.view import ViewSector
 from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
-from genie_sim.data.files import lines, within
-from genie_sim.data.perceive import DriveFrames, perceive
-from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.number_files import lines, within
+from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.table_import import ImportedCar, Sensor, recordings, write_recordings
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.nearest import FeatureKey
@@ -56,7 +56,7 @@ from genie_sim.sim.bends import Bend, Objects, bent, shifted
 from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.fault import Fault, Strike
-from genie_sim.sim.link_model import LINK, LinkEnds, LinkModel, Sender
+from genie_sim.sim.link_model import LINK, LinkEnds, Sender
 from genie_sim.sim.message_random import MessageRandom
 from genie_sim.sim.method import (
     LOCAL,
@@ -71,10 +71,10 @@ from genie_sim.sim.method import (
 )
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track import COAST_NS, PERSON, kind_of
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 __all__ = [
     "COAST_NS",
@@ -104,13 +104,13 @@ __all__ = [
     "DetectorSettings",
     "Draws",
     "Drive",
-    "DriveFrames",
     "Effect",
     "Eviction",
     "Existence",
     "Expired",
     "Fault",
     "FeatureKey",
+    "FrameSelection",
     "FrameSource",
     "Frames",
     "Graph",
@@ -124,7 +124,6 @@ __all__ = [
     "Interceptor",
     "KeyIndex",
     "LinkEnds",
-    "LinkModel",
     "LocalAndRemote",
     "Look",
     "Measured",

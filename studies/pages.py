@@ -26,10 +26,6 @@ METHODS = {
     "recommended": "recommended Genie",
     "sim_lru": "SimLRU",
     "genie_recommended": "recommended Genie",
-    "cpm": "CPM (ETSI)",
-    "autocast": "AutoCast",
-    "livemap": "LiveMap",
-    "track_or_detect": "track or detect",
 }
 
 
@@ -194,58 +190,8 @@ def baselines() -> str:
     return markdown(["method", *columns], rows)
 
 
-def which_cache() -> str:
-    """In each search the tuned Genie beside the best other tuned method."""
-    names = {
-        "ethernet": "three cars, Ethernet, encoding searched",
-        "caches": "three cars, Ethernet, raw, other caches too",
-        "lte": "three cars, LTE",
-        "raw_5g": "three cars, 5G, raw pictures",
-        "ten": "ten cars on one Quadro",
-        "streets": "four other streets, 5G",
-    }
-    table: Any = pd.read_csv(RESULTS / "which_cache" / "compared.csv")
-    table = table.set_index(["search", "method"])
-    rows = []
-    for search, title in names.items():
-        of_search = table.loc[search]
-        genie, others = of_search.loc["genie"], of_search.drop(["genie", "as_it_ships"])
-        best = others.loc[others["f1"].idxmax()]
-        difference = {"gain": best["gain"], "low": best["gain low"], "high": best["gain high"]}
-        prices = [
-            f"{genie[metric] / best[metric]:.0%}" if best[metric] else "-"
-            for metric in ("bytes_up_per_frame", "accelerator_time/edge")
-        ]
-        name = str(best.name).replace("_", " ")
-        rows.append(
-            [title, name, f"{best['f1']:.3f}", f"{genie['f1']:.3f}", gain(difference), *prices]
-        )
-    header = ["condition", "best other method", "its F1", "Genie's F1", "difference (95 %)"]
-    return markdown([*header, "bytes", "edge time"], rows, texts=2)
-
-
-def sharing() -> str:
-    """Each method in both places."""
-    of_places: Any = pd.read_csv(RESULTS / "what_to_share" / "methods.csv")
-    of_places = of_places.set_index(["method", "place"])
-    places = of_places.index.unique("place")
-    rows = []
-    for method in of_places.index.unique("method"):
-        cells = []
-        for place in places:
-            row = of_places.loc[(method, place)]
-            difference = {"gain": row["gain"], "low": row["gain_low"], "high": row["gain_high"]}
-            beside = "best of these" if method == row["best"] else gain(difference)
-            cells.append(f"{row['streaming_f1']:.3f} [{beside}]")
-        up = [f"{of_places.loc[(method, place), 'bytes_up'] / 1000:.0f}" for place in places]
-        rows.append([METHODS[method], *cells, " / ".join(up)])
-    return markdown(["method", *places, "up [kB a frame]"], rows)
-
-
 TABLES: Mapping[str, Callable[[], str]] = {
-    "which_cache": which_cache,
     "where_it_pays": where_it_pays,
-    "sharing": sharing,
     "baselines": baselines,
     "batching": batching,
     "two_streets": two_streets,

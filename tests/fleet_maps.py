@@ -9,7 +9,7 @@ from typing import Any
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 

@@ -109,6 +109,92 @@ def test_every_command_that_reads_results_names_the_file_that_was_changed(
         gs.load(folder)
 
 
+def fit_digest(folder: Path, name: str) -> None:
+    """As one who does not want the change to be seen."""
+    path = folder / ("run.json" if (folder / "run.json").is_file() else "sweep.json")
+    about = json.loads(path.read_text())
+    about["digests"] |= provenance.digests(folder, [name])
+    provenance.write_json(path, about, sort_keys=False)
+
+
+@pytest.mark.parametrize("kept", ["all twice", "none", "one twice, one not"])
+def test_rows_that_are_not_those_of_the_run_are_refused(kept, folder):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = folder / "frames.parquet"
+    table = pq.ParquetFile(path).read()
+    rows = {
+        "all twice": [table, table],
+        "none": [table.slice(0, 0)],
+        "one twice, one not": [table.slice(0, 1), table.slice(0, len(table) - 1)],
+    }[kept]
+    pq.write_table(pa.concat_tables(rows), path)
+    fit_digest(folder, path.name)
+    with pytest.raises(UserError, match=r"frames\.parquet: (holds|row 1: method, car)"):
+        gs.load(folder)
+
+
+WRONG_METRICS = {
+    "value": ["fast", True, float("inf"), float("nan"), 10**400, [], 1e300],
+    "low": ["x", 1e300],
+    "range_low": [float("-inf")],
+    "n": [-3, 1.5, True, None],
+    "unit": [["ms"], None],
+    "metric": ["zzz", 5, {}],
+    "method": ["nobody", None],
+    "component": [None],
+}
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [(field, value) for field, values in WRONG_METRICS.items() for value in values],
+    ids=lambda value: str(value)[:20],
+)
+def test_a_number_that_no_run_has_is_named_with_its_row_and_field(field, value, folder):
+    path = folder / "metrics.json"
+    metrics = json.loads(path.read_text())
+    place = next(place for place, row in enumerate(metrics) if row["low"] is not None)
+    metrics[place][field] = value
+    path.write_text(json.dumps(metrics))
+    fit_digest(folder, path.name)
+    with pytest.raises(UserError, match=rf"metrics\.json: row {place}: {field}: "):
+        gs.load(folder)
+
+
+@pytest.mark.parametrize("change", ["twice", "no mapping", "a field more", "no list"])
+def test_rows_of_metrics_that_no_run_writes_are_named(change, folder):
+    path = folder / "metrics.json"
+    metrics = json.loads(path.read_text())
+    changed = {
+        "twice": [*metrics, metrics[0]],
+        "no mapping": [*metrics, 5],
+        "a field more": [*metrics, metrics[0] | {"more": 1}],
+        "no list": {},
+    }[change]
+    path.write_text(json.dumps(changed))
+    fit_digest(folder, path.name)
+    where = "must be a list" if change == "no list" else f"row {len(metrics)}: "
+    with pytest.raises(UserError, match=rf"metrics\.json: {where}"):
+        gs.load(folder)
+
+
+@pytest.mark.parametrize(
+    "methods", [[], ["x"], [{"name": "a", "title": 5, "baseline": True}], "twice", "a field more"]
+)
+def test_methods_that_no_run_has_are_named_by_their_field(methods, folder):
+    path = folder / "run.json"
+    about = json.loads(path.read_text())
+    first = about["facts"]["methods"][0]
+    named = {"twice": [first, first], "a field more": [first | {"more": 1}]}
+    about["facts"]["methods"] = named.get(str(methods), methods)
+    about["run_id"] = provenance.run_id(about["facts"])
+    path.write_text(json.dumps(about))
+    with pytest.raises(UserError, match=r"run\.json: facts\.methods"):
+        gs.load(folder)
+
+
 @pytest.mark.slow
 def test_what_is_made_of_changed_files_says_so(folder, capsys):
     change_a_metric(folder)

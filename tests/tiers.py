@@ -46,6 +46,8 @@ IN_WORKER = "PYTEST_XDIST_WORKER" in os.environ
 
 left_out: Counter[str] = Counter()
 cpu_s: dict[str, float] = {}  # of tests of the fast tier
+cpu_of_files_s: Counter[str] = Counter()  # of their tests and fixtures
+cpu_of_workers_s: list[float] = []
 
 
 def tier_of(item: pytest.Item) -> str:
@@ -61,6 +63,9 @@ def noted(report: Any, name: str) -> list[Any]:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--cpu-file", metavar="FILE", help="where to write the CPU of each test, JSON")
+    parser.addoption(
+        "--max-cpu-s", type=float, metavar="S", help="print the CPU of each file; fail above this"
+    )
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int | None:
@@ -96,16 +101,33 @@ def pytest_deselected(items: Sequence[pytest.Item]) -> None:
     left_out.update(tier_of(item) for item in items)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     if IN_WORKER:
-        session.config.workeroutput["left_out"] = dict(left_out)  # type: ignore[attr-defined]
+        told = session.config.workeroutput  # type: ignore[attr-defined]
+        told |= {"left_out": dict(left_out), "cpu_s": time.process_time()}
+    elif _is_over(session.config):
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_testnodedown(node: Any) -> None:
     """Every worker has left out the same tests."""
+    told = getattr(node, "workeroutput", {})
     left_out.clear()
-    left_out.update(getattr(node, "workeroutput", {}).get("left_out", {}))
+    left_out.update(told.get("left_out", {}))
+    cpu_of_workers_s.append(told.get("cpu_s", 0.0))
+
+
+def _whole_cpu_s() -> float:
+    """Of this run so far, with its workers that have ended."""
+    return time.process_time() + sum(cpu_of_workers_s)
+
+
+def _is_over(config: pytest.Config) -> bool:
+    """Whether the run has taken more CPU than it may."""
+    most_s: float | None = config.option.max_cpu_s
+    return most_s is not None and _whole_cpu_s() > most_s
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
@@ -140,8 +162,12 @@ def _turn(alone: bool) -> Iterator[None]:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    if report.when == "teardown" and not IN_WORKER and noted(report, "tier") == ["fast"]:
-        cpu_s[report.nodeid] = sum(noted(report, "cpu_s"))
+    if report.when == "teardown" and not IN_WORKER:
+        own_s = sum(noted(report, "cpu_s"))
+        if noted(report, "tier") == ["fast"]:
+            cpu_s[report.nodeid] = own_s
+        file = report.nodeid.partition("::")[0]
+        cpu_of_files_s[file] += own_s + sum(noted(report, "cpu_of_fixtures_s"))
 
 
 class _Starts:
@@ -177,6 +203,16 @@ def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
     if starts.seen:
         pytest.fail(f"starts {starts.seen[0]}: mark it @pytest.mark.process", pytrace=False)
     return outcome
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item: pytest.Item) -> Iterator[None]:
+    """Measures the CPU of fixtures, also those that later tests of the file share."""
+    began_s = time.process_time()
+    try:
+        return (yield)
+    finally:
+        item.user_properties.append(("cpu_of_fixtures_s", time.process_time() - began_s))
 
 
 def pytest_terminal_summary(
@@ -220,3 +256,15 @@ def _of_cpu(config: pytest.Config) -> Iterator[str]:
     if slow:
         yield f"{len(slow):,} took more than {MAX_CPU_S:g} s of CPU and are not marked slow:"
     yield from (f"  {spent:5.1f} s  {name}" for spent, name in sorted(slow, reverse=True)[:10])
+    if config.option.max_cpu_s is not None:
+        yield from _of_files(config.option.max_cpu_s)
+
+
+def _of_files(most_s: float) -> Iterator[str]:
+    """The CPU of each file, the most first, and whether the whole is too much."""
+    yield "CPU of each file, with its fixtures:"
+    yield from (f"  {spent:5.1f} s  {name}" for name, spent in cpu_of_files_s.most_common())
+    whole_s, in_tests_s = _whole_cpu_s(), cpu_of_files_s.total()
+    yield f"  {whole_s - in_tests_s:5.1f} s  imports, collecting, reports"
+    verdict = "more than" if whole_s > most_s else "of at most"
+    yield f"{whole_s:.0f} s of CPU, {verdict} {most_s:g} s"

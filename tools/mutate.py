@@ -42,21 +42,6 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 PACKAGE = "genie_sim"
-COPIED = (
-    PACKAGE,
-    "tests",
-    "device_profiles",
-    "scenarios",
-    "schemas",
-    "results",
-    "docs",
-    "benchmarks",
-    "studies",
-    "notebooks",
-    "pyproject.toml",
-    "README.md",
-    "CHANGELOG.md",
-)
 MAX_SURVIVORS = 0.05
 MAX_CPU_S = 20  # of one process that runs tests
 MAX_MEMORY = 8 * 2**30  # bytes that it writes to; Chromium reserves far more
@@ -258,14 +243,14 @@ def drawn(seed: int, count: int, room: str | None) -> list[Mutation]:
 
 class Cover:
     """Which tests run which line. ``folder`` is where the coverage of the fast tests is, or comes
-    to be.
+    to be, measured in a ``copy`` of the checkout.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, copy: Path) -> None:
         from coverage import CoverageData
 
         if not list(folder.glob("coverage.db*")):
-            self._measure(folder)
+            self._measure(folder, copy)
         self._tests: defaultdict[str, defaultdict[int, set[str]]]
         self._tests = defaultdict(lambda: defaultdict(set))  # by file and line
         self._lines: Counter[str] = Counter()  # how many a test runs
@@ -287,12 +272,12 @@ class Cover:
         }
 
     @staticmethod
-    def _measure(folder: Path) -> None:
+    def _measure(folder: Path, copy: Path) -> None:
         settings = folder / "coverage.ini"
         settings.write_text(f"[run]\nsource = {PACKAGE}\ndata_file = {folder}/coverage.db\n")
         options = ("--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report=")
         pytest = [sys.executable, "-m", "pytest", *FAST, *options, "tests"]
-        if subprocess.run(pytest, cwd=REPOSITORY, env=environment()).returncode != 0:
+        if subprocess.run(pytest, cwd=copy, env=environment(copy)).returncode != 0:
             raise SystemExit("the tests fail without any error in the package")
 
     def tests(self, mutation: Mutation) -> list[str]:
@@ -317,12 +302,15 @@ class Cover:
 
 
 def copy_to(folder: Path) -> None:
-    """Copies what the tests need of the checkout."""
-    for name in COPIED:
+    """Copies the files of the checkout that git does not ignore: what is missing in a copy would
+    make tests fail there that notice nothing.
+    """
+    git = ("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
+    listed = subprocess.run(git, cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    for name in listed.stdout.split("\0"):
         path = REPOSITORY / name
-        if path.is_dir():
-            shutil.copytree(path, folder / name)
-        else:
+        if path.is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(path, folder / name)
 
 
@@ -363,7 +351,7 @@ def noticed_together(mutations: Sequence[Mutation], copy: Path) -> list[str]:
         ran = subprocess.run(
             [sys.executable, "-m", "pytest", *FAST, *options, "tests"],
             cwd=copy,
-            env={**environment(), "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"},
+            env=environment(copy),
             capture_output=True,
             text=True,
         )
@@ -431,14 +419,15 @@ def run_tests(copy: Path) -> None:
     os._exit(status)  # at once: workers that a test left running would be waited for
 
 
-def environment() -> dict[str, str]:
-    """This process's variables without those of real data."""
-    return {name: value for name, value in os.environ.items() if name not in REAL_DATA}
+def environment(copy: Path) -> dict[str, str]:
+    """This process's variables without those of real data, for Python in a copy."""
+    kept = {name: value for name, value in os.environ.items() if name not in REAL_DATA}
+    return {**kept, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 def mutate(sample: list[Mutation], work: Path, jobs: int) -> list[Mutation]:
     """Tries each error, prints and keeps what became of it; returns those that nobody noticed."""
-    cover, outcomes = Cover(work), work / "outcomes.jsonl"
+    outcomes = work / "outcomes.jsonl"
     known: dict[str, str | None] = {}
     if outcomes.exists():
         lines = outcomes.read_text(encoding="utf-8").splitlines()
@@ -449,6 +438,7 @@ def mutate(sample: list[Mutation], work: Path, jobs: int) -> list[Mutation]:
             copy = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             copy_to(copy)
             copies.put(copy)
+        cover = Cover(work, copy)
 
         def outcome(mutation: Mutation) -> str | None:
             if report(mutation) not in known:

@@ -84,6 +84,13 @@ def test_rooms_take_turns_until_there_are_enough_errors():
     assert len(small) == len(set(small)), "and go on where one has no more"
 
 
+def test_a_copy_has_what_tests_ask_for_and_nothing_else(tmp_path: Path):
+    mutate.copy_to(tmp_path)
+    for name in (".ci/run", "examples/livemap.py", "tests/conftest.py", "tools/mutate.py"):
+        assert (tmp_path / name).is_file(), name
+    assert not list(tmp_path.rglob("__pycache__"))
+
+
 def test_a_copy_has_several_errors_at_once_and_is_whole_again(tmp_path: Path):
     (tmp_path / "file.py").write_text(SOURCE)
     changed = {

@@ -54,7 +54,7 @@ began = time.process_time()
 
 
 def outcome(folder: Path, *options: str) -> str:
-    """What pytest prints of ``TESTS``, with these options."""
+    """What pytest prints of ``TESTS``, with these options, and its exit status."""
     (folder / "conftest.py").write_text(CONFTEST, encoding="utf-8")
     (folder / "test_it.py").write_text(TESTS, encoding="utf-8")
     marks = "".join(f"\n    {tier}" for tier in (*TIERS, "no_cover"))
@@ -67,9 +67,9 @@ def outcome(folder: Path, *options: str) -> str:
         env={**around, "PYTHONPATH": str(REPOSITORY)},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,  # however busy the machine is
     )
-    return ran.stdout
+    return f"{ran.stdout}exit status {ran.returncode}"
 
 
 @pytest.mark.parametrize("processes", ["0", "2"])
@@ -89,6 +89,18 @@ def test_the_fast_tier_tells_what_it_leaves_out_and_what_is_not_fast(tmp_path, p
         "test_plain",
         "test_busy",
     }
+
+
+@pytest.mark.parametrize("processes", ["0", "2"])
+def test_a_run_that_takes_too_much_cpu_fails_and_shows_each_file(tmp_path, processes: str):
+    options = ("-n", processes, "-m", "not process", "-k", "plain or busy")
+    much = outcome(tmp_path, *options, "--max-cpu-s=1")
+    little = outcome(tmp_path, *options, "--max-cpu-s=60")
+    for said, verdict in ((much, "more than 1 s"), (little, "of at most 60 s")):
+        assert re.search(r"\n +1\.\d s  test_it\.py\n", said)
+        assert re.search(rf"\n\d s of CPU, {verdict}\n", said)
+    assert "2 passed" in much and much.endswith("exit status 1")
+    assert "2 passed" in little and little.endswith("exit status 0")
 
 
 def test_what_cannot_run_on_this_machine_is_one_line(tmp_path):

@@ -20,7 +20,7 @@ import itertools
 import math
 import re
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType, NoneType, UnionType
 from typing import (
     Annotated,
@@ -72,6 +72,27 @@ def join(step: str | int, path: str) -> str:
     """``path`` below a name, a path or an index: ``cars[1].edge``."""
     begin = f"[{step}]" if isinstance(step, int) else step
     return begin + path if not path or not begin or path.startswith("[") else f"{begin}.{path}"
+
+
+def check_unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
+    """Raises ``SettingError`` for the first name that comes twice.
+
+    Parameters
+    ----------
+    field : str
+        The list that the names are from.
+    names : sequence of str
+        They themselves.
+    of : str
+        The path of a name below its entry of the list, such as ``.name``.
+    also : iterable of str
+        Names that are taken already.
+    """
+    taken = set(also)
+    for index, name in enumerate(names):
+        if name in taken:
+            raise SettingError(f"{field}[{index}]{of}", f"duplicate name {name!r}")
+        taken.add(name)
 
 
 def wrong(value: object, text: str) -> SettingError:

@@ -102,7 +102,7 @@ def perceive(
         settings = replace(settings, min_score=lowest, place_from=min_score)
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
     report = ImportReport(root, accept)
-    selection = perception.DriveFrames(
+    selection = perception.FrameSelection(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with ProgressBar(unit="frames") as progress:

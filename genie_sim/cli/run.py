@@ -102,7 +102,7 @@ def run(
     loaded = load_scenario(scenario, set_, seed, methods=names, methods_from=f"--methods {methods}")
     registry.checked(rows or (), loaded.metrics)
     label = checked_label(label, "--label")
-    if own := prepare.plugin_names(loaded):
+    if own := loaded.own_code():
         click.echo(f"{loaded.name} runs code of its own: {', '.join(own)}")
     for note in prepare.notes(loaded):
         click.echo(textwrap.fill(note, min(terminal.width(), 100)))

@@ -100,8 +100,8 @@ class YoloxNano(OnnxDetector):
         places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
         if is_share(outputs[0][:, :4]):
             return SHARES
-        own = np.median(np.abs(places - cells) / self.cell_strides)
-        self._is_decoded = bool(own < DECODED and np.median(np.abs(places)) > DECODED)
+        offset = np.median(np.abs(places - cells) / self.cell_strides)
+        self._is_decoded = bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
         return ""
 
     @property
@@ -255,8 +255,8 @@ def _corners(boxes: np.ndarray) -> np.ndarray:
 def _scores(classes: np.ndarray, best: np.ndarray, count: int) -> np.ndarray:
     """The score (n, count) of every class, of boxes with the best one and its class."""
     scores, number = np.zeros((len(best), count)), classes.astype(np.int64)
-    known = np.flatnonzero((number >= 0) & (number < count))
-    scores[known, number[known]] = best[known]
+    valid = np.flatnonzero((number >= 0) & (number < count))
+    scores[valid, number[valid]] = best[valid]
     return scores
 
 

@@ -5,7 +5,7 @@ the assumed laws count; ``tools/make/detector_laws.py`` writes it.
 """
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -62,3 +62,14 @@ def facts(detectors: Collection[str], drives: Collection[str]) -> dict[str, Any]
         "is_known": is_known,
         "measured_on": measured_on(detectors, drives),
     }
+
+
+def looked_at(origin: Mapping[str, Mapping[str, Any]]) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as its ``provenance``
+    tells, and these drives.
+    """
+    traces = [about for about in origin.values() if "detector" in about]
+    return (
+        {str(about["detector"]) for about in traces},
+        {str(about.get("drive")) for about in traces},
+    )

@@ -22,8 +22,8 @@ from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.data.files import numbers, picture_size, size_of, within
 from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
+from genie_sim.data.number_files import numbers, picture_size, size_of, within
 
 log = logging.getLogger(__name__)
 
@@ -377,8 +377,8 @@ def _packet(path: Path) -> Array:
     """
     import pykitti
 
-    told = as_user_error(f"{path}: is no OXTS packet", *BROKEN)
-    with regular(path), told, np.errstate(all="ignore"):
+    readable = as_user_error(f"{path}: is no OXTS packet", *BROKEN)
+    with regular(path), readable, np.errstate(all="ignore"):
         packets = pykitti.utils.load_oxts_packets_and_poses([path])
     if len(packets) != 1:
         raise UserError(f"{path}: {len(packets)} lines, expected one")
@@ -404,8 +404,8 @@ def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path
             f"{folder}: no images (0000000000.png or .jpg) of camera {camera}; --cameras names "
             "those that there are"
         )
-    both = len(png.keys() & jpg.keys())
-    report.leave_out(f"JPEG images of {camera} that are there as PNG, too", both)
+    twice = len(png.keys() & jpg.keys())
+    report.leave_out(f"JPEG images of {camera} that are there as PNG, too", twice)
     images = jpg | png
     return {index: images[index] for index in sorted(images)}
 
@@ -415,12 +415,12 @@ def _check_scans(folder: Path, indices: Sequence[int], scans: Mapping[int, Path]
     advice = "--allow-missing-scans places objects by the ground alone"
     if not scans:
         raise UserError(f"{folder}: no .bin files; {advice}")
-    missing = [index for index in indices if index not in scans]
-    if missing:
+    without_scan = [index for index in indices if index not in scans]
+    if without_scan:
         digits = len(next(iter(scans.values())).stem)
-        name = folder / f"{missing[0]:0{digits}d}.bin"
+        name = folder / f"{without_scan[0]:0{digits}d}.bin"
         raise UserError(
-            f"{name}: missing ({len(missing)} of {len(indices)} frames have none); {advice}"
+            f"{name}: missing ({len(without_scan)} of {len(indices)} frames have none); {advice}"
         )
 
 

@@ -340,7 +340,7 @@ class OnnxDetector(ABC):
             raise UserError(f"{self.weights}: {SHARES}")
         limits = np.array([*image_size, *image_size], dtype=np.float64)
         unused: Counter[str] = Counter()
-        found = best_boxes(
+        detected = best_boxes(
             np.clip(boxes / scale, 0.0, limits),
             scores,
             self.min_score,
@@ -349,7 +349,7 @@ class OnnxDetector(ABC):
         )
         with self._lock:
             self._unused += unused
-        return found
+        return detected
 
     def features(self, outputs: Sequence[np.ndarray]) -> dict[str, bytes]:
         """What the network itself tells of the picture as a whole, by name."""

@@ -24,11 +24,11 @@ from genie_sim.data.kitti import (
     KittiDrive,
     open_drive,
 )
+from genie_sim.data.kitti_tracking import TRACKING
 from genie_sim.data.onnx_detector import NMS_IOU
 from genie_sim.data.pipeline import trace_frames
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.trace_import import tell_network, traces
-from genie_sim.data.tracking import TRACKING
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()
@@ -52,7 +52,7 @@ def kitti_folder(root: str | Path | None) -> Path:
 
 
 @dataclass(frozen=True)
-class DriveFrames:
+class FrameSelection:
     """Frames of a KITTI drive, and the world that they are placed in.
 
     Parameters
@@ -73,7 +73,7 @@ class DriveFrames:
 
 def perceive(
     kitti_root: str | Path | None,
-    frames: DriveFrames,
+    frames: FrameSelection,
     detector: DetectorSettings = DEFAULT_DETECTOR,
     *,
     progress: Progress | None = None,
@@ -108,17 +108,17 @@ def perceive(
         place_from=detector.place_from,
         encoding=detector.encoding,
     )
-    shown = []
+    pictures = []
     for done, frame in enumerate(perceived, start=1):
-        shown.append(frame)
+        pictures.append(frame)
         if progress is not None:
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
-    _tell_sizes(drive, shown, report)
+    _tell_sizes(drive, pictures, report)
     set_name, _, number = frames.drive.partition("/")
     name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
     of_drive = traces(
-        {name: shown},
+        {name: pictures},
         origin=drive.origin,
         provenance=_provenance(drive, network, detector),
         report=report,
@@ -128,15 +128,15 @@ def perceive(
     return of_drive[name]
 
 
-def _tell_sizes(drive: KittiDrive, shown: Iterable[TraceFrame], report: ImportReport) -> None:
+def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportReport) -> None:
     """Warns of pictures that have another size than the calibration."""
-    sizes = Counter((frame.camera, frame.width, frame.height) for frame in shown)
+    sizes = Counter((frame.camera, frame.width, frame.height) for frame in frames)
     for (camera, width, height), count in sorted(sizes.items()):
-        wanted = drive.frames[camera][0].size
-        if wanted is not None and (width, height) != wanted:
+        size = drive.frames[camera][0].size
+        if size is not None and (width, height) != size:
             report.warn(
                 f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
-                f"calibration's {wanted[0]}x{wanted[1]}: its matrix is scaled"
+                f"calibration's {size[0]}x{size[1]}: its matrix is scaled"
             )
 
 

@@ -17,7 +17,7 @@ from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Encoding
-from genie_sim.data.source import Frames, FrameSource
+from genie_sim.data.frame_source import Frames, FrameSource
 
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace
@@ -84,7 +84,7 @@ class Live(FrameSource):
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
     ) -> "Recordings":
         from genie_sim.data.detector import DetectorSettings
-        from genie_sim.data.perceive import DriveFrames, perceive
+        from genie_sim.data.perceive import FrameSelection, perceive
 
         root = os.path.expandvars(self.kitti)
         if root.startswith("$"):
@@ -93,7 +93,7 @@ class Live(FrameSource):
                 "set it to KITTI's folder"
             )
 
-        frames = DriveFrames(self.drive, self.cameras)
+        frames = FrameSelection(self.drive, self.cameras)
         detector = DetectorSettings(self.detector, min_score=self.min_score)
         return Recordings(perceive(root, frames, detector, progress=progress), origin)
 

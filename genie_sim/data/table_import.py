@@ -191,6 +191,9 @@ def recordings(
     named = {"poses": poses, "detections": detections} | ({} if truth is None else {"truth": truth})
     tables = [_Table.of(name, table) for name, table in named.items()]
     report = report or ImportReport(tables[0].path)
+    for given, columns in zip(tables, (POSES, DETECTIONS, TRUTH), strict=False):
+        for title in given.reader.unused(columns):
+            report.leave_out(f"column {title!r} of {given.path.name}")
     by_car = _read_poses(tables[0], report)
     detected = _read_detections(tables[1], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables}
@@ -206,10 +209,10 @@ def recordings(
                 row,
                 first_ns + _since_ns(row.time_s, first_s),
                 key=f"{key}/{car}/{index}",
-                detections=found,
+                detections=of_frame,
                 sensor=sensor,
             )
-            for index, (row, found) in enumerate(zip(rows, detected[car], strict=True))
+            for index, (row, of_frame) in enumerate(zip(rows, detected[car], strict=True))
         ]
         for car, rows in by_car.items()
     }
@@ -328,8 +331,8 @@ def _read_detections(
         place = np.array([east_m, north_m, up_m or 0.0])
         detected[car][index].append(detection(label, score, None, place, method="table"))
     for frames in detected.values():
-        for found in frames:
-            found.sort(key=lambda detection: -detection.score)
+        for of_frame in frames:
+            of_frame.sort(key=lambda detection: -detection.score)
     return detected
 
 
@@ -462,9 +465,9 @@ def _check_covered(path: Path, car: str, times_s: Array, tracks: Sequence[_Objec
     own_s = np.concatenate([[-np.inf], own_s, [np.inf]])
     after = np.searchsorted(own_s, times_s)
     apart_s = np.minimum(own_s[after] - times_s, times_s - own_s[after - 1])
-    missing = np.flatnonzero(apart_s > TRUTH_GAP_S)
-    if len(missing):
+    uncovered = np.flatnonzero(apart_s > TRUTH_GAP_S)
+    if len(uncovered):
         raise UserError(
             f"{path}: time_s: no row within {TRUTH_GAP_S:g} s of {car}'s pose at "
-            f"{times_s[missing[0]]:.15g}"
+            f"{times_s[uncovered[0]]:.15g}"
         )

@@ -16,7 +16,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.evaluation import iou
-from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.trace import Trace
 
 MIN_IOU = 0.5  # of one object in both
@@ -38,17 +38,17 @@ def perceive_again(
     about = trace.provenance
     if not {"drive", "detector", "weights_sha256", "parameters"} <= about.keys():
         raise UserError(f"{trace.name}: was not perceived from a drive, so nothing can be checked")
-    kept = about["parameters"]
+    parameters = about["parameters"]
     settings = replace(
         detector,
         name=about["detector"],
-        size=tuple(kept["input_size"]),
-        min_score=kept["min_score"],
-        encoding=kept.get("encoding", "raw"),
+        size=tuple(parameters["input_size"]),
+        min_score=parameters["min_score"],
+        encoding=parameters.get("encoding", "raw"),
     )
     numbers = {frame.index for frames in trace.frames.values() for frame in frames}
-    selection = DriveFrames(
-        about["drive"], kept["cameras"], numbers, trace.origin, allow_missing_scans=True
+    selection = FrameSelection(
+        about["drive"], parameters["cameras"], numbers, trace.origin, allow_missing_scans=True
     )
     again = perceive(kitti_root, selection, settings, progress=progress)
     for key, what in (("weights_sha256", "weights"), ("drive_sha256", "files of the drive")):
@@ -61,7 +61,7 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
     """Lines about versions, frames and detections that are not the same in two traces of the same
     frames.
     """
-    there, here = (one.provenance.get("versions", {}) for one in (trace, again))
+    there, here = (trace_of.provenance.get("versions", {}) for trace_of in (trace, again))
     changed = [
         f"{name} {there.get(name, 'unknown')} in the trace, {here[name]} here"
         for name in here
@@ -78,34 +78,34 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
         for camera, frames in trace.frames.items()
         for frame in frames
     ]
-    same = sum(before == after for before, after in pairs)
-    yield f"frames: {same:,} of {len(pairs):,} have the same detections"
-    missing, new = 0, 0
+    equal_frames = sum(before == after for before, after in pairs)
+    yield f"frames: {equal_frames:,} of {len(pairs):,} have the same detections"
+    lost, new = 0, 0
     score, box_px, place_m = 0.0, 0.0, 0.0
     for before, after in pairs:
-        left = list(after)
+        candidates = list(after)
         for detection in before:
-            match = _match(detection, left)
+            match = _match(detection, candidates)
             if match is None:
-                missing += 1
+                lost += 1
                 continue
-            left.remove(match)
+            candidates.remove(match)
             score = max(score, abs(detection.score - match.score))
             sides = zip(detection.box or (), match.box or (), strict=True)
-            box_px = max(box_px, *(abs(one - other) for one, other in sides))
+            box_px = max(box_px, *(abs(side - its_side) for side, its_side in sides))
             if detection.location is not None and match.location is not None:
                 place_m = max(place_m, math.dist(detection.location, match.location))
-        new += len(left)
+        new += len(candidates)
     total = sum(len(before) for before, _ in pairs)
-    yield f"detections: of {total:,}, {missing:,} are not found here, and {new:,} are new"
+    yield f"detections: of {total:,}, {lost:,} are not found here, and {new:,} are new"
     yield f"the others differ by at most {score:.3g} in score, {box_px:.3g} px, {place_m:.3g} m"
 
 
 def _match(detection: Detection, among: list[Detection]) -> Detection | None:
     """The detection of the same class whose box is nearest, if it is the same object."""
-    alike = [one for one in among if one.label == detection.label]
+    alike = [candidate for candidate in among if candidate.label == detection.label]
     if not alike or detection.box is None:
         return None
-    shares = iou(detection.box, np.array([one.box for one in alike]))
+    shares = iou(detection.box, np.array([candidate.box for candidate in alike]))
     best = int(shares.argmax())
     return alike[best] if shares[best] >= MIN_IOU else None

@@ -35,11 +35,11 @@ from genie_sim.base.paths import read_bytes, remembered, sha256_of
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Box, Frame, Location
 from genie_sim.data import world_table
-from genie_sim.data.files import lines, within
 from genie_sim.data.kitti import TRACKLETS, drive_folders, open_drive
+from genie_sim.data.kitti_tracking import CAMERA, TRACKING, TrackingSequence, open_sequence
+from genie_sim.data.number_files import lines, within
 from genie_sim.data.trace import MIN_HEIGHT_PX, POSITION_DECIMALS, Trace
 from genie_sim.data.trace_import import RANGE_M, tell_distances
-from genie_sim.data.tracking import CAMERA, TRACKING, TrackingDrive, open_sequence
 
 if TYPE_CHECKING:
     import pyarrow
@@ -166,15 +166,15 @@ def _in_raw_drive(
         root, name, sorted(trace.frames), origin=trace.origin, allow_missing_scans=True
     )
     for camera, frames in trace.frames.items():
-        taken = {frame.index: frame for frame in drive.frames[camera]}
+        frames_by_index = {frame.index: frame for frame in drive.frames[camera]}
         camera_SE3_velo = drive.camera_SE3_velo(camera)
         for frame in frames:
-            if frame.index not in taken:
+            if frame.index not in frames_by_index:
                 raise UserError(
                     f"{root}: drive {name}: has no frame {frame.index} of camera {camera}"
                 )
             size = (frame.width, frame.height)
-            intrinsics = taken[frame.index].intrinsics_of(size)
+            intrinsics = frames_by_index[frame.index].intrinsics_of(size)
             for track, item in enumerate(objects):
                 i = frame.index - item.first
                 if not 0 <= i < len(item.centres):
@@ -221,14 +221,14 @@ def _in_sequence(
     )
 
 
-def _is_at(drive: TrackingDrive, frame: int, place: Location) -> bool:
+def _is_at(drive: TrackingSequence, frame: int, place: Location) -> bool:
     """Whether the camera of a sequence is at a place when a frame is taken."""
     if frame >= len(drive.world_SE3_camera0):
         return False
     return math.dist(place, drive.world_SE3_camera2(frame)[:3, 3].tolist()) <= SAME_PLACE_M
 
 
-def tracking_labels(path: Path, drive: TrackingDrive) -> list[tuple[int, ObjectLabel | None]]:
+def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, ObjectLabel | None]]:
     """The frame and the label of every line of the ``label_02`` file of a sequence. Raises
     UserError.
     """

@@ -69,15 +69,15 @@ def read(
     version of the format, broken metadata, and columns that are missing or have empty values.
     """
 
-    def columns(found: "pyarrow.Schema", about: Mapping[str, Any]) -> list[str]:
+    def columns(file_schema: "pyarrow.Schema", about: Mapping[str, Any]) -> list[str]:
         version = about.get("format_version")
         if version != FORMAT_VERSION:
             raise UserError(
                 f"{path}: format_version: {what} has version {version!r}, "
                 f"this genie-sim reads {FORMAT_VERSION}"
             )
-        parquet.check_columns(path, found, schema)
-        return [*schema.names, *filter(optional, found.names)]
+        parquet.check_columns(path, file_schema, schema)
+        return [*schema.names, *filter(optional, file_schema.names)]
 
     table, about = parquet.read(path, what, columns)
     kinds = {"origin": list, "digest": str, "provenance": dict} | dict.fromkeys(texts, str)

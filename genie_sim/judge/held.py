@@ -16,8 +16,8 @@ from genie_sim.core.messages import Detection
 from genie_sim.judge.joins import Array, GroupedPlaces, near
 from genie_sim.judge.objects import Objects
 from genie_sim.tracks.consumer import Shown
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import COAST_NS, NEAR_M
-from genie_sim.tracks.view import Viewer
 
 
 class Held(NamedTuple):

@@ -114,7 +114,7 @@ class Reproduction(Suggesting, Result):
         """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
         else.
         """
-        for option, given in (("--methods", methods), ("--label", label)):
+        for option, given in (("methods", methods), ("label", label)):
             if given:
                 where = self.folder or "an evaluation"
                 raise UserError(
@@ -132,9 +132,7 @@ class Reproduction(Suggesting, Result):
                 table = table[table["metric"].isin(metrics)]
             return renderers.csv_of_table(table, self.changed)
         if metrics:
-            raise UserError(
-                "--metrics: the table of an evaluation is of claims; --format csv has them"
-            )
+            raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
         return printed.table(self.rows, format)
 
     def page(self) -> str:
@@ -244,10 +242,11 @@ def check_kept(out: Path, used: Collection[int]) -> None:
     path = provenance.contained(out, "run.json")
     if not path.is_file():
         return
-    about = provenance.read_json(path)
-    before = about.get("seeds") if isinstance(about, dict) else None
+    before = provenance.read_mapping(path).get("seeds")
     if not isinstance(before, list) or not all(seed in used for seed in before):
-        what = f"the evaluation of {len(before)} seeds" if before else "another result"
+        what = "another result"
+        if isinstance(before, list):
+            what = f"the evaluation of {len(before)} seeds"
         raise UserError(f"{out}: holds {what}, which is kept; choose another --out")
 
 

@@ -2,25 +2,26 @@
 
 Every frame is answered at once, out of a map of tracks. Looks, the passes of a detector over one
 frame, are a flow of their own: they go up at a pace, none is stored, and what an edge's detector
-answers goes back directly. Where all cars share one world, a Genie beside each edge's detector
-tells them what others saw. Its numbers were chosen on drives that no test uses.
+answers goes back directly. Where all cars are in one world, a Genie beside each edge's detector
+shares with them what others saw. Its numbers were chosen on drives that no test uses.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import Bounds, Count, Share
 from genie_sim.core.messages import Detections
-from genie_sim.recommended.paced_genie import PacedGenie
+from genie_sim.recommended.paced_genie import MakeAnswer, PacedGenie
 from genie_sim.recommended.pacing import Pacer
+from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
 from genie_sim.recommended.sharing import SharingGenie
-from genie_sim.recommended.told import ToldRules, ToldTracks
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
+    LOCAL,
     OBJECTS,
     REMOTE,
     REMOTE_UPLINK,
@@ -35,7 +36,7 @@ from genie_sim.tracks.track_map import TrackMap
 
 @dataclass(frozen=True)
 class Recommended(Method):
-    """Cars answer out of a map of tracks, look at a pace, and hear from their edge what others
+    """Cars answer out of a map of tracks, look at a pace, and get from their edge what others
     see.
     """
 
@@ -74,21 +75,21 @@ class Recommended(Method):
     """Whether detection probability and score distributions are those that were measured for the
     detector on other drives, or assumed."""
 
-    told: ToldRules | Literal["auto"] | None = "auto"
-    """What a Genie beside each edge's detector tells the cars of one another's looks; `null`:
+    sharing: SharingRules | Literal["auto"] | None = "auto"
+    """What a Genie beside each edge's detector shares with the cars of one another's looks; `null`:
     nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
     nothing."""
 
-    pass_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
-    """CPU time of a message that a Genie only passes on or learns from; an answer of its own making
+    relay_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
+    """CPU time of a message that a Genie only relays or learns from; an answer of its own making
     costs the Genie time of the device profile. Measured in real ROS on an x86 processor
     (reality.md of genie-sim-ros). `null`: every message costs the Genie time."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
-        if not host.gets_images and self._told(host) is None:
+        if not host.gets_images and self._sharing(host) is None:
             raise UserError(
-                f"recommended: {host.name}: a car without cameras lives on what edges tell: it "
-                "needs 'told'"
+                f"recommended: {host.name}: a car without cameras lives on what edges share: it "
+                "needs 'sharing'"
             )
         if not host.gets_images:
             return HostConfig(uplink=DIRECT_UPLINK)
@@ -96,23 +97,23 @@ class Recommended(Method):
             return HostConfig(detector=True)
         return HostConfig(
             detector=True,
-            interceptor=partial(self._on_car, host),
+            interceptor=partial(self._new_car_genie, host),
             uplink=REMOTE_UPLINK if host.has_edge else None,
-            pass_time_ns=self.pass_time_ns,
+            relay_time_ns=self.relay_time_ns,
         )
 
     def on_edge(self, host: HostContext) -> HostConfig:
-        if self._told(host) is None:
+        if self._sharing(host) is None:
             return HostConfig(detector=host.gets_images)
         return HostConfig(
             detector=host.gets_images,
-            interceptor=partial(self._on_edge, host),
+            interceptor=partial(self._new_edge_genie, host),
             neighbour_topics=(OBJECTS + REMOTE,),
-            pass_time_ns=self.pass_time_ns,
+            relay_time_ns=self.relay_time_ns,
             is_beside=host.gets_images,
         )
 
-    def _on_car(
+    def _new_car_genie(
         self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
     ) -> PacedGenie:
         return self.car_genie(
@@ -121,8 +122,8 @@ class Recommended(Method):
             published,
             has_edge=host.has_edge,
             object_map=self._new_map(host),
-            told=self._told(host),
-            names_changes=host.records_changes,
+            sharing=self._sharing(host),
+            names_changes=host.names_changes,
         )
 
     def car_genie(
@@ -133,10 +134,12 @@ class Recommended(Method):
         *,
         has_edge: bool,
         object_map: TrackMap,
-        told: ToldRules | None = None,
-        **middleware: Any,
+        sharing: SharingRules | None = None,
+        map_answer: MakeAnswer = Detections,
+        suffixes: tuple[str, str] = (LOCAL, REMOTE),
+        names_changes: bool = True,
     ) -> PacedGenie:
-        """The Genie of a car; ``middleware`` are further arguments of ``PacedGenie``."""
+        """The Genie of a car; the arguments are those of ``PacedGenie``."""
         pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
         return PacedGenie(
             name,
@@ -145,24 +148,26 @@ class Recommended(Method):
             pacer=pacer if has_edge else None,
             own=self.own,
             object_map=object_map,
-            told=None if told is None else ToldTracks(told, object_map.contradicts),
-            **({"map_answer": Detections} | middleware),
+            shared=None if sharing is None else SharedTracks(sharing, object_map.contradicts),
+            map_answer=map_answer,
+            suffixes=suffixes,
+            names_changes=names_changes,
         )
 
-    def _on_edge(
+    def _new_edge_genie(
         self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
     ) -> SharingGenie:
-        told = self._told(host)
-        assert told is not None
+        rules = self._sharing(host)
+        assert rules is not None
         return SharingGenie(
             f"{host.name}/genie",
             subscribed,
             published,
             object_map=self._new_map(host),
-            told=told,
+            rules=rules,
             make_answer=Detections,
             answers_frames=not host.gets_images,
-            names_changes=host.records_changes,
+            names_changes=host.names_changes,
         )
 
     def _new_map(self, host: HostContext) -> TrackMap:
@@ -176,13 +181,13 @@ class Recommended(Method):
             view_margin_rad=self.view_margin_rad,
         )
 
-    def _told(self, host: HostContext) -> ToldRules | None:
-        """What edges tell. Raises ``UserError`` where what one car sees is not there for others."""
-        if self.told == "auto":
-            return ToldRules() if host.is_one_world else None
-        if self.told is not None and not host.is_one_world:
+    def _sharing(self, host: HostContext) -> SharingRules | None:
+        """What edges share. Raises ``UserError`` where others cannot see what one car sees."""
+        if self.sharing == "auto":
+            return SharingRules() if host.is_one_world else None
+        if self.sharing is not None and not host.is_one_world:
             raise UserError(
-                "recommended: told: cars replay recordings at different times, so what one sees is "
-                "not there for others; leave it out, or use a town or recordings of one sequence"
+                "recommended: sharing: cars replay recordings at different times, so what one sees "
+                "is not there for others; leave it out, or use a town or recordings of one sequence"
             )
-        return self.told
+        return self.sharing

@@ -27,12 +27,13 @@ from genie_sim.core.messages import (
 )
 from genie_sim.core.node import Request
 from genie_sim.recommended.pacing import Loss, NewestLooks, Pacer
-from genie_sim.recommended.told import ToldTracks
+from genie_sim.recommended.shared_tracks import SharedTracks
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
+MakeAnswer = Callable[[Header, tuple[Detection, ...]], Answer]
 OwnDetector = Literal["all", "free", "rest"]
-REMEMBERED_NS = 10_000_000_000  # a frame that is older gets no look any more
+REMEMBERED_NS = 10_000_000_000  # assumed: a frame that is older gets no look any more
 
 
 class PacedGenie:
@@ -51,9 +52,9 @@ class PacedGenie:
         do not go up.
     object_map : TrackMap
         Counts looks and serves tracks.
-    told : ToldTracks
-        What the edge tells of other cars' looks; ``None`` where edges tell nothing.
-    map_answer : Callable
+    shared : SharedTracks
+        What the edge shares of other cars' looks; ``None`` where edges share nothing.
+    map_answer : callable
         Makes an answer out of a header and objects.
     suffixes : tuple[str, str]
         What is affixed to topics towards the own node, and towards the edge (Section III-C).
@@ -70,14 +71,14 @@ class PacedGenie:
         pacer: Pacer | None,
         own: OwnDetector,
         object_map: TrackMap,
-        told: ToldTracks | None = None,
-        map_answer: Callable[[Header, tuple[Detection, ...]], Answer],
+        shared: SharedTracks | None = None,
+        map_answer: MakeAnswer,
         suffixes: tuple[str, str] = ("-local", "-remote"),
         names_changes: bool = True,
     ) -> None:
         self.name = name
         self.object_map = object_map
-        self._told = told
+        self._shared = shared
         self._pacer = pacer
         self._own = own
         self._map_answer = map_answer
@@ -105,8 +106,8 @@ class PacedGenie:
         if topic == self._images:
             return effects + self._on_frame(message, now_ns)
         if message.source == SHARED:
-            if self._told is not None:
-                self._told.replace(message.objects or (), message.valid_ns or 0)
+            if self._shared is not None:
+                self._shared.replace(message.objects or (), message.valid_ns or 0)
             return effects
         return effects + self._on_answer(message, topic == self._from_node, now_ns)
 
@@ -135,7 +136,7 @@ class PacedGenie:
         looked_ns = self._newest_looks.looked_ns(frame.header, frame.pose.heading_rad)
         effects: list[Effect] = [
             NewestLook(frame.header, looked_ns),
-            Publish(self._objects, self._map_view(viewer, now_ns)),
+            Publish(self._objects, self._answer_from_map(viewer, now_ns)),
         ]
         goes_up = False
         if self._pacer is not None:
@@ -156,7 +157,7 @@ class PacedGenie:
 
     def _on_answer(self, answer: Answer, own: bool, now_ns: int) -> list[Effect]:
         """A detector looked at one of the frames: the map learns it, and whoever waits for objects
-        gets the view of that frame anew.
+        gets the answer to that frame anew.
         """
         effects: list[Effect] = []
         is_fresh = True
@@ -181,22 +182,22 @@ class PacedGenie:
         effects.append(self.object_map.learn(look, now_ns, self._names_changes))
         objects = self.object_map.visible(viewer, now_ns)
         answer = answer.with_objects(objects).with_look(look, now_ns)
-        effects.append(Publish(self._objects, self._with_told(answer, viewer, now_ns)))
+        effects.append(Publish(self._objects, self._with_shared(answer, viewer, now_ns)))
         return effects
 
-    def _map_view(self, viewer: Viewer, now_ns: int) -> Answer:
+    def _answer_from_map(self, viewer: Viewer, now_ns: int) -> Answer:
         """The map's objects in view, where they are now."""
         objects = tuple(self.object_map.visible(viewer, now_ns))
         answer = self._map_answer(viewer.header, objects).with_look(None, now_ns)
-        return self._with_told(answer, viewer, now_ns).served("map", self.name)
+        return self._with_shared(answer, viewer, now_ns).served("map", self.name)
 
-    def _with_told(self, answer: Answer, viewer: Viewer, now_ns: int) -> Answer:
+    def _with_shared(self, answer: Answer, viewer: Viewer, now_ns: int) -> Answer:
         """An answer with what others saw in view, as far as the car believes it."""
-        if self._told is None:
+        if self._shared is None:
             return answer
         own = answer.objects or ()
-        told = self._told.served(own, viewer.pose, now_ns)
-        in_view = [seen for seen in told if self.object_map.shows(viewer, seen)]
+        believed = self._shared.served(own, viewer.pose, now_ns)
+        in_view = [seen for seen in believed if self.object_map.shows(viewer, seen)]
         return answer.with_objects([*own, *in_view])
 
     def _remember(self, viewer: Viewer) -> None:

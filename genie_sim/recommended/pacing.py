@@ -14,12 +14,13 @@ from typing import Literal, NamedTuple
 
 from genie_sim.core.messages import Header
 
-VIEW_RAD = math.radians(15.0)  # streams with headings this near show the same view
-LIVE_NS = 500_000_000  # a stream without a frame for this long is no part of a view
+VIEW_RAD = math.radians(15.0)  # assumed: streams with headings this near show the same view
+LIVE_NS = 500_000_000  # assumed: a stream without a frame for this long is no part of a view
 FIRST_TIMEOUT_NS = 1_000_000_000  # RFC 6298, section 2.1: before the first round trip is known
+# Assumed: timeouts grow no further, as RFC 6298, section 2.5, allows from 60 s on.
 MAX_TIMEOUT_NS = 5_000_000_000
 MAX_BACKOFF = 8
-MAX_PROBE_NS = 10_000_000_000  # between frames that go up while answers come back stale
+MAX_PROBE_NS = 10_000_000_000  # assumed: between frames that go up while answers come back stale
 
 LossCause = Literal["overtaken", "timed_out"]
 
@@ -33,7 +34,7 @@ class Loss:
 
 
 class LookArrival(NamedTuple):
-    """What the coming of an answer tells: whether it is fresh enough to count as a look, whether it
+    """What the coming of an answer means: whether it is fresh enough to count as a look, whether it
     was still waited for, and which frames it shows to be lost.
     """
 
@@ -113,13 +114,13 @@ class Stream:
         return next_ns if newest.stamp_ns - next_ns <= interval_ns / 2 else math.inf
 
 
-class Views:
-    """The camera streams of one car, by what they show."""
+class CameraStreams:
+    """The camera streams of one car, and which of them show one view."""
 
     def __init__(self) -> None:
         self._streams: dict[str, Stream] = {}
 
-    def of_frame(self, header: Header, heading_rad: float) -> dict[str, Stream]:
+    def view_of(self, header: Header, heading_rad: float) -> dict[str, Stream]:
         """The streams of this new frame's view, by name, its own among them."""
         stream = self._streams.get(header.frame_id)
         if stream is None:
@@ -140,11 +141,11 @@ class NewestLooks:
 
     def __init__(self) -> None:
         self._looked_ns: dict[str, int] = {}  # by stream: the stamp of its newest look
-        self._views = Views()
+        self._streams = CameraStreams()
 
     def looked_ns(self, header: Header, heading_rad: float) -> int | None:
         """The stamp of the newest look of this new frame's view; ``None`` before the first."""
-        view = self._views.of_frame(header, heading_rad)
+        view = self._streams.view_of(header, heading_rad)
         looks_ns = [self._looked_ns[name] for name in view if name in self._looked_ns]
         return max(looks_ns, default=None)
 
@@ -174,7 +175,7 @@ class Pacer:
         self._every_ns = every_ns
         self._in_flight = in_flight
         self._stale_ns = stale_ns
-        self._views = Views()
+        self._streams = CameraStreams()
         self._outstanding: dict[Header, int] = {}  # when each went up, in that order
         self._stale_in_a_row = 0
         self.gap_ns: int | None = None
@@ -189,7 +190,7 @@ class Pacer:
 
     def sends(self, header: Header, heading_rad: float, now_ns: int) -> bool:
         """Whether this new frame goes up; it then is on its way."""
-        view = self._views.of_frame(header, heading_rad)
+        view = self._streams.view_of(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._gap_ns()
         sent = [other.sent for other in view.values() if other.sent is not None]
@@ -268,25 +269,24 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
 
 
 def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int) -> bool:
-    """Whether this stream's newest frame is the one for the look that is due: no other frame of the
-    view is expected nearer to that instant, and none of a stream that has waited longer within half
-    a gap after it.
-    """
+    """Whether this stream's newest frame is the one for the look that is due."""
     if due_ns is None:
         return True
     stamp_ns = stream.stamp_ns
-    next_ns = min(other.next_ns(stream) for other in view)
-    if stamp_ns < due_ns and not due_ns - stamp_ns <= next_ns - due_ns < math.inf:
-        return False
-    waits_ns, latest_ns = _waits_ns(stream), due_ns + every_ns / 2
+    if stamp_ns < due_ns:  # it is early: the view's next frame may come nearer to the instant
+        next_ns = min(other.next_ns(stream) for other in view)
+        if next_ns == math.inf or next_ns - due_ns < due_ns - stamp_ns:
+            return False
+    # A stream whose last look is older has its turn, if its frame comes within half a gap after.
+    latest_ns = due_ns + every_ns / 2
     return not any(
-        _waits_ns(other) < waits_ns and max(other.next_ns(stream), stamp_ns) < latest_ns
+        _sent_ns(other) < _sent_ns(stream) and max(other.next_ns(stream), stamp_ns) < latest_ns
         for other in view
     )
 
 
-def _waits_ns(stream: Stream) -> float:
-    """Since when a stream has been waiting for its turn; a new one has been for ever."""
+def _sent_ns(stream: Stream) -> float:
+    """The stamp of the frame of a stream that went up last; before the first minus infinity."""
     return -math.inf if stream.sent is None else stream.sent.stamp_ns
 
 

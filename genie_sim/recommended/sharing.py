@@ -1,19 +1,18 @@
-"""A Genie beside an edge's detector, not in its way: it counts what cameras saw and tells cars of
-what they did not see themselves.
+"""A Genie beside an edge's detector, not in its way: it counts what cameras saw, and shares with
+each car the tracks of others.
 
 The detector answers the cars directly. This node reads the frames that come up (for their poses),
-the detector's answers, and the looks that neighbouring edges broadcast. After each answer it tells
-the car that asked the tracks of other cars around it.
+the detector's answers, and the looks that neighbouring edges broadcast. After each answer the car
+that asked gets the tracks of other cars around it.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from genie_sim.core.messages import (
     SHARED,
     Answer,
-    Detection,
     Effect,
     Forgotten,
     Header,
@@ -22,10 +21,10 @@ from genie_sim.core.messages import (
     Publish,
 )
 from genie_sim.core.node import Request
-from genie_sim.recommended.paced_genie import REMEMBERED_NS, look_of
-from genie_sim.recommended.told import ToldRules, tracks_to_tell
+from genie_sim.recommended.paced_genie import REMEMBERED_NS, MakeAnswer, look_of
+from genie_sim.recommended.shared_tracks import SharingRules, tracks_to_share
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 
 class SharingGenie:
@@ -39,8 +38,8 @@ class SharingGenie:
         The detector's own topics: one of images, one of objects.
     object_map : TrackMap
         Counts the looks of all cars of this edge and of its neighbours.
-    told : ToldRules
-        What cars are told.
+    rules : SharingRules
+        What cars get.
     make_answer : Callable
         Makes an answer out of a header and objects.
     answers_frames : bool
@@ -58,15 +57,15 @@ class SharingGenie:
         published: Sequence[str],
         *,
         object_map: TrackMap,
-        told: ToldRules,
-        make_answer: Callable[[Header, tuple[Detection, ...]], Answer],
+        rules: SharingRules,
+        make_answer: MakeAnswer,
         answers_frames: bool = False,
         remote: str = "-remote",
         names_changes: bool = True,
     ) -> None:
         self.name = name
         self.object_map = object_map
-        self._told = told
+        self._rules = rules
         self._make_answer = make_answer
         self._answers_frames = answers_frames
         self._names_changes = names_changes
@@ -90,9 +89,9 @@ class SharingGenie:
             self._remember(message)
             return []
         if topic == self._images:
-            return self._view(message, now_ns)
+            return self._answer(message, now_ns)
         answer: Answer = message
-        if answer.source == SHARED:  # its own words
+        if answer.source == SHARED:  # its own
             return []
         effects: list[Effect] = []
         forgotten = tuple(map(MapChange.of, self.object_map.forget(now_ns)))
@@ -106,9 +105,9 @@ class SharingGenie:
             if own:  # the look itself travels; tracks are each map's own
                 travels = answer.with_objects(()).with_look(look, None)
                 effects.append(Publish(self._between_edges, travels))
-        return effects if viewer is None else [*effects, self._words(answer, viewer, now_ns)]
+        return effects if viewer is None else [*effects, self._shared(answer, viewer, now_ns)]
 
-    def _view(self, frame: Request, now_ns: int) -> list[Effect]:
+    def _answer(self, frame: Request, now_ns: int) -> list[Effect]:
         """What the map shows at the frame's pose, where it is now."""
         if frame.pose is None:
             return []
@@ -117,20 +116,20 @@ class SharingGenie:
         answer = self._make_answer(frame.header, objects).with_look(None, now_ns)
         return [Publish(self._objects, answer.served("map", self.name))]
 
-    def _words(self, answer: Answer, viewer: Viewer, now_ns: int) -> Publish:
-        """What the car that asked is told."""
+    def _shared(self, answer: Answer, viewer: Viewer, now_ns: int) -> Publish:
+        """The tracks that the car gets that asked."""
         tracks = tuple(
-            tracks_to_tell(
+            tracks_to_share(
                 self.object_map,
                 self.object_map.existence,
                 car=answer.header.origin,
                 pose=viewer.pose,
                 now_ns=now_ns,
-                rules=self._told,
+                rules=self._rules,
             )
         )
-        words = self._make_answer(answer.header, tracks).with_look(None, now_ns)
-        return Publish(self._objects, words.served(SHARED, self.name))
+        shared = self._make_answer(answer.header, tracks).with_look(None, now_ns)
+        return Publish(self._objects, shared.served(SHARED, self.name))
 
     def next_deadline_ns(self) -> int | None:
         """It waits for nothing."""

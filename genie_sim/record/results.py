@@ -2,20 +2,21 @@
 result folder.
 """
 
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from genie_sim.base.errors import UserError, no_attribute, short_repr
+from genie_sim.base.errors import UserError, as_user_error, no_attribute, short_repr
 from genie_sim.base.paths import expanded, read_text
 from genie_sim.base.text import MAX_LABEL, one_line
 from genie_sim.base.units import duration_ns, duration_text
 from genie_sim.record import provenance
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import SCHEMAS
-from genie_sim.record.tables import read
+from genie_sim.record.tables import check_rows, read
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,6 +74,27 @@ class MetricValue:
         """The values of its fields, in their order."""
         return _row_of(self)
 
+    def check(self) -> None:
+        """Raises ``ValueError``, which begins with the field, for what no metric has."""
+        for name in ("metric", "method", "placement", "component", "unit"):
+            if not isinstance(getattr(self, name), str):
+                raise ValueError(f"{name}: must be text, not {short_repr(getattr(self, name))}")
+        if type(self.n) is not int or self.n < 0:
+            raise ValueError(f"n: must be a count, not {short_repr(self.n)}")
+        for name in NUMBERS:
+            number = getattr(self, name)
+            if number is not None and not _is_finite(number):
+                text = "must be a finite number, or null where it is not defined"
+                raise ValueError(f"{name}: {text}, not {short_repr(number)}")
+        for low, high in (("low", "high"), ("range_low", "range_high")):
+            ends = getattr(self, low), getattr(self, high)
+            if None not in ends and ends[0] > ends[1]:
+                raise ValueError(f"{low}: {ends[0]} is more than {high}, {ends[1]}")
+        around = (self.low, self.value, self.high)
+        if None not in around and sorted(around) != [*around]:  # type: ignore[type-var]
+            text = f"{self.value} is not within its interval, {self.low} to {self.high}"
+            raise ValueError(f"value: {text}")
+
     def of_seed(self, seed: int | None) -> tuple[Any, ...]:
         """The values of ``TIDY_FIELDS``, of this seed."""
         return (*self.row[:PLACE], seed, *self.row[PLACE:])
@@ -82,7 +104,14 @@ METRIC_FIELDS = tuple(field.name for field in fields(MetricValue))
 PLACE = METRIC_FIELDS.index("value")  # so many fields say what the number is of
 # The columns of every table of numbers; where a number is a mean over seeds, it has no seed.
 TIDY_FIELDS = (*METRIC_FIELDS[:PLACE], "seed", *METRIC_FIELDS[PLACE:])
+NUMBERS = ("value", "low", "high", "range_low", "range_high")
+MAX_NUMBER = sys.float_info.max
 _row_of = attrgetter(*METRIC_FIELDS)
+
+
+def _is_finite(number: object) -> bool:
+    """Whether it is a number, within those that floats reach."""
+    return type(number) in (int, float) and abs(number) <= MAX_NUMBER  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,10 +220,11 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
     changed = changed_files(folder, about)
     provenance.refuse_changed(folder, changed, allow_changed)
     tables = {name: read(folder / f"{name}.parquet", schema) for name, schema in SCHEMAS.items()}
-    with provenance.of_this_version(folder):
-        measured = [
-            MetricValue(**metric) for metric in provenance.read_json(folder / "metrics.json")
-        ]
+    for name, schema in SCHEMAS.items():
+        path = folder / f"{name}.parquet"
+        if path.name not in changed:
+            check_rows(path, schema, tables[name], about["rows"].get(name))
+    measured = _read_metrics(folder / "metrics.json", about)
     yaml = read_text(folder / "scenario.resolved.yaml")
     return Run(
         run_id=about["run_id"],
@@ -207,6 +237,36 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
         label=checked_label(about.get("label", ""), f"{folder / 'run.json'}: label"),
         words=about.get("metrics", {}),
     )
+
+
+def _read_metrics(path: Path, about: Mapping[str, Any]) -> list[MetricValue]:
+    """The numbers of the run that ``about``, its ``run.json``, tells of. Raises ``UserError`` that
+    names row and field.
+    """
+    rows = provenance.read_json(path)
+    if not isinstance(rows, list):
+        raise UserError(f"{path}: must be a list, not {short_repr(rows)}")
+    known = {
+        "metric": about["metrics"],
+        "method": [method["name"] for method in about["facts"]["methods"]],
+    }
+    places: dict[tuple[str, ...], int] = {}
+    measured = []
+    for place, row in enumerate(rows):
+        with as_user_error(f"{path}: row {place}", ValueError):
+            if not isinstance(row, dict) or row.keys() != set(METRIC_FIELDS):
+                raise ValueError(f"must be a mapping of {', '.join(METRIC_FIELDS)}")
+            metric = MetricValue(**row)
+            metric.check()
+            for name, names in known.items():
+                if getattr(metric, name) not in names:
+                    text = f"run.json tells of none called {short_repr(getattr(metric, name))}"
+                    raise ValueError(f"{name}: {text}")
+            earlier = places.setdefault(metric.row[:PLACE], place)
+            if earlier != place:
+                raise ValueError(f"metric: the same as in row {earlier}")
+        measured.append(metric)
+    return measured
 
 
 def checked_label(label: object, where: str = "label") -> str:

@@ -421,7 +421,8 @@ def other_format(path: Path, version: object, expected: int) -> str:
             f"{path}: made by an older genie-sim: format {version}, this one reads {expected}; "
             "run it again"
         )
-    return f"{path}: format {short_repr(version)}, this genie-sim reads {expected}"
+    found = "says no format" if version is None else f"format {short_repr(version)}"
+    return f"{path}: {found}, this genie-sim reads {expected}"
 
 
 def write(path: Path, schema: Schema, columns: Columns) -> None:
@@ -451,6 +452,28 @@ def read(path: Path, schema: Schema, *, trusted: bool = False) -> Columns:
 
     table, _ = parquet.read(path, "file", columns, trusted=trusted)
     return Columns({field.name: _read_column(table.column(field.name)) for field in table.schema})
+
+
+def check_rows(path: Path, schema: Schema, rows: Columns, count: object) -> None:
+    """Raises ``UserError`` unless a file that was ``read`` has this ``count`` of rows, and each of
+    those that a key sorts once.
+    """
+    if len(rows) != count:
+        told = "no number of them" if count is None else short_repr(count)
+        raise UserError(f"{path}: holds {len(rows):,} rows, but run.json says {told}")
+    if not schema.sorted_by:
+        return
+    is_later, is_equal = np.zeros((2, max(len(rows) - 1, 0)), dtype=bool)
+    is_equal[:] = True
+    for name in schema.sorted_by:
+        column = rows[name]
+        steps = np.diff(column.codes if isinstance(column, Text) else column)
+        is_later |= is_equal & (steps > 0)
+        is_equal &= steps == 0
+    if not is_later.all():
+        place = int(is_later.argmin()) + 1
+        keys = ", ".join(schema.sorted_by)
+        raise UserError(f"{path}: row {place}: {keys}: not after that of the row before")
 
 
 def harmless(cell: Any) -> Any:

@@ -6,7 +6,7 @@ from typing import Literal
 
 from genie_sim.base.plugins import Choice
 from genie_sim.core.messages import Encoding, Frame
-from genie_sim.data.source import Drive
+from genie_sim.data.frame_source import Drive
 from genie_sim.links.presets import LINKS
 from genie_sim.runs.prepare import Prepared
 from genie_sim.scenario.faults import timed

@@ -11,7 +11,7 @@ from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.grid import Area, cell_counts
 from genie_sim.base.plugins import Choice
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.data.source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Frames
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import MAX_EDGES, Fleet
 from genie_sim.scenario.scenario import Scenario

@@ -54,6 +54,7 @@ def run_to_folder(
 
     Raises ``UserError`` before it simulates.
     """
+    label = checked_label(label)
     provenance.check_writable(out)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
@@ -75,6 +76,7 @@ def run_in_memory(
     """Simulates a scenario and writes nothing. An ``observer`` sees what one worker simulates.
     Raises ``UserError`` before it simulates.
     """
+    label = checked_label(label)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
     tables = simulate(prepared, progress, workers=workers, observer=observer)
@@ -114,7 +116,7 @@ def write(
     run = replace(finished(prepared, run_id, tables), label=label)
     about = {
         "rows": {name: len(table) for name, table in tables.items()},
-        "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
+        "traces": {name: dict(known) for name, known in prepared.origin.provenance.items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
     _keep(folder, run, about)

@@ -9,8 +9,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base import plugins
-from genie_sim.base.errors import UserError, first_line
+from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
@@ -22,7 +21,8 @@ from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.method_processes import side_by_side
-from genie_sim.runs.prepare import Prepared, new_method, plugin_names, prepare
+from genie_sim.runs.own_classes import own_code_named
+from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
 from genie_sim.scenario.reading import read_scenario
@@ -96,7 +96,7 @@ def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progre
     methods = prepared.scenario.methods
     earlier_cars: set[str] = set()  # asked for, as other processes simulate those methods
     for entry in methods[:number]:
-        earlier_cars |= answered_cars(build.setup(prepared, entry), new_method(entry))
+        earlier_cars |= answered_cars(build.setup(prepared, entry), entry.new())
     simulate_method(prepared, methods[number], tables, earlier_cars=earlier_cars, progress=progress)
 
 
@@ -155,56 +155,36 @@ def simulate_method(
     ``observer`` sees the world before and after.
     """
     scenario = prepared.scenario
-    setup = build.setup(prepared, entry)
-    for table in tables.values():
-        table.leave_out(scenario.warm_up_ns)
-    judge = make_judge(prepared, entry.name, setup, tables, earlier_cars=earlier_cars)
-    agreement = None
-    if "answers" in scenario.record:
-        objects = Objects() if judge is None else judge.objects
-        agreement = Agreement(entry.name, tables["answers"], objects)
-    samples: Samples = "all" if scenario.fleet is None else "edges"
-    if "resources" not in scenario.record:
-        samples = "none"
-    log = Log(
-        entry.name,
-        tables,
-        record=scenario.record,
-        samples=samples,
-        agreement=agreement,
-        judge=judge,
-        earlier_cars=earlier_cars,
-    )
-    note_power(tables["power"], entry.name, prepared, setup)
     with own_code_named(scenario):
-        world = World(setup, new_method(entry), log)
+        setup = build.setup(prepared, entry)
+        judge = make_judge(prepared, entry.name, setup, tables, earlier_cars=earlier_cars)
+        agreement = None
+        if "answers" in scenario.record:
+            objects = Objects() if judge is None else judge.objects
+            agreement = Agreement(entry.name, tables["answers"], objects)
+        samples: Samples = "all" if scenario.fleet is None else "edges"
+        if "resources" not in scenario.record:
+            samples = "none"
+        for table in tables.values():
+            table.leave_out(scenario.warm_up_ns)
+        log = Log(
+            entry.name,
+            tables,
+            record=scenario.record,
+            samples=samples,
+            agreement=agreement,
+            judge=judge,
+            earlier_cars=earlier_cars,
+        )
+        world = World(setup, entry.new(), log)
         check_warm_up(scenario, world.last_frame_ns)
         if observer is not None:
             observer.before(entry.name, world)
         world.run(_progress_of(log, progress))
         if observer is not None:
             observer.after(entry.name, world)
-        cars = {car.name for car in setup.cars if car.name in world.network.graphs}
-    return cars
-
-
-@contextmanager
-def own_code_named(scenario: Scenario) -> Iterator[None]:
-    """An exception in the simulator names the classes of the user's own that take part, as a
-    ``UserError``: one of them may have returned what it should not. One in their own code stays.
-    """
-    try:
-        yield
-    except (UserError, OSError, MemoryError):
-        raise
-    except Exception as error:
-        names = ", ".join(plugin_names(scenario))
-        if not names or plugins.own_fault(error) is not None:
-            raise
-        what = f"{type(error).__name__}: {first_line(error)}"
-        raise UserError(
-            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
-        ) from error
+    note_power(tables["power"], entry.name, prepared, setup)
+    return {car.name for car in setup.cars if car.name in world.network.graphs}
 
 
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:

@@ -14,9 +14,9 @@ from itertools import pairwise
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.features import feature_of
-from genie_sim.base.settings import SettingError, join, own_arguments
+from genie_sim.base.settings import SettingError, check_unique, join, own_arguments
 from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
-from genie_sim.data.source import Drive
+from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import MethodEntry, method_class
@@ -24,7 +24,7 @@ from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
 from genie_sim.sim.link_model import LINK
-from genie_sim.sim.settings import EDGES, Car, MethodSettings, Route, check_unique
+from genie_sim.sim.settings import EDGES, Car, MethodSettings, Route
 
 log = logging.getLogger(__name__)
 

@@ -4,10 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from genie_sim.base import plugins
+from genie_sim.base.contracts import BOOLEAN, TEXT, require
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
 from genie_sim.base.text import MAX_LABEL
 from genie_sim.methods import METHODS, MUST_HAVE
+from genie_sim.sim.method import Method
 from genie_sim.sim.settings import MethodSettings
 
 # neither control characters nor what turns the direction of writing round
@@ -73,7 +76,29 @@ class MethodEntry(MethodNames):
         title = {} if self.title is None else {"title": self.title}
         return {"name": self.name, **arguments, **title, **self.settings}
 
+    def new(self) -> Method:
+        """The method itself, for one world: it may keep state. Raises ``UserError``."""
+        method: Method = METHOD.make(self.method)
+        owner = plugins.own_label("method", self.method.name)
+        if owner is not None:
+            require(owner, "title", method.title, TEXT)
+            require(owner, "baseline", method.baseline, BOOLEAN)
+        return method
+
+    def facts(self, method: Method) -> dict[str, Any]:
+        """Its name, what figures call it, and whether others are compared with it."""
+        title = self.title
+        if title is None:
+            own_names = (self.method.name, self.method.name.rpartition(":")[2])
+            title = method.title if self.name in own_names else self.name
+        return {"name": self.name, "title": title, "baseline": bool(method.baseline)}
+
 
 def method_class(entry: MethodEntry) -> Any:
     """The class of an entry's method. Raises ``UserError``."""
     return METHOD.resolve(entry.method.name)
+
+
+def features_of(methods: Mapping[str, Method]) -> dict[str, str | None]:
+    """What each method compares frames by; ``None`` for one that does not."""
+    return {name: getattr(method, "feature", None) for name, method in methods.items()}

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from genie_sim import methods
 from genie_sim.base import plugins, units
+from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import (
@@ -27,7 +28,7 @@ from genie_sim.base.settings import (
     names_of,
     plain_data,
 )
-from genie_sim.data.source import FrameSource
+from genie_sim.data.frame_source import FrameSource
 from genie_sim.data.sources import SOURCES
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
@@ -36,6 +37,8 @@ from genie_sim.scenario.overrides import Override
 from genie_sim.scenario.power import InterfaceName
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.yaml_input import dump
+from genie_sim.sim.link_model import LINK
+from genie_sim.sim.method import Method
 from genie_sim.sim.settings import (
     FOUR_CAMERAS,
     Camera,
@@ -240,6 +243,35 @@ class Scenario(MethodSettings):
             choice = Choice(str(detector))
             named.append(Chosen("perception.detector", DETECTOR, choice, name_alone=True))
         return [plug_in for plug_in in named if plugins.is_own(plug_in.choice.name)]
+
+    def own_code(self) -> dict[str, tuple[str, str]]:
+        """The kind and the name of each class of the user's own, by both in one text."""
+        return {
+            f"{mark.what} {choice.name}": (mark.what, choice.name)
+            for _, mark, choice, _ in self.own_plugins()
+        }
+
+    def own_code_digests(self) -> dict[str, str]:
+        """sha256 of the module of each class of the user's own: its code decides the outcome."""
+        return {
+            title: plugins.code_digest(what, name)
+            for title, (what, name) in self.own_code().items()
+        }
+
+    def link_digests(self) -> dict[str, str]:
+        """Digests of the recordings that links replay."""
+        digests: dict[str, str] = {}
+        for _, link in self.links():
+            digests |= getattr(LINK.make(link), "digests", dict)()
+        return digests
+
+    def new_methods(self) -> dict[str, Method]:
+        """The method of each entry, by its name, to ask what it is. Raises ``UserError``."""
+        new = {}
+        for index, entry in enumerate(self.methods):
+            with as_user_error(f"{self.name}: methods[{index}]", UserError):
+                new[entry.name] = entry.new()
+        return new
 
     def to_yaml(self) -> str:
         """Every setting written out; reads back to an equal scenario."""

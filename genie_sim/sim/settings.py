@@ -2,7 +2,7 @@
 routes), and what methods may have otherwise.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -16,6 +16,7 @@ from genie_sim.base.settings import (
     OneOf,
     SettingError,
     Short,
+    check_unique,
 )
 from genie_sim.core.messages import Encoding
 from genie_sim.core.rules import GenieRules
@@ -24,27 +25,6 @@ from genie_sim.tracks.consumer import ConsumerRules
 
 EDGES = "edges"  # the network between edges, in the names of links
 ALL = "*"  # whoever hears a broadcast, in the names of links
-
-
-def check_unique(field: str, names: Sequence[str], of: str = "", also: Iterable[str] = ()) -> None:
-    """Raises ``SettingError`` for the first name that comes twice.
-
-    Parameters
-    ----------
-    field : str
-        The list that the names are from.
-    names : sequence of str
-        They themselves.
-    of : str
-        The path of a name below its entry of the list, such as ``.name``.
-    also : iterable of str
-        Names that are taken already.
-    """
-    taken = set(also)
-    for index, name in enumerate(names):
-        if name in taken:
-            raise SettingError(f"{field}[{index}]{of}", f"duplicate name {name!r}")
-        taken.add(name)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """What a sweep varies, read from a small YAML file, and the points that follow from it.
 
 Every combination of the ``grid`` and ``list`` axes is made; each combination is made once for every
-joint sample of the ``random`` and ``latin_hypercube`` axes; and each point is run with every seed.
+joint sample of the ``latin_hypercube`` axes; and each point is run with every seed.
 """
 
 import hashlib
@@ -154,7 +154,7 @@ Cases = dict[str, dict[str, Any]]  # settings of each case, by its name
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """One thing that is varied: the settings it sets, and one of the four ways to vary it.
+    """One thing that is varied: the settings it sets, and one of the three ways to vary it.
 
     Several settings get the same value. A ``list`` without ``set`` names cases, each with settings
     of its own.
@@ -166,8 +166,6 @@ class Axis:
     """Evenly spaced numbers."""
     cases: Annotated[tuple[Any, ...] | Cases | None, Key("list")] = None
     """Values, or named cases."""
-    random: NumberRange | None = None
-    """Numbers drawn independently of each other."""
     latin_hypercube: NumberRange | None = None
     """Numbers drawn one from each of equal parts of the span."""
 
@@ -177,12 +175,7 @@ class Axis:
         return listed(data, "set")
 
     def __post_init__(self) -> None:
-        ways = {
-            "grid": self.grid,
-            "list": self.cases,
-            "random": self.random,
-            "latin_hypercube": self.latin_hypercube,
-        }
+        ways = {"grid": self.grid, "list": self.cases, "latin_hypercube": self.latin_hypercube}
         given = [name for name, way in ways.items() if way is not None]
         if len(given) != 1:
             has = " and ".join(given) or "none"
@@ -190,7 +183,7 @@ class Axis:
         check_paths(self.paths, self.cases, "missing; say which setting is varied")
         if self.cases is not None and not self.cases:
             raise SettingError("list", "must not be empty")
-        if self.span is None or self.span is self.grid:
+        if not self.sampled:
             twice = _twice(level for level, _ in self.levels())
             if twice is not None:
                 raise SettingError(given[0], f"the value {short_repr(twice)} comes twice")
@@ -198,12 +191,12 @@ class Axis:
     @property
     def span(self) -> NumberRange | None:
         """Of numbers; None for a list."""
-        return self.grid or self.random or self.latin_hypercube
+        return self.grid or self.latin_hypercube
 
     @property
     def sampled(self) -> bool:
         """Drawn, not crossed."""
-        return self.random is not None or self.latin_hypercube is not None
+        return self.latin_hypercube is not None
 
     @property
     def unit(self) -> str:
@@ -236,19 +229,13 @@ class Axis:
         ]
 
     def samples(self, name: str, count: int, seed: int) -> list[tuple[Level, dict[str, Any]]]:
-        """``count`` values of a sampled axis, drawn from the random stream of the axis' name.
-
-        ``random``: independent, so more samples keep the earlier ones. ``latin_hypercube``: one in
-        each of ``count`` equal parts of the span.
+        """``count`` values of a sampled axis, one in each of ``count`` equal parts of its span,
+        drawn from the random stream of the axis' name.
         """
         rng = stream(seed, "sweep", name)
-        span = self.random or self.latin_hypercube
+        span = self.latin_hypercube
         assert span is not None
-        shares = (
-            rng.random(count)
-            if self.random is not None
-            else (rng.permutation(count) + rng.random(count)) / count
-        )
+        shares = (rng.permutation(count) + rng.random(count)) / count
         return [self.numeric(span, span.at(float(share))) for share in shares]
 
     def numeric(self, span: NumberRange, value: float) -> tuple[Level, dict[str, Any]]:
@@ -326,7 +313,7 @@ class Design:
         if sampled and self.samples is None:
             raise SettingError("samples", f"missing; axis {sampled[0]!r} needs to know how many")
         if not sampled and self.samples is not None:
-            text = "has no effect without an axis that is 'random' or 'latin_hypercube'"
+            text = "has no effect without an axis that is a 'latin_hypercube'"
             raise SettingError("samples", text)
         self._check_axes()
         if self.runs > MAX_RUNS:

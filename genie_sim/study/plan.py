@@ -8,8 +8,8 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
-from genie_sim.runs.prepare import facts, new_methods
-from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.own_classes import origin_of, own_code_named
+from genie_sim.runs.prepare import SharedFrames, facts
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
 from genie_sim.study.design import Design, Level, SweepPoint
@@ -68,7 +68,7 @@ def plan(
         Naming the setting that is wrong.
     """
     planned = Plan()
-    world = SharedFrames()
+    frames = SharedFrames()
     total = design.runs // len(design.seeds)
     for number, point in enumerate(design.points()):
         levels = ", ".join(
@@ -78,7 +78,7 @@ def plan(
             named = base if point.scenario == design.scenario else None
             scenario = _scenario(point, named, methods)
             name = f"point {number} ({levels})" if levels else ""
-            for run in runs_of(scenario, world, design.seeds, name):
+            for run in runs_of(scenario, frames, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
                 planned.entries.append(Entry(number, run.scenario.seed, run.run_id, point.levels))
                 planned.runs.setdefault(run.run_id, run)
@@ -101,21 +101,23 @@ def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) 
 
 
 def runs_of(
-    scenario: Scenario, world: "SharedFrames", seeds: Sequence[int], point: str
+    scenario: Scenario, frames: SharedFrames, seeds: Sequence[int], point: str
 ) -> Iterator[PointRun]:
     """A point's run with each seed; ``point`` names it where a run fails. Raises ``UserError``."""
-    prepared = world.prepare(scenario)
+    prepared = frames.prepare(scenario)
     for seed in seeds:
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
-            source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
-            known = facts(
-                seeded,
-                new_methods(seeded),
-                devices=prepared.devices,
-                frames=source,
-                encoded=prepared.encoded,
-            )
+            with own_code_named(seeded):
+                source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
+                known = facts(
+                    seeded,
+                    seeded.new_methods(),
+                    devices=prepared.devices,
+                    frames=source,
+                    encoded=prepared.encoded,
+                    origin=origin_of(source, seeded.perception.name),
+                )
         else:  # nothing else differs
             written = {**prepared.facts["scenario"], "seed": seed}
             known = {**prepared.facts, "scenario": written}

@@ -20,7 +20,6 @@ from genie_sim.record import provenance
 from genie_sim.record.tables import other_format
 from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
-from genie_sim.runs.prepare import method_facts, new_methods
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.study import tables
 from genie_sim.study.design import Design
@@ -198,13 +197,13 @@ class Study:
 
     def _draw(self, runs: "pd.DataFrame") -> None:
         from genie_sim.analysis import figures as of_runs
-        from genie_sim.study import figures
+        from genie_sim.study.figures import SweepFigures
         from genie_sim.study.sweep import footer_of, unique_titles
 
         titles = unique_titles(self._titles())
         footer = footer_of(self.design, self.label)
         with provenance.derived(self.folder) as attempt, attempt("figures"):
-            drawn = dict(figures.of_sweep(self.design, runs, titles, footer))
+            drawn = dict(SweepFigures(self.design, runs, titles, footer).drawn())
             folder = provenance.contained(self.folder, "figures")
             of_runs.save_all(drawn, folder, ("svg", "png"))
 
@@ -218,9 +217,10 @@ class Study:
         scenarios = (
             runs[entry.run_id].scenario for entry in self.plan.entries if entry.seed == seed
         )
-        methods_of_points = (method_facts(one, new_methods(one)) for one in scenarios)
         return {
-            method["name"]: method["title"] for methods in methods_of_points for method in methods
+            entry.name: entry.facts(method)["title"]
+            for scenario in scenarios
+            for entry, method in zip(scenario.methods, scenario.new_methods().values(), strict=True)
         }
 
     def _write_about(self) -> None:

@@ -18,7 +18,14 @@ from genie_sim.base.errors import Suggesting, UserError, unknown
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
 from genie_sim.record import provenance
-from genie_sim.record.results import METRIC_FIELDS, Run, checked_label
+from genie_sim.record.results import (
+    MAX_NUMBER,
+    METRIC_FIELDS,
+    NUMBERS,
+    PLACE,
+    Run,
+    checked_label,
+)
 from genie_sim.report.result import Result, cells_of, level_text, named
 from genie_sim.study.design import Design, read_design
 from genie_sim.study.tables import BEFORE_AXES, differences
@@ -26,6 +33,8 @@ from genie_sim.study.tables import BEFORE_AXES, differences
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from genie_sim.study.figures import SweepFigures
 
 READ = ("runs.parquet", "table.parquet")  # what is read, besides sweep.json
 MAX_ROWS = 50  # of a table in LaTeX
@@ -89,6 +98,12 @@ class Sweep(Suggesting, Result):
             changed = provenance.changed_files(folder, about.get("digests"), READ)
             provenance.refuse_changed(folder, changed, allow_changed)
             design = read_design(about["sweep"], str(path))
+            for name, table, key, count in (
+                (READ[0], runs, ["point", "seed"], design.runs),
+                (READ[1], points, ["point"], design.runs // len(design.seeds)),
+            ):
+                if name not in changed:
+                    _check_numbers(folder / name, table, key, count)
             label = checked_label(about.get("label", ""), f"{path}: label")
             return cls(design, about, runs, points, folder, changed, label)
 
@@ -133,7 +148,7 @@ class Sweep(Suggesting, Result):
         """See ``Result``."""
         for name in methods:
             if name not in self.titles:
-                raise UserError(f"--methods: {self.title}: {unknown('method', name, self.titles)}")
+                raise UserError(f"methods: {self.title}: {unknown('method', name, self.titles)}")
         order = {name: place for place, name in enumerate(dict.fromkeys(methods or self.titles))}
         runs, points = (
             table[table["method"].isin(order)].sort_values(
@@ -179,29 +194,21 @@ class Sweep(Suggesting, Result):
 
     def figures(self, width_in: float | None = None) -> "dict[str, Figure]":
         """See ``Result``."""
-        from genie_sim.study import figures
-
-        drawn = figures.of_sweep(
-            self.design, self.every_run, self.titles, self.footer, width_in or PAGE_IN
-        )
         with provenance.of_this_version(self.folder):
-            return dict(drawn)
+            return dict(self._figures(width_in).drawn())
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure; or one metric along the first axis, or as a heat map over the first two."""
-        from genie_sim.study import figures
-
         if name in {*METRICS, *self.every_run["metric"]} - {*self.design.axes}:
-            return figures.of_metric(
-                name,
-                self.design,
-                self.every_run,
-                titles=self.titles,
-                footer=self.footer,
-                width_in=width_in or PAGE_IN,
-            )
+            return self._figures(width_in).of(name)
         figure: Figure = named(name, self.figures(width_in))
         return figure
+
+    def _figures(self, width_in: float | None) -> "SweepFigures":
+        from genie_sim.study.figures import SweepFigures
+
+        width_in = width_in or PAGE_IN
+        return SweepFigures(self.design, self.every_run, self.titles, self.footer, width_in)
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The points: in ``csv`` every metric with all digits, in ``latex`` the main metrics with
@@ -245,9 +252,9 @@ class Sweep(Suggesting, Result):
         for name in metrics:
             if name not in (of for of, _ in columns):
                 is_of_parts = (points["metric"] == name).any()
-                why = "is not of a method as a whole; --format csv has it"
+                why = "is not of a method as a whole; format csv has it"
                 why = why if is_of_parts else "this sweep has no value of it"
-                raise UserError(f"--metrics: {name}: {why}")
+                raise UserError(f"metrics: {name}: {why}")
         rows = []
         for (_, method), of_row in whole.groupby(["point", "method"], sort=False):
             by_place = of_row.set_index(["metric", "placement"])
@@ -355,9 +362,40 @@ def _table(path: Path) -> "pd.DataFrame":
 
 
 def _columns_of(path: Path, schema: Any, _about: object) -> list[str]:
-    """All columns of a table of a sweep. Raises ``UserError`` where some are missing."""
-    names: list[str] = schema.names
+    """All columns of a table of a sweep. Raises ``UserError`` where some are missing, or of other
+    types than a sweep writes.
+    """
+    import pyarrow.types as of
+
+    scalars = (of.is_integer, of.is_floating, of.is_boolean, of.is_large_string, of.is_null)
+    kinds: dict[str, tuple[Any, ...]] = {"n": (of.is_integer, of.is_floating)}
+    kinds |= dict.fromkeys(METRIC_FIELDS[:PLACE], (of.is_large_string,))
+    kinds |= dict.fromkeys(NUMBERS, (of.is_floating,))
     for name in (BEFORE_AXES[0], *METRIC_FIELDS):
-        if name not in names:
+        if name not in schema.names:
             raise UserError(f"{path}: is no table of a sweep: it has no column {name}")
+    for name, type in zip(schema.names, schema.types, strict=True):
+        if not any(is_of_kind(type) for is_of_kind in kinds.get(name, scalars)):
+            raise UserError(f"{path}: column {name}: a sweep writes none of {type}")
+    names: list[str] = schema.names
     return names
+
+
+def _check_numbers(path: Path, table: "pd.DataFrame", key: list[str], count: int) -> None:
+    """Raises ``UserError`` for what no sweep writes: another ``count`` of the ``key``, a number
+    twice, or one that cannot be.
+    """
+    if len(table[key].drop_duplicates()) != count:
+        found = len(table[key].drop_duplicates())
+        raise UserError(f"{path}: holds {found:,} of {' and '.join(key)}, not {count:,}")
+    for text, rows in {
+        "is there in an earlier row": table.duplicated([*key, *METRIC_FIELDS[:PLACE]]),
+        "holds an infinite number": table[list(NUMBERS)].abs().max(axis=1) > MAX_NUMBER,
+        "low: is more than high": table["low"] > table["high"],
+        "range_low: is more than range_high": table["range_low"] > table["range_high"],
+        "value: is not within low to high": (table["value"] < table["low"])
+        | (table["value"] > table["high"]),
+        "n: is negative": table["n"] < 0,
+    }.items():
+        if rows.any():
+            raise UserError(f"{path}: row {int(rows.to_numpy().argmax())}: {text}")

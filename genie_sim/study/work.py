@@ -21,7 +21,14 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, atomic_write, read_text, regular, usable
+from genie_sim.base.paths import (
+    PARTIAL,
+    atomic_write,
+    read_text,
+    regular,
+    uninterrupted,
+    usable,
+)
 from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
@@ -30,8 +37,7 @@ from genie_sim.record.columns import Columns
 from genie_sim.record.results import METRIC_FIELDS, MetricValue, changed_files
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs import folder as run_folder
-from genie_sim.runs.prepare import Prepared
-from genie_sim.runs.shared import SharedFrames
+from genie_sim.runs.prepare import Prepared, SharedFrames
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.scenario import Scenario
 
@@ -241,11 +247,17 @@ class Parts:
         for run in missing:
             self._failure(run.run_id).unlink(missing_ok=True)
         failed: dict[str, str] = {}
-        with contextlib.closing(workers.results(missing, self.folder)) as results:
-            for count, (run_id, error) in enumerate(results, len(done) + 1):
-                if error:
-                    failed[run_id] = error
-                tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
+        try:
+            with contextlib.closing(workers.results(missing, self.folder)) as results:
+                for count, (run_id, error) in enumerate(results, len(done) + 1):
+                    if error:
+                        failed[run_id] = error
+                    tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
+        except KeyboardInterrupt:
+            with uninterrupted():  # its workers were killed in the middle of something
+                provenance.clear_away(provenance.contained(self.folder, RUNS))
+                self._clear_parts()
+            raise
         if failed:
             first = next(run for run in runs if run.run_id in failed)
             raise UserError(
@@ -274,12 +286,7 @@ class Parts:
         """Removes what killed workers left, and reasons of failures that are mended. A line tells
         of files that are somebody's.
         """
-        others = []
-        for path in sorted(self.parts.iterdir()):
-            if BESIDE.fullmatch(path.name):
-                path.unlink(missing_ok=True)
-            elif not PART.fullmatch(path.name):
-                others.append(one_line(path.name))
+        others = self._clear_parts()
         if others:
             more = f" and {len(others) - 3:,} more" if len(others) > 3 else ""
             log.warning(
@@ -290,6 +297,18 @@ class Parts:
                 reason.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # not there, or somebody's file is in it
             self.failures.rmdir()
+
+    def _clear_parts(self) -> list[str]:
+        """Removes what killed workers left among the parts; returns the names of files that are
+        somebody's.
+        """
+        others = []
+        for path in sorted(self.parts.glob("*")):
+            if BESIDE.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+            elif not PART.fullmatch(path.name):
+                others.append(one_line(path.name))
+        return others
 
     def metrics(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.
@@ -303,8 +322,10 @@ class Parts:
             part = provenance.read_json(path)
             if part["run_id"] == run_id and part["digest"] == _digest(part["metrics"]):
                 rows: list[list[Any]] = part["metrics"]
+                for row in rows:
+                    MetricValue(*row).check()
                 return rows
-        except (UserError, LookupError, TypeError) as error:
+        except (UserError, LookupError, TypeError, ValueError) as error:
             log.debug("%s: %s", path, error)
         log.warning("%s: was changed since it was written: its run is made again", path)
         return None

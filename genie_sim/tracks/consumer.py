@@ -11,10 +11,10 @@ from typing import Literal, NamedTuple
 from genie_sim.base import units
 from genie_sim.base.settings import Share
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 
 REMEMBERED_FRAMES = 256
 
@@ -110,7 +110,7 @@ class Tracker(Consumer):
         if look is None and answer.source == "detector":
             viewer = self._viewers.get(answer.header)
             if viewer is not None:
-                detections = tuple(seen for seen in answer.objects if seen.method != "map")
+                detections = tuple(seen for seen in answer.objects if seen.placed_by != "map")
                 look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
             self._map.count(look, now_ns)

@@ -9,9 +9,10 @@ from genie_sim.core.messages import Header
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.track import COAST_NS, VEHICLE, Track
 
-MOVING, PARKED, UNKNOWN = 0.87, 0.9998, 0.97  # survival in one second: halved in 5 s, 1 h, 23 s
-LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(MOVING), math.log(PARKED), math.log(UNKNOWN)
-GONE = 0.05
+# Assumed: with which probability an object survives a second at which nobody looks. That of one
+# that moves is halved in 5 s, of one that is parked in 1 h, of others in 23 s.
+LOG_MOVING, LOG_PARKED, LOG_UNKNOWN = math.log(0.87), math.log(0.9998), math.log(0.97)
+GONE = 0.05  # assumed: a track that exists with this probability is forgotten
 
 
 class Existence:
@@ -35,8 +36,8 @@ class Existence:
         self._laws = laws
 
     def expires_ns(self, track: Track) -> int:
-        """When to take out a track that nobody sees again: its probability will have sunk to 5 %,
-        or it moves and was predicted for long enough.
+        """When to take out a track that nobody sees again: its probability will have sunk to
+        ``GONE``, or it moves and was predicted for long enough.
         """
         over = math.log(max(track.existence, GONE) / GONE)
         gone_ns = track.checked_ns + round(over / -track.log_survival * 1e9)

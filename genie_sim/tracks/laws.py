@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 RANGE_STEP_M, SCORE_STEP = 10.0, 0.1
-FALSE_SHARE = 0.2  # Autoware: how often a detector finds something again where nothing is
+# As Autoware's tracker assumes: how often a detector finds something again where nothing is.
+FALSE_SHARE = 0.2
 
 
 class DetectorLaws(NamedTuple):
@@ -42,7 +43,7 @@ def _between(table: Sequence[float], place: float) -> float:
 
 
 def _assumed_found(near: float) -> tuple[float, ...]:
-    """Falls from 20 m on, in a straight line, to a fifth."""
+    """Assumed: falls from 20 m on, in a straight line, to a fifth."""
     return tuple(
         max(0.2, near * min(1.0, 1.0 - (range_m - 20.0) / 30.0)) for range_m in range(0, 61, 10)
     )

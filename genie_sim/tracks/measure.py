@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from genie_sim.tracks.laws import ASSUMED, DetectorLaws
+from genie_sim.tracks.laws import ASSUMED, FALSE_SHARE, DetectorLaws
 
-PRIOR_FALSE_SHARE = 0.2
 SCORES = len(ASSUMED.ratios)
 
 
@@ -71,7 +70,7 @@ def _ratios(counts: LawCounts, prior_looks: float) -> tuple[float, ...]:
     one.
     """
     real_looks, false_looks = counts.real_looks + prior_looks, counts.false_looks + prior_looks
-    false_prior = prior_looks * PRIOR_FALSE_SHARE / SCORES
+    false_prior = prior_looks * FALSE_SHARE / SCORES
     return tuple(
         (of_real + false_prior * prior) / real_looks * false_looks / (of_false + false_prior)
         for of_real, of_false, prior in zip(

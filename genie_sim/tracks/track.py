@@ -1,6 +1,6 @@
 """Tracks: objects that move with a nearly constant velocity, each with a Kalman filter of its own.
 
-Both the object map of the policies that track and the consumer that tracks are made of these.
+Both the map of the recommended Genie and the consumer that tracks are made of these.
 """
 
 import functools
@@ -11,18 +11,20 @@ from typing import NamedTuple
 from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.core.messages import Detection, Header, Motion
 
-COAST_NS = 1_000_000_000  # so long a place is predicted after it was last seen
-PARKED_NS = 1_000_000_000  # slower than MOVING_MPS for this long counts as parked
-# of a detected place; beyond this range it grows in proportion to the range
+COAST_NS = 1_000_000_000  # assumed: so long a place is predicted after it was last seen
+PARKED_NS = 1_000_000_000  # assumed: slower than MOVING_MPS for this long counts as parked
+# Assumed: the standard deviation of a detected place, and the range from which on it grows in
+# proportion to the range.
 SIGMA_M, SIGMA_RANGE_M = 0.5, 20.0
-# a sighting this near to a predicted place is always the object's; nearer tracks are one object
+# A sighting this near to a predicted place is always the object's; nearer tracks are one object: as
+# the gate of the paper's map.
 NEAR_M = 1.0
 
 
 class MotionClass(NamedTuple):
-    """How one group of classes moves: highest speed, standard deviation of the acceleration [m/s2],
-    the farthest that a sighting may be from the predicted place (Autoware's pruning distances), and
-    half of the width that hides others.
+    """How one group of classes moves: usual highest speed, standard deviation of the acceleration
+    [m/s2], the farthest that a sighting may be from the predicted place (of car, bicycle and person
+    Autoware's pruning distances), and half of the width that hides others; all others assumed.
     """
 
     group: str
@@ -58,8 +60,8 @@ class Track:
     """An object that moves: place and velocity at ``stamp_ns``, with one covariance for both axes.
 
     ``variance`` are those of place [m2], of place and velocity together, and of velocity [(m/s)2].
-    ``existence`` is the probability that the object is there, at ``checked_ns``, when a look last
-    told of it.
+    ``existence`` is the probability that the object is there, at ``checked_ns``, when the last look
+    at it was counted.
     """
 
     number: int
@@ -163,7 +165,7 @@ class Track:
             box=None,
             location=place,
             confidence=confidence,
-            method="map",
+            placed_by="map",
             motion=motion,
             seen_in=self.seen,
         )

@@ -1,4 +1,4 @@
-"""The object map of the policies that track: looks go in, each once, and tracks come out where they
+"""The map of tracks: looks go in, each once, and tracks come out where they
 are predicted.
 """
 
@@ -9,18 +9,22 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.grid import Area, Grid, area_around, widened
 from genie_sim.core.messages import Detection, Header, Look, MapChange, ObjectLookups
 from genie_sim.core.view import ViewSector
+from genie_sim.tracks.coverage import FARTHEST_M, Coverage, Viewer
 from genie_sim.tracks.existence import Existence
-from genie_sim.tracks.track import NEAR_M, Track, kind_of, sigma_of
-from genie_sim.tracks.view import FARTHEST_M, View, Viewer
+from genie_sim.tracks.track import COAST_NS, NEAR_M, VEHICLE, Track, kind_of, sigma_of
 
-SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0
-# A track stays in the cell where it was last updated; this far it may have moved since.
-SLOW_DRIFT_M, FAST_DRIFT_M = 0.5, 34.0
-COUNTED_NS = 10_000_000_000  # how long a look is remembered, lest it be counted again
-MAX_GATE_M = 5.0  # no kind's gate is wider
+SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0  # sides of the grids' cells, which change speed alone
+# A track stays in the cell where it was last updated; this far it may have moved since: as fast as
+# a slow one may be, or as ``Track.update`` lets one be, for ``COAST_NS``.
+SLOW_DRIFT_M, FAST_DRIFT_M = (
+    speed_mps * COAST_NS * 1e-9 for speed_mps in (MOVING_MPS, 2.0 * VEHICLE.v_max_mps)
+)
+COUNTED_NS = 10_000_000_000  # assumed: how long a look is remembered, lest it be counted again
+MAX_GATE_M = VEHICLE.gate_m  # no kind's gate is wider
 
 
 class TrackInPlace(NamedTuple):
@@ -82,7 +86,9 @@ class TrackMap:
         self._to_forget: list[tuple[int, int, Track]] = []
         self._ties = itertools.count()
         self._counted: OrderedDict[Header, None] = OrderedDict()  # looks
-        self._latest: dict[tuple[str, str], tuple[int, View]] = {}  # the newest look of each camera
+        self._latest: dict[
+            tuple[str, str], tuple[int, Coverage]
+        ] = {}  # the newest look of each camera
 
     def __len__(self) -> int:
         return self._count
@@ -158,8 +164,8 @@ class TrackMap:
         has no track there that an object of this class could be.
         """
         looked = any(
-            stamp_ns > seen_ns and view.range_m(east_m, north_m) is not None
-            for stamp_ns, view in self._latest.values()
+            stamp_ns > seen_ns and coverage.range_m(east_m, north_m) is not None
+            for stamp_ns, coverage in self._latest.values()
         )
         return looked and self.match(label, east_m, north_m, seen_ns) is None
 
@@ -188,8 +194,8 @@ class TrackMap:
         detections = [detection for detection in look.detections if detection.location is not None]
         if look.header in self._counted:
             return CountedLook(self._tracks_shown(detections, stamp_ns), {}, [])
-        view = View(look)
-        self._remember(look, view)
+        coverage = Coverage(look)
+        self._remember(look, coverage)
         around = self._around(look, detections)
         pairs = _pairs(detections, around, stamp_ns)
         shown = _matched(pairs)
@@ -200,7 +206,7 @@ class TrackMap:
             for east_m, north_m, track in around
             if track.number not in matched
             and track.checked_ns <= stamp_ns
-            and (range_m := view.range_m(east_m, north_m)) is not None
+            and (range_m := coverage.range_m(east_m, north_m)) is not None
         ]
         before = {track.number: self.existence(track, now_ns) for track in shown.values()}
         born: list[Track] = []
@@ -244,12 +250,12 @@ class TrackMap:
                 tracks.append(track)
         return _without_repeats(tracks)
 
-    def _remember(self, look: Look, view: View) -> None:
+    def _remember(self, look: Look, coverage: Coverage) -> None:
         """Notes that a look was counted, and if it is its camera's newest, what it saw."""
         stamp_ns, stream, car = look.header
         self._counted[look.header] = None
-        if stamp_ns >= self._latest.get((car, stream), (0, view))[0]:
-            self._latest[car, stream] = stamp_ns, view
+        if stamp_ns >= self._latest.get((car, stream), (0, coverage))[0]:
+            self._latest[car, stream] = stamp_ns, coverage
         while next(iter(self._counted)).stamp_ns < stamp_ns - COUNTED_NS:
             self._counted.popitem(last=False)
 

@@ -16,7 +16,7 @@ from genie_sim.record.results import Run
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.folder import finished, run_in_memory
-from genie_sim.runs.prepare import prepare_with_frames
+from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.power import INTERFACES, DevicePower, Watts
 from genie_sim.scenario.profiles import DeviceProfile
@@ -59,7 +59,7 @@ def run(methods: list[Any], cars: int = 1, of: Any = None, **settings: Any) -> R
         start_jitter="0 s",
         **settings,
     )
-    prepared = prepare_with_frames(setting, Recordings(street(seconds=2.0)), of or devices())
+    prepared = prepare(setting, None, of or devices(), Recordings(street(seconds=2.0)))
     return finished(prepared, "test", simulate(prepared))
 
 

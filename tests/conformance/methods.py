@@ -14,7 +14,6 @@ import pyarrow as pa
 import pytest
 
 from genie_sim.base.settings import from_plain
-from genie_sim.runs.prepare import method_facts, new_method, new_methods
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
@@ -84,11 +83,11 @@ class MethodConformance:
         assert other["first_answer_ns"] != mine["first_answer_ns"], "the settings change nothing"
 
     def test_it_says_what_it_is(self, method: str):
-        setting = self.scenario([method])
-        (fact,) = method_facts(setting, new_methods(setting))
-        made = new_method(from_plain(MethodEntry, method))
+        entry = from_plain(MethodEntry, method)
+        made = entry.new()
+        fact = entry.facts(made)
         assert fact == {
-            "name": from_plain(MethodEntry, method).name,
+            "name": entry.name,
             "title": made.title,
             "baseline": made.baseline,
         }

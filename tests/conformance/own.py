@@ -15,7 +15,7 @@ from genie_sim.core.eviction import LRU
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
-from genie_sim.data.source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.faults.outage import Outage
 from genie_sim.sim.link_model import Sender
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
@@ -393,6 +393,14 @@ class Floods(Beside):
         while True:
             network.links[self.target].load("flood", 100_000)
             yield network.clock.timeout(5_000_000)
+
+
+class Nowhere(Beside):
+    """It takes down what is not there."""
+
+    def strike(self, network):
+        yield network.clock.timeout(5)
+        network.take_down("edge99", "nowhere")
 
 
 class Yields(Beside):

@@ -19,7 +19,7 @@ from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
-from genie_sim.runs.prepare import new_method, prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.reading import read_scenario
@@ -126,7 +126,7 @@ def world(scenario: Scenario, place: int = 0) -> tuple[World, Tables]:
     prepared, filled = prepare(scenario), new_tables()
     entry = scenario.methods[place]
     return World(
-        build.setup(prepared, entry), new_method(entry), Log(entry.name, filled, scenario.record)
+        build.setup(prepared, entry), entry.new(), Log(entry.name, filled, scenario.record)
     ), filled
 
 

@@ -13,7 +13,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.data.sources import SOURCES
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import plugin_digests, prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 from tests.conformance import small
@@ -147,7 +147,7 @@ def test_a_source_without_the_base_class_is_told_which():
     source = f"{__name__}:NoSource"
     message = (
         f"^frame source '{source}': must be of a subclass of FrameSource in "
-        "genie_sim.data.source, not "
+        "genie_sim.data.frame_source, not "
     )
     with pytest.raises(UserError, match=message):
         prepare(small.scenario(perception={"source": source}))
@@ -178,4 +178,4 @@ def test_a_scenario_is_read_without_running_code_of_ones_own():
         genie={"eviction": nowhere, "similarity": nowhere, "object_map": {"rule": nowhere}},
     )
     with pytest.raises(UserError, match="No module named 'nowhere_at_all'"):
-        plugin_digests(scenario)
+        scenario.own_code_digests()

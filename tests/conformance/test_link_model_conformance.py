@@ -11,7 +11,6 @@ from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
 from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import plugin_digests
 from genie_sim.sim.link_model import LINK_MODELS
 from tests.conformance import small
 from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
@@ -97,7 +96,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
     assert (made.slot_ms, made.slot_bytes) == (1.0, 200_000)
     rows = small.frames(setting).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()
-    assert f"link model {RADIO}" in plugin_digests(setting)
+    assert f"link model {RADIO}" in setting.own_code_digests()
     failing = small.scenario(
         ["remote"], cars=[small.car(1, link={**radio, "fails": 1}), small.car(2)]
     )

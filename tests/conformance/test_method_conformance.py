@@ -12,7 +12,6 @@ from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Publish
 from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import new_method
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.reading import read_scenario
 from tests.conformance import small
@@ -46,7 +45,7 @@ def test_a_method_of_a_name_that_nobody_knows_never_runs():
         UserError,
         match=r"^unknown method 'gene' \(did you mean 'genie'\?\); known: .*, genie, local",
     ):
-        new_method(entry)
+        entry.new()
     with pytest.raises(UserError, match="unknown method 'gene'"):
         run_in_memory(replace(small.scenario(), methods=(entry,)))
 

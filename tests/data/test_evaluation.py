@@ -210,11 +210,11 @@ def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
 def test_average_precision_on_drive_0005(kitti_root, weights_dir):
     """Every fifth frame of camera 02; all of them give 0.834 and 0.876."""
     from genie_sim.data.detector import DetectorSettings
-    from genie_sim.data.perceive import LOWEST_SCORE, DriveFrames, perceive
+    from genie_sim.data.perceive import LOWEST_SCORE, FrameSelection, perceive
 
     trace = perceive(
         kitti_root,
-        DriveFrames("2011_09_26/0005", ["02"], range(0, 154, 5)),
+        FrameSelection("2011_09_26/0005", ["02"], range(0, 154, 5)),
         DetectorSettings(weights=weights_dir, min_score=LOWEST_SCORE, place_from=0.99),
     )
     e = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)

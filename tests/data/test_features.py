@@ -101,10 +101,10 @@ def test_the_last_activation_is_found_by_the_structure_of_the_network():
     not os.environ.get("GENIE_SIM_WEIGHTS"), reason="GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS not set"
 )
 def test_perceive_makes_the_shipped_features_again(shipped):
-    from genie_sim.data.perceive import DriveFrames, perceive
+    from genie_sim.data.perceive import FrameSelection, perceive
 
     numbers = range(0, 150, 30)
-    made = perceive(None, DriveFrames("2011_09_26/0005", numbers=numbers))
+    made = perceive(None, FrameSelection("2011_09_26/0005", numbers=numbers))
     for camera, frames in made.frames.items():
         for frame, number in zip(frames, numbers, strict=True):
             for name in NAMES:

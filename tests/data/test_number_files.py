@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data import files, geodesy
+from genie_sim.data import geodesy, number_files
 
 HERE = (49.0, 8.4, 112.0)  # latitude [deg], longitude [deg], altitude [m]
 
@@ -20,9 +20,9 @@ def written(text: str) -> Path:
 
 
 def test_rows_may_have_blanks_or_commas_and_empty_lines_between():
-    table = files.numbers(written("1 2,3\n\n4,5 6\n"), 3)
+    table = number_files.numbers(written("1 2,3\n\n4,5 6\n"), 3)
     assert table.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert files.numbers(written("\n"), 3).shape == (0, 3)
+    assert number_files.numbers(written("\n"), 3).shape == (0, 3)
 
 
 @pytest.mark.parametrize(
@@ -36,17 +36,17 @@ def test_rows_may_have_blanks_or_commas_and_empty_lines_between():
 )
 def test_a_wrong_line_is_named(text: str, message: str):
     with pytest.raises(UserError, match=f"numbers.txt: {message}"):
-        files.numbers(written(text), 2)
+        number_files.numbers(written(text), 2)
 
 
 def test_numbers_are_below_a_thousand_million():
-    assert files.within([0.999e9, -0.999e9]) and not files.within([0, 1e9])
+    assert number_files.within([0.999e9, -0.999e9]) and not number_files.within([0, 1e9])
 
 
 def test_matrices_by_any_of_their_names():
-    rows = files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\nT 1 2 3\n"))
+    rows = number_files.named_rows(written("P: 1 0 0 0 2 0 0 0 4\nT 1 2 3\n"))
     path = Path("numbers.txt")
-    camera, place = files.matrices(path, rows, [(("Q", "P"), 3), (("T",), 1)])
+    camera, place = number_files.matrices(path, rows, [(("Q", "P"), 3), (("T",), 1)])
     assert camera.tolist() == [[1, 0, 0], [0, 2, 0], [0, 0, 4]]
     assert place.tolist() == [[1], [2], [3]]
     for names, columns, message in (
@@ -57,10 +57,10 @@ def test_matrices_by_any_of_their_names():
     ):
         more = {**rows, "bad": ["1"] * 9, "huge": ["1", "2", "1e9"]}
         with pytest.raises(UserError, match=message):
-            files.matrices(path, more, [(names, columns)])
+            number_files.matrices(path, more, [(names, columns)])
     thin = {"thin": ["1e-4", "0", "0", "0", "1e-4", "0", "0", "0", "1e-2"]}
     with pytest.raises(UserError, match="thin is not a matrix that can be inverted"):
-        files.matrices(path, thin, [(("thin",), 3)])
+        number_files.matrices(path, thin, [(("thin",), 3)])
 
 
 def packet(**changed: float) -> str:
@@ -80,7 +80,7 @@ def packet(**changed: float) -> str:
     ],
 )
 def test_a_packet_is_on_the_earth(changed: dict[str, float], place: int):
-    whole = files.numbers(written(f"{packet()}\n"), 30)
+    whole = number_files.numbers(written(f"{packet()}\n"), 30)
     assert geodesy.read_oxts(Path("numbers.txt")).tolist() == whole[:, :6].tolist()
     (value,) = changed.values()
     written(f"{packet()}\n{packet(**changed)}\n")

@@ -11,7 +11,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.kitti import open_drive
-from genie_sim.data.perceive import DriveFrames, images, perceive
+from genie_sim.data.perceive import FrameSelection, images, perceive
 from tests.kitti_folder import (
     CENTRE_X,
     CENTRE_Y,
@@ -62,16 +62,16 @@ def test_it_gives_what_the_raw_drive_gives(tmp_path, raw):
     root, folder, weights = raw
     make_odometry(tmp_path, folder)
     detector = DetectorSettings(weights=weights)
-    same = perceive(root, DriveFrames(f"{DATE}/0005", ["02"]), detector)
+    same = perceive(root, FrameSelection(f"{DATE}/0005", ["02"]), detector)
     report = ImportReport(tmp_path)
-    trace = perceive(tmp_path, DriveFrames(DRIVE, ["02"]), detector, report=report)
+    trace = perceive(tmp_path, FrameSelection(DRIVE, ["02"]), detector, report=report)
     assert len(trace.frames["02"]) == FRAMES
     for frame, there in zip(trace.frames["02"], same.frames["02"], strict=True):
         assert frame.stamp_ns == there.stamp_ns
         assert tuple(frame.pose) == pytest.approx(tuple(there.pose), abs=0.01)
         (car,), (other,) = frame.detections, there.detections
         assert car.location == pytest.approx(other.location, abs=0.01)
-        assert (car.score, car.method) == (other.score, "scan")
+        assert (car.score, car.placed_by) == (other.score, "scan")
     assert trace.name == "odometry_05" and "KITTI" in trace.provenance["data"]
     assert "path 2 m, top speed 10 m/s" in " ".join(report.lines())
     assert len(images(tmp_path, DRIVE, ["02"])) == FRAMES
@@ -95,7 +95,7 @@ def test_what_is_missing_is_one_line(tmp_path, raw, drive, camera, broken, messa
     if broken is not None:
         (tmp_path / broken).unlink()
     with pytest.raises(UserError, match=message) as error:
-        perceive(tmp_path, DriveFrames(drive, [camera]), DetectorSettings(weights=weights))
+        perceive(tmp_path, FrameSelection(drive, [camera]), DetectorSettings(weights=weights))
     assert "\n" not in str(error.value)
 
 

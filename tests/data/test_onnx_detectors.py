@@ -492,12 +492,12 @@ def test_nanodet_on_real_frames(kitti_root, weights_dir):
     """
     from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.evaluation import evaluate
-    from genie_sim.data.perceive import LOWEST_SCORE, DriveFrames, perceive
+    from genie_sim.data.perceive import LOWEST_SCORE, FrameSelection, perceive
     from genie_sim.data.truth import read_truth
 
     trace = perceive(
         kitti_root,
-        DriveFrames("2011_09_26/0005", ["02"], range(0, 154, 5)),
+        FrameSelection("2011_09_26/0005", ["02"], range(0, 154, 5)),
         DetectorSettings("nanodet_m", weights_dir, min_score=LOWEST_SCORE, place_from=0.99),
     )
     judged = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)

@@ -15,7 +15,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data import placement
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.encoding import difference_hash
-from genie_sim.data.perceive import DriveFrames, perceive
+from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.placement import HALF_DEPTH_M
 from genie_sim.data.sources import encoded_beside
 from genie_sim.data.trace import read_trace, write_trace
@@ -34,7 +34,7 @@ SHIPPED = Path(__file__).parents[2] / "scenarios" / "traces" / "kitti_0005.parqu
 NEEDS = ("GENIE_SIM_KITTI", "GENIE_SIM_WEIGHTS")
 MISSING = [name for name in NEEDS if name not in os.environ]
 real_data = pytest.mark.skipif(bool(MISSING), reason=f"{' and '.join(MISSING)} not set")
-ALL_FRAMES = DriveFrames(DRIVE)
+ALL_FRAMES = FrameSelection(DRIVE)
 
 
 def perceived(root, weights, frames=ALL_FRAMES, *, progress=None, report=None, **settings):
@@ -103,7 +103,7 @@ def test_a_drive_becomes_a_trace(street):
     assert frame.stamp_ns == 200_000_000
     assert frame.pose == pytest.approx((2.0, 0.0, 0.0, 0.0), abs=0.01)
     (car,) = frame.detections
-    assert (car.label, car.method, car.confidence) == ("car", "scan", car.score)
+    assert (car.label, car.placed_by, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
 
 
@@ -190,7 +190,7 @@ def test_the_environment_says_where_drives_and_weights_are(street, monkeypatch):
         perceived(None, weights)
     monkeypatch.setenv("GENIE_SIM_KITTI", str(root))
     monkeypatch.setenv("GENIE_SIM_WEIGHTS", str(weights))
-    assert perceive(None, DriveFrames(DRIVE, ["02"], [1])).frames["02"][0].index == 1
+    assert perceive(None, FrameSelection(DRIVE, ["02"], [1])).frames["02"][0].index == 1
 
 
 def with_sizes(root, size):
@@ -246,10 +246,10 @@ def test_each_frame_is_read_whatever_its_ending(tmp_path, street):
 
 def test_a_part_of_the_drive_keeps_its_stamps(street):
     root, weights = street
-    (frame,) = perceived(root, weights, DriveFrames(DRIVE, ["03"], [2])).frames["03"]
+    (frame,) = perceived(root, weights, FrameSelection(DRIVE, ["03"], [2])).frames["03"]
     assert (frame.index, frame.stamp_ns) == (2, 200_000_000)
     with pytest.raises(UserError, match="none of the frames"):
-        perceived(root, weights, DriveFrames(DRIVE, numbers=[99]))
+        perceived(root, weights, FrameSelection(DRIVE, numbers=[99]))
 
 
 def test_threads_make_the_same_trace(street):
@@ -290,7 +290,7 @@ def test_the_shipped_trace_is_made_from_these_frames():
     by 0.02, boxes by 2 pixels, and an object at the threshold may come or go.
     """
     shipped = read_trace(SHIPPED)
-    made = perceive(None, DriveFrames(DRIVE, numbers=range(0, 154, 30)))
+    made = perceive(None, FrameSelection(DRIVE, numbers=range(0, 154, 30)))
     for name in ("drive_sha256", "weights_sha256", "parameters"):
         assert made.provenance[name] == shipped.provenance[name]
     same_versions = made.provenance["versions"] == shipped.provenance["versions"]

@@ -21,7 +21,7 @@ from genie_sim.core.messages import (
 )
 from genie_sim.recommended.paced_genie import SHARED, PacedGenie
 from genie_sim.recommended.pacing import Pacer
-from genie_sim.recommended.told import ToldRules, ToldTracks
+from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
@@ -33,7 +33,7 @@ CAR_AHEAD = seen("car", 0.9, at=(20.0, 0.5))
 def paced_genie(
     every_ms: int = 0,
     own: Any = "all",
-    told: bool = False,
+    is_shared: bool = False,
     edge: bool = True,
     **pace: int,
 ) -> PacedGenie:
@@ -46,7 +46,7 @@ def paced_genie(
         pacer=Pacer(every_ns=every_ms * MS, **settings) if edge else None,
         own=own,
         object_map=object_map,
-        told=ToldTracks(ToldRules(), object_map.contradicts) if told else None,
+        shared=SharedTracks(SharingRules(), object_map.contradicts) if is_shared else None,
         map_answer=Detections,
     )
 
@@ -136,7 +136,7 @@ def test_a_deadline_gives_up_what_is_lost():
     assert genie.next_deadline_ns() is None
 
 
-def test_an_overtaken_frame_is_told_and_a_stale_answer_is_no_look():
+def test_an_overtaken_frame_is_reported_and_a_stale_answer_is_no_look():
     genie = paced_genie()
     first, second = frame(0.0), frame(0.1)
     on_frame(genie, first)
@@ -208,32 +208,34 @@ def test_a_fault_takes_the_map():
     assert isinstance(lost, Forgotten) and len(lost.objects) == 1
 
 
-def told_car(at: tuple[float, float], seen_s: float = 0.0) -> Any:
+def shared_car(at: tuple[float, float], seen_s: float = 0.0) -> Any:
     motion = Motion((0.0, 0.0), 0.5, 0.9, Header(round(seen_s * S), "02", "car2"))
     return replace(seen("car", 0.8, at=at), motion=motion)
 
 
 def test_what_the_edge_tells_is_served_beside_the_own_tracks():
-    genie = paced_genie(told=True)
+    genie = paced_genie(is_shared=True)
     on_frame(genie, frame(0.0))
     header = Header(0, "02", "car1")
-    words = Detections(header, (told_car((30.5, 5.0)),), SHARED, "edge1/genie", None, 50 * MS)
+    words = Detections(header, (shared_car((30.5, 5.0)),), SHARED, "edge1/genie", None, 50 * MS)
     assert genie.on_message(OBJECTS + "-remote", words, 60 * MS) == []
     (object_served,) = served(on_frame(genie, frame(0.1))).objects
     assert object_served.location == (30.5, 5.0, 0.0)
-    assert len(genie.object_map) == 0, "told tracks are not the map's"
+    assert len(genie.object_map) == 0, "shared tracks are not the map's"
 
 
-def test_an_own_track_that_is_not_served_keeps_out_nothing_told():
+def test_an_own_track_that_is_not_served_keeps_out_nothing_shared():
     """1.5 m beside: a track of the car's own that is served does, one below p_min does not."""
     for score, places in ((0.95, 1), (0.2, 1)):
-        genie = paced_genie(told=True)
+        genie = paced_genie(is_shared=True)
         image = frame(0.0)
         on_frame(genie, image)
         own = seen("car", score, at=(30.5, 5.0))
         genie.on_message(OBJECTS + "-local", answer(image, own), 40 * MS)
         assert len(genie.object_map) == 1
-        words = Detections(Header(0, "02", "car1"), (told_car((32.0, 5.0)),), SHARED, "e", None, 0)
+        words = Detections(
+            Header(0, "02", "car1"), (shared_car((32.0, 5.0)),), SHARED, "e", None, 0
+        )
         genie.on_message(OBJECTS + "-remote", words, 60 * MS)
         objects = served(on_frame(genie, frame(0.1))).objects
         assert len(objects) == places
@@ -241,7 +243,7 @@ def test_an_own_track_that_is_not_served_keeps_out_nothing_told():
 
 
 def test_without_sharing_words_are_ignored():
-    genie = paced_genie(told=False)
-    words = Detections(Header(0, "02", "car1"), (told_car((30.5, 5.0)),), SHARED, "e", None, 0)
+    genie = paced_genie(is_shared=False)
+    words = Detections(Header(0, "02", "car1"), (shared_car((30.5, 5.0)),), SHARED, "e", None, 0)
     assert genie.on_message(OBJECTS + "-remote", words, 60 * MS) == []
     assert served(on_frame(genie, frame(0.1))).objects == ()

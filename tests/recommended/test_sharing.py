@@ -1,4 +1,4 @@
-"""A Genie beside an edge's detector: what it counts, what it broadcasts, what it tells cars."""
+"""A Genie beside an edge's detector: what it counts, broadcasts, and shares with cars."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import replace
 
 from genie_sim.core.messages import Detections, Effect, Forgotten, Look, Publish
 from genie_sim.recommended.paced_genie import SHARED
+from genie_sim.recommended.shared_tracks import SharingRules
 from genie_sim.recommended.sharing import SharingGenie
-from genie_sim.recommended.told import ToldRules
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
@@ -22,7 +22,7 @@ def sharing_genie() -> SharingGenie:
         (IMAGES,),
         (OBJECTS,),
         object_map=TrackMap(Existence(p_min=0.5)),
-        told=ToldRules(),
+        rules=SharingRules(),
         make_answer=Detections,
     )
 
@@ -44,7 +44,7 @@ def answered(genie: SharingGenie, stamp_s: float, car: str, *objects) -> dict[st
     return published(genie.on_message(OBJECTS, answer(image, *objects), now_ns))
 
 
-def test_a_look_is_broadcast_and_the_car_is_told_nothing_of_its_own():
+def test_a_look_is_broadcast_and_the_car_gets_nothing_of_its_own():
     messages = answered(sharing_genie(), 0.0, "car1", PARKED)
     assert messages.keys() == {REMOTE, OBJECTS}
     look = messages[REMOTE].look
@@ -53,12 +53,12 @@ def test_a_look_is_broadcast_and_the_car_is_told_nothing_of_its_own():
     assert words.source == SHARED and words.objects == ()
 
 
-def test_another_car_is_told_what_the_first_one_saw():
+def test_another_car_gets_what_the_first_one_saw():
     genie = sharing_genie()
     answered(genie, 0.0, "car1", PARKED)
     words = answered(genie, 0.5, "car2")[OBJECTS]
-    (told,) = words.objects
-    assert told.location is not None and abs(told.location[0] - 30.0) < 0.5
+    (track,) = words.objects
+    assert track.location is not None and abs(track.location[0] - 30.0) < 0.5
     assert words.header.origin == "car2" and words.valid_ns == words.header.stamp_ns + S // 20
 
 
@@ -74,8 +74,8 @@ def test_a_neighbours_look_counts_as_one_of_its_car():
 
 
 def test_what_answers_and_words_take_on_the_way():
-    """The detector's plain answer with three objects, and two that are told. As a look with what is
-    told they would take 26 + 89 + 3 x 36 + 2 x 400 bytes together.
+    """The detector's plain answer with three objects, and two that are shared. As a look with what
+    is shared they would take 26 + 89 + 3 x 36 + 2 x 400 bytes together.
     """
     genie = sharing_genie()
     answered(genie, 0.0, "car1", PARKED, seen("car", 0.9, at=(40.0, -8.0)))

@@ -237,7 +237,9 @@ def test_the_environment_is_told_but_decides_nothing():
 
 
 def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
-    made = {"format": provenance.RESULT_FORMAT, "facts": FACTS, "run_id": run_id(FACTS)}
+    facts = FACTS | {"methods": [{"name": "genie", "title": "Genie", "baseline": False}]}
+    made = {"format": provenance.RESULT_FORMAT, "facts": facts, "run_id": run_id(facts)}
+    made |= {"metrics": {}, "rows": {}}
     provenance.write_json(tmp_path / "run.json", made)
     assert provenance.read_run_json(tmp_path) == made
     with pytest.raises(UserError, match=r"no run\.json"):

@@ -23,7 +23,7 @@ seeds: 1
 samples: 5
 axes:
   range: {set: genie.view_range, latin_hypercube: {from: 20 m, to: 80 m}}
-  gate: {set: genie.object_map.gate, random: {from: 0.5 m, to: 8 m, scale: log}}
+  gate: {set: genie.object_map.gate, latin_hypercube: {from: 0.5 m, to: 8 m, scale: log}}
 """
 
 TOWN = """
@@ -36,7 +36,9 @@ seeds: 1
 samples: 4
 axes:
   size: {set: fleet.cars, list: [2, 3]}
-  forget: {set: genie.object_map.forget_after, random: {from: 100 ms, to: 5000 ms, scale: log}}
+  forget:
+    set: genie.object_map.forget_after
+    latin_hypercube: {from: 100 ms, to: 5000 ms, scale: log}
   mix: {set: fleet.devices, list: [orin_nano, {jetson_tx2: 0.5, orin_nano: 0.5}]}
 """
 

@@ -7,6 +7,7 @@ import json
 import sys
 from pathlib import Path
 
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 import pytest
 
@@ -58,7 +59,9 @@ def test_what_another_version_wrote_is_compared_by_contents(value, capsys, caplo
     for path in folder.glob("*.parquet"):
         table = pq.read_table(path)
         if value == "another" and path.name == "frames.parquet":
-            table = table.slice(1)
+            place = table.schema.get_field_index("bytes_up")
+            more = pc.add(table.column(place), 1).cast(table.schema.field(place).type)
+            table = table.set_column(place, table.schema.field(place), more)
         pq.write_table(table, path, compression="snappy")
         about["digests"][path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
     (folder / "run.json").write_text(json.dumps(about))

@@ -13,7 +13,7 @@ import pytest
 from genie_sim import methods
 from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.runs.prepare import method_facts, new_methods, prepare
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import parse
@@ -94,7 +94,7 @@ def test_an_entry_overrides_the_settings_of_the_scenario() -> None:
     assert (usual.genie.eviction, small.genie.eviction) == ("fifo", "lru")
     assert (usual.genie.view_range_m, small.genie.view_range_m) == (30.0, 30.0)
     assert small.queue_length == 2
-    assert method_facts(setting, new_methods(setting)) == [
+    assert [entry.facts(entry.new()) for entry in setting.methods] == [
         {"name": "genie", "title": "Genie (DG)", "baseline": False},
         {"name": "small", "title": "Genie with 10 entries", "baseline": False},
     ]
@@ -144,14 +144,11 @@ FAULTS = "hand_over, outage, or package.module:Class"
         ("fast", f"methods[0]: unknown method 'fast'; known: {METHODS}"),
         (
             {"name": "a", "method": "gene"},
-            "methods[0].method: unknown method 'gene' (did you mean 'genie'?); known: ",
+            "methods[0].method: unknown method 'gene' (did you mean 'genie'?)",
         ),
         (
             {"method": "genie", "models": "x"},
-            (
-                "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?);"
-                " known: consumer, "
-            ),
+            "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?)",
         ),
         (
             {"method": "genie", "seed": 3},
@@ -213,7 +210,7 @@ def test_two_entries_of_one_name_are_refused() -> None:
         ({"target": "car1"}, "faults[0].fault: missing"),
         (
             {**OUTAGE, "fault": "outtage"},
-            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?); known: ",
+            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?)",
         ),
         (
             {**OUTAGE, "begn": "1 s"},
@@ -221,11 +218,11 @@ def test_two_entries_of_one_name_are_refused() -> None:
         ),
         (
             {**OUTAGE, "target": "car9"},
-            "faults[0].target: unknown target 'car9' (did you mean 'car2'?); known: car1, ",
+            "faults[0].target: unknown target 'car9' (did you mean 'car2'?)",
         ),
         (
             {**OUTAGE, "target": "car1->edge9"},
-            "faults[0].target: unknown target 'car1->edge9'; known: car1, car2, ",
+            "faults[0].target: unknown target 'car1->edge9'",
         ),
         (
             {**OUTAGE, "begin": 5},

@@ -20,13 +20,13 @@ from genie_sim.scenario.yaml_input import parse
         ("view_range: 0 m", "view_range: must be more than zero"),
         ("view_margin: -1 deg", "view_margin: must not be negative"),
         ("p_min: 1.2", "p_min: must be from 0 to 1, not 1.2"),
-        ("pass_time: 0 s", "pass_time: must be more than zero"),
-        ("told: autoo", "told: unknown told 'autoo' (did you mean 'auto'?)"),
-        ("told: {gate: -1 m}", "told.gate: must not be negative, but is '-1 m'"),
-        ("told: {self: -1 m}", "told.self: must not be negative, but is '-1 m'"),
-        ("told: {reach: 0 m}", "told.reach: must be more than zero"),
-        ("told: {fresh: 0 s}", "told.fresh: must be more than zero"),
-        ("told: {p_min: 1.2}", "told.p_min: must be from 0 to 1, not 1.2"),
+        ("relay_time: 0 s", "relay_time: must be more than zero"),
+        ("sharing: autoo", "sharing: unknown sharing 'autoo' (did you mean 'auto'?)"),
+        ("sharing: {gate: -1 m}", "sharing.gate: must not be negative, but is '-1 m'"),
+        ("sharing: {self: -1 m}", "sharing.self: must not be negative, but is '-1 m'"),
+        ("sharing: {reach: 0 m}", "sharing.reach: must be more than zero"),
+        ("sharing: {fresh: 0 s}", "sharing.fresh: must be more than zero"),
+        ("sharing: {p_min: 1.2}", "sharing.p_min: must be from 0 to 1, not 1.2"),
     ],
 )
 def test_what_cannot_be_with_the_recommended_genie_is_refused(settings: str, message: str):
@@ -43,5 +43,5 @@ def test_the_papers_genie_has_none_of_them(genie: str):
 
 
 def test_every_setting_written_out_is_read_back():
-    scenario = load_scenario("street_1car_homo", ["methods=[{method: recommended, told: {}}]"])
+    scenario = load_scenario("street_1car_homo", ["methods=[{method: recommended, sharing: {}}]"])
     assert read_scenario(parse(scenario.to_yaml(), "written")) == scenario

@@ -15,7 +15,7 @@ OTHER_TIMES = "cars replay recordings at different times, so what one sees is no
 
 def test_a_run_says_where_cars_cannot_share_what_they_see():
     assert notes(load_scenario("street_3car_hetero", [RECOMMENDED])) == [
-        f"mine: edges tell cars nothing, because {OTHER_TIMES}."
+        f"mine: edges share nothing with cars, because {OTHER_TIMES}."
     ]
 
 
@@ -23,7 +23,7 @@ def test_a_run_says_where_cars_cannot_share_what_they_see():
     ("scenario", "method"),
     [
         ("fleet_30", "method: recommended"),
-        ("street_3car_hetero", "method: recommended, told: null"),
+        ("street_3car_hetero", "method: recommended, sharing: null"),
         ("street_3car_hetero", "method: genie"),
     ],
     ids=["one world", "as the user wants it", "a Genie that looks at misses"],
@@ -33,8 +33,8 @@ def test_and_says_nothing_elsewhere(scenario: str, method: str):
 
 
 def test_what_edges_tell_is_refused_there_in_one_line():
-    method = "methods=[{name: mine, method: recommended, told: {p_min: 0.9}}]"
+    method = "methods=[{name: mine, method: recommended, sharing: {p_min: 0.9}}]"
     with pytest.raises(UserError) as error:
         run_in_memory(load_scenario("street_3car_hetero", [method]))
-    assert f"recommended: told: {OTHER_TIMES}; leave it out" in str(error.value)
+    assert f"recommended: sharing: {OTHER_TIMES}; leave it out" in str(error.value)
     assert "\n" not in str(error.value)

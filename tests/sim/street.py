@@ -19,7 +19,7 @@ from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs import build as construction
-from genie_sim.runs.prepare import new_method, prepare_with_frames
+from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
@@ -134,12 +134,10 @@ def build(
     recordings = Recordings(trace if trace is not None else street())
     if sent is not None:
         recordings._encoded[None, setting.image_encoding] = sent
-    prepared = prepare_with_frames(setting, recordings, devices)
+    prepared = prepare(setting, None, devices, recordings)
     entry = next(entry for entry in setting.methods if entry.name == method)
     tables = tables if tables is not None else new_tables()
-    return World(
-        construction.setup(prepared, entry), new_method(entry), Log(method, tables)
-    ), tables
+    return World(construction.setup(prepared, entry), entry.new(), Log(method, tables)), tables
 
 
 def drive(

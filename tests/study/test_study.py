@@ -36,8 +36,9 @@ from genie_sim.record.results import MetricValue
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study import figures, tables, work
+from genie_sim.study import tables, work
 from genie_sim.study.design import load_design
+from genie_sim.study.figures import SweepFigures
 from genie_sim.study.plan import plan
 from genie_sim.study.study import Study
 from genie_sim.study.work import Parts, PointRun, Workers
@@ -52,7 +53,7 @@ def _draws_only_where_figures_matter(
 ) -> None:
     """Drawing takes most of a small sweep's time; only tests marked ``drawn`` have figures."""
     if request.node.get_closest_marker("drawn") is None:
-        monkeypatch.setattr(figures, "of_sweep", lambda *_: iter(()))
+        monkeypatch.setattr(SweepFigures, "drawn", lambda _: iter(()))
 
 
 SMALL = """
@@ -92,7 +93,7 @@ SHARE = {
     "unit": "1",
     "n": 100,
 }
-RATE = "  rate: {set: genie.object_map.rate, random: {from: 0, to: 1}}\n"
+RATE = "  rate: {set: genie.object_map.rate, latin_hypercube: {from: 0, to: 1}}\n"
 VIEW = "  view: {set: genie.view_range, latin_hypercube: {from: 10 m, to: 90 m}}\n"
 
 
@@ -158,7 +159,7 @@ def test_a_grid_whose_steps_are_whole_fits_settings_that_must_be():
 
 def test_samples_on_a_logarithmic_scale_have_even_decades():
     text = RATE.replace("from: 0, to: 1", "from: 0.001, to: 1, scale: log")
-    rates = sampled(text.replace("random", "latin_hypercube"), 30)["rate"]
+    rates = sampled(text, 30)["rate"]
     assert [((rates >= low) & (rates < 10 * low)).sum() for low in (0.001, 0.01, 0.1)] == [
         10,
         10,
@@ -184,10 +185,6 @@ def test_samples_come_from_streams_of_the_axes_names():
     assert not sampled(VIEW.replace("view:", "sight:"))["sight [m]"].equals(alone)
 
 
-def test_more_random_samples_keep_the_earlier_ones():
-    assert sampled(RATE, 30)["rate"][:20].equals(sampled(RATE, 20)["rate"])
-
-
 def test_sampled_axes_are_drawn_together_and_crossed_with_the_others():
     table = sampled(
         RATE + VIEW + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n", 7
@@ -206,9 +203,13 @@ MISTAKES = {
     "an axis without a way": (
         "list: [0.1, 0.5]",
         "",
-        "s.yaml: axes.rate: must have exactly one of grid, list, random",
+        "s.yaml: axes.rate: must have exactly one of grid, list, latin",
     ),
-    "two ways": ("list: [0.1, 0.5]", "list: [1], random: {from: 0, to: 1}", "has list and random"),
+    "two ways": (
+        "list: [0.1, 0.5]",
+        "list: [1], latin_hypercube: {from: 0, to: 1}",
+        "has list and latin",
+    ),
     "no setting": (
         "set: genie.object_map.rate, ",
         "",
@@ -269,7 +270,7 @@ MISTAKES = {
     ),
     "no samples": (
         "list: [0.1, 0.5]",
-        "random: {from: 0, to: 1}",
+        "latin_hypercube: {from: 0, to: 1}",
         "s.yaml: samples: missing; axis 'rate' needs",
     ),
     "one setting in two axes": (
@@ -431,7 +432,7 @@ def test_a_figure_along_one_axis_draws_each_value_of_the_other(
 ):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     design = load_design(write(SMALL))
-    drawn = dict(figures.of_sweep(design, runs, {"genie": "Genie"}, "made up"))
+    drawn = dict(SweepFigures(design, runs, {"genie": "Genie"}, "made up").drawn())
     titles = [panel.get_title() for panel in drawn["rate"].axes if panel.get_title()]
     assert titles == ["(a) gate [m] = 1", "(b) gate [m] = 3"]
     mean = runs[runs["metric"] == "first_answer_mean"].groupby(["gate [m]", "rate"])["value"].mean()
@@ -448,7 +449,8 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     both = pd.concat([runs.assign(rule="ema"), runs.assign(rule="noisy_or")])
     text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
-    drawn = dict(figures.of_sweep(load_design(write(text)), both, {"genie": "Genie"}, "made up"))
+    design = load_design(write(text))
+    drawn = dict(SweepFigures(design, both, {"genie": "Genie"}, "made up").drawn())
     assert list(drawn) == [
         "rate-1",
         "rate-2",
@@ -505,7 +507,7 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
 def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(
-        figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
+        SweepFigures, "drawn", lambda sweep: iter(drawn.append(sweep.design.name) or ())
     )
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
@@ -796,7 +798,7 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 def test_profiles_and_traces_are_read_once(monkeypatch):
     prepared: list[int] = []
     monkeypatch.setattr(
-        "genie_sim.runs.shared.prepare", lambda *a: prepared.append(1) or prepare(*a)
+        "genie_sim.runs.prepare.prepare", lambda *a, **k: prepared.append(1) or prepare(*a, **k)
     )
     work._frames_of_process.cache_clear()
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0

@@ -12,7 +12,7 @@ from genie_sim.core.messages import CameraPose, Detection, Detections, Header, I
 from genie_sim.judge import held as recording_held
 from genie_sim.judge.objects import Objects
 from genie_sim.tracks.consumer import ConsumerRules, Newest, Tracker
-from genie_sim.tracks.view import Viewer
+from genie_sim.tracks.coverage import Viewer
 from tests.core.worlds import S, seen
 from tests.tracks.looks import FOV, MS, after, car, look, tracks
 

@@ -10,9 +10,9 @@ from genie_sim.core.messages import (
     Detection,
     Header,
 )
+from genie_sim.tracks.coverage import Coverage
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
-from genie_sim.tracks.view import View
 from tests.core.worlds import OBJECTS, S, seen
 from tests.tracks.looks import MS, after, car, look, there, tracks
 
@@ -177,14 +177,14 @@ def test_the_assumed_chance_to_find_falls_with_the_range(range_m, found):
     ],
 )
 def test_a_look_tells_of_its_field_of_view_alone(at, seen_there):
-    assert (View(look(0)).range_m(*at) is not None) is seen_there
+    assert (Coverage(look(0)).range_m(*at) is not None) is seen_there
 
 
 @pytest.mark.parametrize(
     ("east_m", "hidden"), [(19.0, False), (21.5, False), (22.5, True), (35.0, True)]
 )
 def test_a_detection_hides_what_is_two_metres_behind_it(east_m, hidden):
-    view = View(look(0, car(20.0)))
+    view = Coverage(look(0, car(20.0)))
     assert (view.range_m(east_m, 0.2) is None) is hidden
     assert view.range_m(35.0, 3.0) is not None, "beside its shadow"
 

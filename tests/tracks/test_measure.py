@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import pytest
 
 from genie_sim.core.messages import Look
-from genie_sim.tracks.laws import ASSUMED, DetectorLaws
-from genie_sim.tracks.measure import PRIOR_FALSE_SHARE, SCORES, shrunk
+from genie_sim.tracks.laws import ASSUMED, FALSE_SHARE, DetectorLaws
+from genie_sim.tracks.measure import SCORES, shrunk
 from tests.core.worlds import seen
 from tests.tracks.looks import look
 from tools.make.count_looks import counted
@@ -55,7 +55,7 @@ def looks_at(*objects: tuple[str, float, float]) -> list[Look]:
     return looks
 
 
-FALSE_PRIOR = PRIOR_LOOKS * PRIOR_FALSE_SHARE / SCORES
+FALSE_PRIOR = PRIOR_LOOKS * FALSE_SHARE / SCORES
 
 
 def test_what_half_of_four_looks_find_again_is_real():

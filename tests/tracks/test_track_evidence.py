@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import pytest
 
 from genie_sim.core.messages import Header, Look
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.laws import ASSUMED
 from genie_sim.tracks.track import VEHICLE
 from genie_sim.tracks.track_map import TrackMap
-from genie_sim.tracks.view import Viewer
 from tests.core.worlds import S, frame, seen
 
 MS = S // 1000

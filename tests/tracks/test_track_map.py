@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from genie_sim.core.messages import CameraPose, Header
+from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track import NEAR_M, PERSON, VEHICLE, sigma_of
-from genie_sim.tracks.view import Viewer
 from tests.core.worlds import S, seen
 from tests.tracks.looks import FOV, MS, after, car, look, tracks
 

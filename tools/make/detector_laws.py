@@ -34,8 +34,8 @@ import pandas as pd
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.detector_laws import detector_laws
-from genie_sim.data.perceive import DriveFrames, kitti_folder, perceive
-from genie_sim.data.tracking import CAMERA
+from genie_sim.data.kitti_tracking import CAMERA
+from genie_sim.data.perceive import FrameSelection, kitti_folder, perceive
 from genie_sim.runs.folder import finished
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -79,7 +79,7 @@ def town() -> dict[str, Any]:
 
 def recorded(detector: str, drive: str, cameras: tuple[str, ...]) -> dict[str, Any]:
     """Of a detector on a drive of KITTI's."""
-    trace = perceive(None, DriveFrames(drive, cameras), DetectorSettings(detector))
+    trace = perceive(None, FrameSelection(drive, cameras), DetectorSettings(detector))
     return {drive: counts([trace], cameras)}
 
 

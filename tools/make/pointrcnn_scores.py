@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from genie_sim.data import tracking
+from genie_sim.data import kitti_tracking
 from genie_sim.data.evaluation import evaluate
 from genie_sim.data.perceive import kitti_folder
 from genie_sim.data.truth import read_truth
@@ -63,7 +63,7 @@ def calibration_error(pairs: np.ndarray, a: float, b: float) -> float:
 
 
 def main() -> None:
-    sequences = tracking.sequences(kitti_folder(None) / "tracking" / "training")
+    sequences = kitti_tracking.sequences(kitti_folder(None) / "tracking" / "training")
     every = [judged(sequence) for sequence in sequences]
     for label in GROUPS:
         halves = [np.concatenate([one[label] for one in every[start::2]]) for start in (0, 1)]

@@ -14,12 +14,12 @@ import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.scene.laws import FittedLaws
 from genie_sim.worlds.scene.noise import mix
-from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, TownObject
+from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, SceneObject
 from genie_sim.worlds.scene.surrogate import surrogates
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
@@ -63,7 +63,7 @@ class Scene(Protocol):
     @property
     def visibility(self) -> SceneVisibility: ...
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
         """The objects that are visible from some poses, as they are at each pose's time [s]; a
         ghost is ``None``.
         """
@@ -112,8 +112,8 @@ class SceneDrive(Drive):
         self.picture_prefix = hashlib.sha256(text.encode()).hexdigest()[:48]
         self.car_key = int(self.picture_prefix[:16], 16)
         count = math.ceil(duration_ns / interval_ns)
-        self.frames: Mapping[str, Sequence[TownFrame]] = {
-            name: TownFrames(self, name, count) for name in BASELINES_M
+        self.frames: Mapping[str, Sequence[SceneFrame]] = {
+            name: CameraFrames(self, name, count) for name in BASELINES_M
         }
 
     @functools.cached_property
@@ -182,7 +182,7 @@ class FrameBatch:
         detections.sort(key=_score, reverse=True)
         return tuple(detections)
 
-    def truth(self, place: int) -> tuple[TownObject, ...]:
+    def truth(self, place: int) -> tuple[SceneObject, ...]:
         """What is really in view in one of the frames."""
         begin, end = self._visible.pose.searchsorted((place, place + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
@@ -190,7 +190,7 @@ class FrameBatch:
         return tuple(item for item in objects if item is not None)
 
 
-class TownFrame:
+class SceneFrame:
     """One camera frame of a town or of traffic: has what a ``TraceFrame`` has, but no boxes.
 
     ``digest`` names the scene, the car, the camera and the frame: no two frames are byte for byte
@@ -233,7 +233,7 @@ class TownFrame:
             self._detections = self._batch.detections(self._place)
         return self._detections
 
-    def truth(self) -> tuple[TownObject, ...]:
+    def truth(self) -> tuple[SceneObject, ...]:
         """What is really in view: in the field of view, not hidden, not too far away, and at least
         25 pixels high in the picture, as KITTI's labels that count.
         """
@@ -254,16 +254,16 @@ class TownFrame:
         }
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, TownFrame) and self.digest == other.digest
+        return isinstance(other, SceneFrame) and self.digest == other.digest
 
     def __hash__(self) -> int:
         return hash(self.digest)
 
     def __repr__(self) -> str:
-        return f"<TownFrame {self._batch.drive.name} {self.camera} {self.index}>"
+        return f"<SceneFrame {self._batch.drive.name} {self.camera} {self.index}>"
 
 
-class TownFrames(Sequence[TownFrame]):
+class CameraFrames(Sequence[SceneFrame]):
     """All frames of one camera of a drive; made anew each time they are asked for."""
 
     __slots__ = ("_camera", "_count", "_drive")
@@ -274,7 +274,7 @@ class TownFrames(Sequence[TownFrame]):
     def __len__(self) -> int:
         return self._count
 
-    def __iter__(self) -> Iterator[TownFrame]:
+    def __iter__(self) -> Iterator[SceneFrame]:
         return self._frames(range(self._count))
 
     def __getitem__(self, index: Any) -> Any:
@@ -283,9 +283,9 @@ class TownFrames(Sequence[TownFrame]):
             return tuple(self._frames(indices))
         return next(self._frames((indices,)))
 
-    def _frames(self, indices: Sequence[int]) -> Iterator[TownFrame]:
+    def _frames(self, indices: Sequence[int]) -> Iterator[SceneFrame]:
         for begin in range(0, len(indices), BATCH_FRAMES):
             batch_indices = indices[begin : begin + BATCH_FRAMES]
             batch = FrameBatch(self._drive, self._camera, batch_indices)
             for place, index in enumerate(batch_indices):
-                yield TownFrame(batch, place, index)
+                yield SceneFrame(batch, place, index)

@@ -1,4 +1,4 @@
-"""Objects that a camera may see in the town, each with the random numbers that stay with it."""
+"""Objects that a camera may see in a scene, each with the random numbers that stay with it."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ MIDDLES_M = {
 REACHES_M = {label: FOCAL_PX * size.height_m / MIN_HEIGHT_PX for label, size in SIZES.items()}
 
 
-class TownObject(NamedTuple):
+class SceneObject(NamedTuple):
     """Something that a camera may see, real or a ghost.
 
     Where it is and from how far away it can be seen [m]; what it is, its number, the key of its
@@ -54,9 +54,9 @@ class TownObject(NamedTuple):
         """Where its middle is, at the time it was asked for."""
         return self.east_m, self.north_m, self.up_m
 
-    def at(self, number: int, east_m: float, north_m: float) -> "TownObject":
+    def at(self, number: int, east_m: float, north_m: float) -> "SceneObject":
         """The same with another number, elsewhere."""
-        return TownObject._make((east_m, north_m, *self[2:5], number, *self[6:]))
+        return SceneObject._make((east_m, north_m, *self[2:5], number, *self[6:]))
 
 
 class ObjectColumns:
@@ -64,7 +64,7 @@ class ObjectColumns:
     object's laws, ``rows`` are the objects themselves.
     """
 
-    def __init__(self, rows: Sequence[TownObject]) -> None:
+    def __init__(self, rows: Sequence[SceneObject]) -> None:
         self.rows = rows
         self.up_m = np.array([row.up_m for row in rows])
         self.reach_m = np.array([row.reach_m for row in rows])
@@ -78,7 +78,7 @@ class ObjectColumns:
         self.group = np.array([row.laws.place for row in rows], dtype=np.int64)
 
 
-def town_object(
+def scene_object(
     laws: GroupLaws,
     seed_key: int,
     number: int,
@@ -87,7 +87,7 @@ def town_object(
     place: tuple[float, float] = (0.0, 0.0),
     moving: bool = False,
     real: bool = True,
-) -> TownObject:
+) -> SceneObject:
     """An object with the random numbers that stay with it.
 
     Parameters
@@ -96,13 +96,13 @@ def town_object(
     seed_key : of the town
     number : the object's own
     label : its class
-    place : east and north [m]; of what moves, ``TownObject.at`` gives it
+    place : east and north [m]; of what moves, ``SceneObject.at`` gives it
     moving : whether it moves
     real : ``False`` for a ghost
     """
     key = mix(seed_key ^ mix(number))
     table = normals()
-    return TownObject(
+    return SceneObject(
         east_m=place[0],
         north_m=place[1],
         up_m=MIDDLES_M[label],

@@ -31,7 +31,7 @@ class ViewPoses(NamedTuple):
     key: Bits
 
 
-class SceneObjects(NamedTuple):
+class PlacedObjects(NamedTuple):
     """Objects that may be seen: the row of the pose that they are seen from, the row of the object
     among the scene's, how much its number is lower because it has begun anew, and its east and
     north [m].
@@ -60,7 +60,7 @@ class VisibleObjects(NamedTuple):
 
 
 def in_view(
-    poses: ViewPoses, unhidden: SceneObjects, objects: ObjectColumns, view_m: float
+    poses: ViewPoses, unhidden: PlacedObjects, objects: ObjectColumns, view_m: float
 ) -> VisibleObjects:
     """Of some objects those in the field of view, neither too near nor too far, pose by pose and
     then row by row.

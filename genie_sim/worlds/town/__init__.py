@@ -2,8 +2,8 @@
 real trace.
 """
 
-from genie_sim.worlds.scene.frames import TownFrame
+from genie_sim.worlds.scene.frames import SceneFrame
 from genie_sim.worlds.town.rules import TownRules
 from genie_sim.worlds.town.town import Town, TownDrive
 
-__all__ = ["Town", "TownDrive", "TownFrame", "TownRules"]
+__all__ = ["SceneFrame", "Town", "TownDrive", "TownRules"]

@@ -22,7 +22,7 @@ from genie_sim.worlds.scene.view import (
     HALF_C,
     Flags,
     Ints,
-    SceneObjects,
+    PlacedObjects,
     ViewPoses,
     VisibleObjects,
     between,
@@ -153,7 +153,7 @@ class Places:
         )
         number_offset, east_m, north_m = self._at(row, poses.t_s[:, None])
         pose = np.arange(len(poses.t_s))
-        candidates = SceneObjects(
+        candidates = PlacedObjects(
             pose=np.repeat(pose, len(row)),
             row=np.tile(row, len(pose)),
             number_offset=number_offset.ravel(),

@@ -12,14 +12,14 @@ import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
-from genie_sim.data.source import FrameSource
+from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import SceneFrames
-from genie_sim.worlds.scene.objects import TownObject
+from genie_sim.worlds.scene.objects import SceneObject
 from genie_sim.worlds.town.rules import TownRules
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
-    from genie_sim.worlds.scene.frames import TownFrame
+    from genie_sim.worlds.scene.frames import SceneFrame
     from genie_sim.worlds.town.town import Town, TownDrive
 
 # Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before
@@ -122,12 +122,12 @@ class TownTruth:
     def knows(self, label: str) -> bool:
         return True
 
-    def visible(self, frame: Any) -> Sequence[TownObject]:
-        truth: Sequence[TownObject] = frame.truth()
+    def visible(self, frame: Any) -> Sequence[SceneObject]:
+        truth: Sequence[SceneObject] = frame.truth()
         return truth
 
     def are_there(
-        self, frames: Sequence["TownFrame"], labels: Sequence[str], east_m: Array, north_m: Array
+        self, frames: Sequence["SceneFrame"], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.worlds.scene.laws import FittedLaws
-from genie_sim.worlds.scene.objects import TownObject, town_object
+from genie_sim.worlds.scene.objects import SceneObject, scene_object
 from genie_sim.worlds.town.rules import (
     CLEAR_M,
     GHOST_BESIDE_M,
@@ -39,7 +39,7 @@ class VehicleStream(NamedTuple):
     """
 
     labels: frozenset[str]
-    movers: list[tuple[TownObject, ...]]
+    movers: list[tuple[SceneObject, ...]]
     beside_m: float
     speed_mps: float
     length_m: float
@@ -54,7 +54,7 @@ class Street:
         northbound: bool,
         middle_m: float,
         length_m: float,
-        standing: list[TownObject],
+        standing: list[SceneObject],
         streams: list[VehicleStream],
     ) -> None:
         self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
@@ -64,7 +64,7 @@ class Street:
         )
 
     @property
-    def objects(self) -> list[TownObject]:
+    def objects(self) -> list[SceneObject]:
         """All that stands and then all that moves."""
         moving = (mover for stream in self.streams for movers in stream.movers for mover in movers)
         return [*self.standing, *moving]
@@ -86,13 +86,13 @@ def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Gene
     crossings = rules.blocks[1] if northbound else rules.blocks[0]
     length_m, middle_m = crossings * rules.block_m, index * rules.block_m
     base = _first_number(northbound, index)
-    standing: list[TownObject] = []
+    standing: list[SceneObject] = []
 
     def stand(label: str, along_m: float, beside_m: float, real: bool = True) -> None:
         place = (middle_m + beside_m, along_m) if northbound else (along_m, middle_m + beside_m)
         number = base + len(standing)
         standing.append(
-            town_object(laws.of(label, real), seed_key, number, label, place=place, real=real)
+            scene_object(laws.of(label, real), seed_key, number, label, place=place, real=real)
         )
 
     for side in (-1, 1):
@@ -161,7 +161,7 @@ def _streams(
                 numbers = (number + k + (kind << STREAM_BITS) for kind in range(len(labels)))
                 movers.append(
                     tuple(
-                        town_object(laws.of(label), seed_key, own_number, label, moving=True)
+                        scene_object(laws.of(label), seed_key, own_number, label, moving=True)
                         for label, own_number in zip(labels, numbers, strict=True)
                     )
                 )

@@ -14,7 +14,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.frames import SceneDrive
 from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
-from genie_sim.worlds.scene.objects import ObjectColumns, TownObject
+from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import routes
@@ -26,7 +26,7 @@ from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)
 DETECTOR = "town"  # what the town's detector is called
 # names the random streams, here and in digests: another word makes another town of every seed
-STREAM = "city"
+STREAM = "city"  # of random numbers; another name would give other towns
 
 
 def drive_name(seed: int) -> str:
@@ -90,7 +90,7 @@ class Town:
         """Where everything is, and what every camera in the town has in view."""
         return Places(self.streets, self.objects, self.rules.view_m)
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
         """The objects that are visible from some poses, as they are then; a ghost is ``None``."""
         rows, offsets = visible.row.tolist(), visible.number_offset.tolist()
         places = zip(rows, offsets, visible.east_m.tolist(), visible.north_m.tolist(), strict=True)

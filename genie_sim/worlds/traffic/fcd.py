@@ -381,13 +381,13 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
     report.times("steps", rows.times_s.tolist(), "in between vehicles drive straight")
     order = np.lexsort((rows.step[:SPEEDS], rows.vehicle[:SPEEDS]))
     vehicle, t_s = rows.vehicle[order], rows.times_s[rows.step[order]]
-    same, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
-    if same.any() and np.median(apart[same]) > 1:
+    same_vehicle, apart = np.diff(vehicle) == 0, np.diff(rows.step[order])
+    if same_vehicle.any() and np.median(apart[same_vehicle]) > 1:
         report.refuse(
-            f"a vehicle is there at every {np.median(apart[same]):g}th step only, and nowhere in "
-            "between: write all vehicles at all steps (--device.fcd.period)"
+            f"a vehicle is there at every {np.median(apart[same_vehicle]):g}th step only, and "
+            "nowhere in between: write all vehicles at all steps (--device.fcd.period)"
         )
-    pairs = same & (apart == 1)
+    pairs = same_vehicle & (apart == 1)
     if not pairs.any():
         return
     passed_s = np.diff(t_s)[pairs]
@@ -407,9 +407,9 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
     speeds_mps = way_m / passed_s
     if (speeds_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
         speeds_mps = speeds_mps[speeds_mps <= JUMP_MPS]
-    known = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
-    if told_m[known].sum() > 1.0:
-        times = float(way_m[known].sum() / told_m[known].sum())
+    comparable = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
+    if told_m[comparable].sum() > 1.0:
+        times = float(way_m[comparable].sum() / told_m[comparable].sum())
         text = f"vehicles go {times:.3g} times as far as their speeds say: is x, y in metres?"
         if not 1 / NO_SPEED < times < NO_SPEED:
             report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")

@@ -10,7 +10,7 @@ from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.settings import Bounds, OneOf, SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
-from genie_sim.data.source import FrameSource
+from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.frames import SceneDrive, SceneFrames
 from genie_sim.worlds.scene.laws import detector_laws
-from genie_sim.worlds.scene.objects import ObjectColumns, TownObject, town_object
+from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject, scene_object
 from genie_sim.worlds.scene.surrogate import LAWS
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.traffic.fcd import VehicleRows
@@ -79,7 +79,7 @@ class Traffic:
         key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
         self.objects = ObjectColumns(
             [
-                town_object(self.laws.of(kind.label), key, number, kind.label, moving=True)
+                scene_object(self.laws.of(kind.label), key, number, kind.label, moving=True)
                 for number, kind in enumerate(self.vehicles.types)
             ]
         )
@@ -99,7 +99,7 @@ class Traffic:
                 self.vehicles.jumps.sum(),
             )
 
-    def truth(self, visible: VisibleObjects, t_s: Array) -> list[TownObject | None]:
+    def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
         """The vehicles that are visible from some poses, as they are at each pose's time [s]."""
         stretches = self.vehicles.stretch(visible.row, t_s[visible.pose])
         speeds = self.vehicles.at(stretches, t_s[visible.pose]).speed_mps
@@ -283,8 +283,8 @@ class TrafficTruth:
     def knows(self, label: str) -> bool:
         return label in self._traffic.known
 
-    def visible(self, frame: Any) -> Sequence[TownObject]:
-        truth: Sequence[TownObject] = frame.truth()
+    def visible(self, frame: Any) -> Sequence[SceneObject]:
+        truth: Sequence[SceneObject] = frame.truth()
         return truth
 
     def are_there(

@@ -123,9 +123,9 @@ class Vehicles:
         self._heading = heading
         way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
         passed_s = np.diff(self.times_s[self._step])
-        same = np.diff(vehicle) == 0
-        jumps = same & (way_m > FASTEST_MPS * passed_s)
-        breaks = ~same | jumps | (np.diff(self._step) != 1)
+        same_vehicle = np.diff(vehicle) == 0
+        jumps = same_vehicle & (way_m > FASTEST_MPS * passed_s)
+        breaks = ~same_vehicle | jumps | (np.diff(self._step) != 1)
         self._first_row = np.concatenate([[0], np.flatnonzero(breaks) + 1])
         last_row = np.concatenate([np.flatnonzero(breaks), [len(vehicle) - 1]])
         self.vehicle: Ints = vehicle[self._first_row]

@@ -9,7 +9,7 @@ from genie_sim.worlds.scene.view import (
     HALF_S,
     Flags,
     Ints,
-    SceneObjects,
+    PlacedObjects,
     ViewPoses,
     VisibleObjects,
     between,
@@ -48,7 +48,7 @@ class TrafficView:
         is_other = self._may_matter(poses, places)
         pose, column = np.nonzero(is_other)
         rows = self._vehicles.vehicle[stretches[column]]
-        candidates = SceneObjects(
+        candidates = PlacedObjects(
             pose=pose,
             row=rows,
             number_offset=np.zeros(len(rows), dtype=np.int64),

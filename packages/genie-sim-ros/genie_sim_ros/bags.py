@@ -155,9 +155,9 @@ def perceive_bag(
             path, selected, around, place_of=place_of, detector=detector, report=report
         )
         frames: list[TraceFrame] = []
-        shown = _pictures(path, reader, selected, scan=scan, stamps=stamps)
-        for done, one in enumerate(shown, start=1):
-            frame = perception.frame(one, min_score)
+        shots = _pictures(path, reader, selected, scan=scan, stamps=stamps)
+        for done, shot in enumerate(shots, start=1):
+            frame = perception.frame(shot, min_score)
             if frame is None:
                 report.leave_out("images taken where the position is not known")
             else:
@@ -212,11 +212,11 @@ class _Perception:
     first_ns: int = 0
     last_ns: int = 0
 
-    def frame(self, shown: _BagPicture, min_score: float) -> TraceFrame | None:
+    def frame(self, shot: _BagPicture, min_score: float) -> TraceFrame | None:
         """One picture perceived; ``None`` if nobody knows where it was taken. Its stamp is still
         the bag's.
         """
-        camera, stamp_ns, image, _ = shown
+        camera, stamp_ns, image, _ = shot
         topic = self.topics[camera]
         self.first_ns, self.last_ns = self.first_ns or stamp_ns, stamp_ns
         world_SE3_camera = self.place_of(image.header.frame_id, stamp_ns)
@@ -226,10 +226,12 @@ class _Perception:
         size = (pixels.shape[1], pixels.shape[0])
         bag_camera = self.around.cameras[_info_topic(topic)]
         intrinsics = bag_camera.of_picture(topic, size, self.report)
-        placement = self._placement(shown, intrinsics, size)
-        found: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
+        placement = self._placement(shot, intrinsics, size)
+        bag_detections: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
         if self.detector is not None:
-            found = (BagDetection(*detection) for detection in self.detector.detect(pixels))
+            bag_detections = (
+                BagDetection(*detection) for detection in self.detector.detect(pixels)
+            )
         return picture_frame(
             camera=camera,
             stamp_ns=stamp_ns,
@@ -240,7 +242,7 @@ class _Perception:
             intrinsics=intrinsics,
             detections=[
                 _placed(detection, placement, world_SE3_camera)
-                for detection in found
+                for detection in bag_detections
                 if detection.score >= min_score
             ],
         )
@@ -253,20 +255,20 @@ class _Perception:
         return array.objects
 
     def _placement(
-        self, shown: _BagPicture, intrinsics: Array, size: tuple[int, int]
+        self, shot: _BagPicture, intrinsics: Array, size: tuple[int, int]
     ) -> Placement | None:
         """Places the objects of a picture by the scan taken with it; ``None`` without one.
         ``intrinsics`` and ``size`` are the camera's matrix and the picture's width and height [px].
         """
-        if shown.cloud is None:
+        if shot.cloud is None:
             return None
         camera_SE3_laser = self.around.frames.find(
-            shown.image.header.frame_id, shown.cloud.header.frame_id, shown.stamp_ns
+            shot.image.header.frame_id, shot.cloud.header.frame_id, shot.stamp_ns
         )
         if camera_SE3_laser is None:
             self.report.leave_out("scans that no transform joins with the camera")
             return None
-        return Placement(intrinsics, size, camera_SE3_laser, _points(self.path, shown.cloud))
+        return Placement(intrinsics, size, camera_SE3_laser, _points(self.path, shot.cloud))
 
     def when(self, around: Surroundings) -> str:
         """When there are pictures and when positions."""
@@ -277,15 +279,23 @@ class _Perception:
         return f"{images}, fixes from {min(stamps_ns) / 1e9:.3f} to {max(stamps_ns) / 1e9:.3f} s"
 
 
-def _placed(found: BagDetection, placement: Placement | None, world_SE3_camera: Array) -> Detection:
+def _placed(
+    bag_detection: BagDetection, placement: Placement | None, world_SE3_camera: Array
+) -> Detection:
     """An object with its place in the world, as far as it can be told."""
     location, method = None, "none"
-    if found.location is not None:
-        location, method = np.array(found.location), "bag"
-    elif placement is not None and found.label in HALF_DEPTH_M:
-        point, method = placement.place(found.label, found.box)
+    if bag_detection.location is not None:
+        location, method = np.array(bag_detection.location), "bag"
+    elif placement is not None and bag_detection.label in HALF_DEPTH_M:
+        point, method = placement.place(bag_detection.label, bag_detection.box)
         location = None if point is None else transform(world_SE3_camera, point)
-    return detection(found.label, found.score, found.box, location=location, method=method)
+    return detection(
+        bag_detection.label,
+        bag_detection.score,
+        bag_detection.box,
+        location=location,
+        method=method,
+    )
 
 
 def _places(
@@ -480,12 +490,12 @@ def _pictures(
         if connection.topic in names or connection.topic == scan
     ]
 
-    def with_scan(shown: _BagPicture) -> _BagPicture:
-        by_distance = sorted(recent, key=lambda scan: abs(scan[0] - shown.stamp_ns))
+    def with_scan(shot: _BagPicture) -> _BagPicture:
+        by_distance = sorted(recent, key=lambda scan: abs(scan[0] - shot.stamp_ns))
         for scan_ns, cloud in by_distance[:1]:
-            if abs(scan_ns - shown.stamp_ns) <= SCAN_WITHIN_NS:
-                return shown._replace(cloud=cloud)
-        return shown
+            if abs(scan_ns - shot.stamp_ns) <= SCAN_WITHIN_NS:
+                return shot._replace(cloud=cloud)
+        return shot
 
     for connection, at_ns, message in _messages(path, reader, chosen):
         topic = connection.topic
@@ -496,13 +506,13 @@ def _pictures(
             recent.append((stamp_ns, message))
         newest_ns = recent[-1][0] if recent else 0
         while waiting:
-            since_ns, shown = waiting[0]
-            if scan and newest_ns < shown.stamp_ns and at_ns - since_ns < WAIT_NS:
+            since_ns, shot = waiting[0]
+            if scan and newest_ns < shot.stamp_ns and at_ns - since_ns < WAIT_NS:
                 break
             waiting.popleft()
-            yield with_scan(shown)
-    for _, shown in waiting:
-        yield with_scan(shown)
+            yield with_scan(shot)
+    for _, shot in waiting:
+        yield with_scan(shot)
 
 
 def _picture(path: Path, topic: str, message: Any) -> np.ndarray:

@@ -14,7 +14,7 @@ from genie_sim.core.messages import Forgotten, Observation
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.recommended.method import Recommended
-from genie_sim.recommended.told import ToldRules
+from genie_sim.recommended.shared_tracks import SharingRules
 from genie_sim_ros.codec import Codec, WireType
 from genie_sim_ros.gateway import LOCAL, REMOTE, AnyGenie, Gateway, Peer, PeerLinks
 from genie_sim_ros.keys import check_keys
@@ -133,8 +133,8 @@ def _paced(settings: Recommended, pose_topic: str | None) -> Recommended:
     """The settings of a Genie that paces its looks. Raises UserError."""
     if pose_topic is None:
         raise UserError("genie: recommended: needs to know where the camera is: name a pose topic")
-    if isinstance(settings.told, ToldRules):
-        raise UserError("genie: told: ROS messages cannot carry tracks; write null")
+    if isinstance(settings.sharing, SharingRules):
+        raise UserError("genie: sharing: ROS messages cannot carry tracks; write null")
     return settings
 
 

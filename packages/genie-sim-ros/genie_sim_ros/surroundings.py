@@ -233,21 +233,25 @@ def match_images(
     Raises UserError where most have stamps of their own; if that is accepted, such an array is
     about the image before it.
     """
-    own = [stamp_ns for stamp_ns in around.detections if stamp_ns not in set(images_ns)]
+    unmatched = [stamp_ns for stamp_ns in around.detections if stamp_ns not in set(images_ns)]
     report.read(f"arrays of {topic}", len(around.detections))
-    if 2 * len(own) <= len(around.detections):
-        report.leave_out("arrays with the stamp of no image", len(own))
+    if 2 * len(unmatched) <= len(around.detections):
+        report.leave_out("arrays with the stamp of no image", len(unmatched))
         return
     nearest_ns = min(
-        (abs(image_ns - stamp_ns) for stamp_ns in own for image_ns in _beside(images_ns, stamp_ns)),
+        (
+            abs(image_ns - stamp_ns)
+            for stamp_ns in unmatched
+            for image_ns in _beside(images_ns, stamp_ns)
+        ),
         default=0,
     )
     report.refuse(
-        f"{topic}: {len(own):,} of {len(around.detections):,} arrays have the stamp of no image "
-        f"(the nearest is {nearest_ns / 1e6:.3g} ms away): the detector stamps its answers, so "
-        "each would count for the image before it"
+        f"{topic}: {len(unmatched):,} of {len(around.detections):,} arrays have the stamp of no "
+        f"image (the nearest is {nearest_ns / 1e6:.3g} ms away): the detector stamps its answers, "
+        "so each would count for the image before it"
     )
-    for stamp_ns in own:
+    for stamp_ns in unmatched:
         array = around.detections.pop(stamp_ns)
         before = bisect.bisect_right(images_ns, stamp_ns) - 1
         if before >= 0 and stamp_ns - images_ns[before] <= ANSWER_NS:
@@ -301,13 +305,13 @@ def _known(
     report: ImportReport,
 ) -> Iterator[BagDetection]:
     """The objects of known classes. Raises UserError for one that is no object."""
-    for found in objects:
-        if not in_range((found.score, *found.box, *(found.location or ()))):
+    for bag_detection in objects:
+        if not in_range((bag_detection.score, *bag_detection.box, *(bag_detection.location or ()))):
             raise UserError(f"{where}: an object whose score, box or place is no number in range")
-        label = classes.get(found.label, found.label)
+        label = classes.get(bag_detection.label, bag_detection.label)
         if label in ROAD_LABELS:
             report.read("objects", 1)
-            yield found._replace(label=label)
+            yield bag_detection._replace(label=label)
         else:
             report.leave_label(label)
 

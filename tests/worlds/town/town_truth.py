@@ -6,7 +6,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Iterator
 
-from genie_sim.worlds.scene.objects import TownObject
+from genie_sim.worlds.scene.objects import SceneObject
 from genie_sim.worlds.town.streets import Street, VehicleStream
 from genie_sim.worlds.town.town import Town
 
@@ -19,7 +19,7 @@ def truth_near(town: Town, east_m: float, north_m: float, range_m: float, t_ns: 
 
 def near(
     town: Town, east_m: float, north_m: float, range_m: float, t_s: float
-) -> Iterator[TownObject]:
+) -> Iterator[SceneObject]:
     """All that is within a distance of a place at a time, seen or not, ghosts too."""
     streets, block_m = town.streets, town.rules.block_m
     reach_m = range_m + streets.half_m
@@ -34,7 +34,7 @@ def near(
                         yield item
 
 
-def _on_street(street: Street, low_m: float, high_m: float, t_s: float) -> Iterator[TownObject]:
+def _on_street(street: Street, low_m: float, high_m: float, t_s: float) -> Iterator[SceneObject]:
     """All that is between two places along a street at a time."""
     places_m = [item.north_m if street.northbound else item.east_m for item in street.standing]
     yield from street.standing[bisect_left(places_m, low_m) : bisect_left(places_m, high_m)]
@@ -46,7 +46,7 @@ def _on_street(street: Street, low_m: float, high_m: float, t_s: float) -> Itera
 
 def _of_stream(
     stream: VehicleStream, northbound: bool, low_m: float, high_m: float, t_s: float
-) -> Iterator[TownObject]:
+) -> Iterator[SceneObject]:
     """Who has come to the end begins again as somebody else, with a number of its own."""
     starts_m, length_m = stream.starts_m, stream.length_m
     gone_m = stream.speed_mps * t_s

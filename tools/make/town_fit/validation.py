@@ -14,8 +14,8 @@ from genie_sim.core.messages import Detection
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.laws import MAX_VIEW_M, FittedLaws
 from genie_sim.worlds.scene.noise import mix
-from genie_sim.worlds.scene.objects import ObjectColumns, town_object
-from genie_sim.worlds.scene.view import SceneObjects, ViewPoses, in_view
+from genie_sim.worlds.scene.objects import ObjectColumns, scene_object
+from genie_sim.worlds.scene.view import PlacedObjects, ViewPoses, in_view
 from tools.make.town_fit.copula import Pairs, normal_scores
 from tools.make.town_fit.fit import SCORE_EDGES_M, Look, errors_m
 
@@ -29,7 +29,7 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
     label, again = GROUPS[group][0], []
     poses = [look.pose for look in looks]
     objects = [
-        town_object(laws.of(label), mix(seed), look.track, label, place=look.centre[:2])
+        scene_object(laws.of(label), mix(seed), look.track, label, place=look.centre[:2])
         for look in looks
     ]
     columns, each = ObjectColumns(objects), np.arange(len(looks))
@@ -47,7 +47,7 @@ def resimulate(laws: FittedLaws, group: str, looks: Sequence[Look], seed: int) -
         for column in ([p.east_m for p in poses], [p.north_m for p in poses], *turned)
     )
     view_poses = ViewPoses(*at, t_s=np.zeros(len(looks)), key=np.array(pictures, dtype=np.uint64))
-    unhidden = SceneObjects(each, each, each, east_m=east_m, north_m=north_m)
+    unhidden = PlacedObjects(each, each, each, east_m=east_m, north_m=north_m)
     visible = in_view(view_poses, unhidden, columns, MAX_VIEW_M)
     detected = SyntheticDetector(columns, laws).detect(visible, view_poses)
     for number in visible.pose.tolist():

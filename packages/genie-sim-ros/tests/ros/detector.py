@@ -1,5 +1,5 @@
 """An ordinary ROS 1 detector that has never heard of Genie: an image in, the objects "seen" in it
-out, 50 ms later.
+out, 50 ms later. It notes the images that it has seen in a file, ``seen``.
 
 Its message classes come from the definitions beside it, because Debian packages no autoware_msgs.
 """
@@ -20,6 +20,8 @@ Array, Object = TYPES["autoware_msgs/DetectedObjectArray"], TYPES["autoware_msgs
 def on_image(image):
     time.sleep(rospy.get_param("~seconds", 0.05))
     place = image.data[0]  # the test's images say where they were taken
+    with Path("seen").open("a") as seen:
+        seen.write(f"{place}\n")
     found = Object(
         header=image.header,
         label=rospy.get_param("~label", "car"),

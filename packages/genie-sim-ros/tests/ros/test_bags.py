@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim_ros.bags import BagTopics, _picture, _places, perceive_bag
 from genie_sim_ros.surroundings import Surroundings
+from tests.data.made_drives import CHECKS, MadeDrive, cases, steady, told
 from tests.ros.bag_files import (
     CAMERA,
     IMAGE,
@@ -80,7 +82,7 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert frame.pose.heading_rad == pytest.approx(0.0, abs=1e-3)
         assert (frame.width, frame.height) == (640, 360)
         car, person = frame.detections  # the third one's score is too low
-        assert (car.label, car.score, car.method, car.box) == (
+        assert (car.label, car.score, car.placed_by, car.box) == (
             "car",
             0.75,
             "scan",
@@ -89,7 +91,11 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, (
             "behind the surface of the wall"
         )
-        assert (person.label, person.location, person.method) == ("person", (7.0, 8.0, 0.0), "bag")
+        assert (person.label, person.location, person.placed_by) == (
+            "person",
+            (7.0, 8.0, 0.0),
+            "bag",
+        )
     write_trace(tmp_path / "street.parquet", trace)
     assert read_trace(tmp_path / "street.parquet").digest == trace.digest
 
@@ -244,12 +250,12 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
 ):
     from genie_sim.data.detector import DetectorSettings
     from genie_sim.data.kitti import open_drive, read_image
-    from genie_sim.data.perceive import DriveFrames, perceive
+    from genie_sim.data.perceive import FrameSelection, perceive
 
     numbers = range(0, 50, 10)
     expected = perceive(
         kitti_root,
-        DriveFrames("2011_09_26/0005", ("02",), numbers),
+        FrameSelection("2011_09_26/0005", ("02",), numbers),
         DetectorSettings(weights=weights_dir),
     )
     drive = open_drive(kitti_root, "2011_09_26/0005", ("02",))
@@ -286,8 +292,8 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     for here, there in zip(found.frames["02"], expected.frames["02"], strict=True):
         assert here.stamp_ns == there.stamp_ns
         assert tuple(here.pose) == pytest.approx(tuple(there.pose), abs=0.002)
-        assert [(one.label, one.score, one.box, one.method) for one in here.detections] == [
-            (one.label, one.score, one.box, one.method) for one in there.detections
+        assert [(one.label, one.score, one.box, one.placed_by) for one in here.detections] == [
+            (one.label, one.score, one.box, one.placed_by) for one in there.detections
         ]
         for one, other in zip(here.detections, there.detections, strict=True):
             assert (one.location is None) == (other.location is None)
@@ -444,3 +450,30 @@ def test_labels_of_a_bag_that_are_no_classes_are_told_and_mapped(tmp_path: Path)
     with pytest.raises(UserError, match="9 of 9 detections have labels that are no classes"):
         perceive_bag(path, detections=OBJECTS, classes={"car": "no", "person": "no", "7": "no"})
     assert mapped.provenance["import"]["read"][f"images of {CAMERA}"] == 3
+
+
+def of_bag(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
+    """The bag of a drive whose detector tells where objects are on the map."""
+    bag = BagWriter(folder / "a.mcap")
+    bag.camera_info(START_NS, np.array([[700.0, 0, 320], [0, 700, 180], [0, 0, 1]]), (640, 360))
+    bag.transform(START_NS, "imu_link", CAMERA, IMU_SE3_CAMERA)
+    places = drive.places(drive.objects_m)
+    for t_s, fix, at in zip(drive.times_s, drive.geodetic(), places, strict=True):
+        stamp_ns = START_NS + round(t_s * 1e9)
+        bag.position(stamp_ns, fix, (0.0, 0.0, drive.heading_rad))
+        bag.image(stamp_ns, np.zeros((360, 640, 3), np.uint8))
+        seen = {"label": drive.label, "score": drive.score, "space_frame": "map", "at": at}
+        bag.objects(stamp_ns, {"x": 280, "y": 150, "width": 80, "height": 60} | seen)
+    perceive_bag(bag.write(), detections=OBJECTS, report=report)
+
+
+@pytest.mark.parametrize("check", [name for _, name in cases("bag")])
+def test_what_is_wrong_is_refused_or_told_as_by_every_reader(tmp_path: Path, check: str):
+    drive, message, is_refused, _ = CHECKS[check]
+    refused, lines = told(of_bag, drive, tmp_path)
+    assert any(re.search(message, line) for line in lines), lines
+    assert refused == is_refused and not any("\n" in line for line in lines)
+
+
+def test_of_a_drive_that_is_right_nothing_is_told(tmp_path: Path):
+    assert told(of_bag, steady(), tmp_path) == (False, [])

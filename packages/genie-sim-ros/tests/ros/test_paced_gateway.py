@@ -262,9 +262,9 @@ def test_the_clock_of_stamps_is_that_of_the_soonest_frame():
     [
         ("recommended", None, "genie: recommended: needs to know where the camera is"),
         (
-            {"method": "recommended", "told": {"gate": "2 m"}},
+            {"method": "recommended", "sharing": {"gate": "2 m"}},
             "/pose",
-            "genie: told: ROS messages cannot carry tracks; write null",
+            "genie: sharing: ROS messages cannot carry tracks; write null",
         ),
         ({"method": "recommended", "similarity": "dhash"}, "/pose", "genie.similarity: unknown"),
         ({"method": "oracle"}, "/pose", "genie: method: unknown method 'oracle'"),

@@ -96,14 +96,14 @@ def test_an_outage_is_longer_than_any_backoff(new_master: Callable[[str], Master
     until(lambda: len(looks(car, "edge", "answered")) >= 3, "the edge looks")
     genie = genie_of(cars.attached["edge1"])
     os.kill(genie, signal.SIGSTOP)
-    until(lambda: len(looks(car, "edge", "timed_out")) >= 5, "the backoff is at its most", 40)
+    until(lambda: len(looks(car, "edge", "timed_out")) >= 5, "the backoff is at its most")
     until(lambda: "edge1 is cut" in car.log_of_genie(), "the car notices")
     assert len(looks(car, "own", "answered")) >= 5, "the own detector looks on"
     sent = looks(car, "edge", "sent")
     assert max(later - earlier for earlier, later in pairwise(sent)) <= 6, "5 s and a frame"
     before = len(looks(car, "edge", "answered"))
     os.kill(genie, signal.SIGCONT)
-    until(lambda: len(looks(car, "edge", "answered")) >= before + 3, "the edge looks again", 40)
+    until(lambda: len(looks(car, "edge", "answered")) >= before + 3, "the edge looks again")
     camera.terminate()
     answers = [json.loads(line) for line in camera.communicate(timeout=60)[0].splitlines()]
     stamps = sorted({answer["stamp_ns"] // 10**9 for answer in answers})
@@ -121,14 +121,14 @@ def test_after_a_hand_over_frames_go_to_the_other_edge(
     cars.edges["edge1"].detach()
     until(lambda: "edge1 is cut" in car.log_of_genie(), "the first edge has left")
     after = len(looks(car, "edge", "answered"))
-    until(lambda: len(looks(car, "edge", "answered")) >= after + 3, "the other edge looks", 40)
+    until(lambda: len(looks(car, "edge", "answered")) >= after + 3, "the other edge looks")
     assert "edge2 is cut" not in car.log_of_genie()
     cars.attach_edge("edge1")
     until(lambda: cars.times_connected("edge1") == 2, "the first edge is back")
     cars.edges["edge2"].detach()
     until(lambda: "edge2 is cut" in car.log_of_genie(), "the other edge has left")
     after = len(looks(car, "edge", "answered"))
-    until(lambda: len(looks(car, "edge", "answered")) >= after + 3, "the first looks again", 40)
+    until(lambda: len(looks(car, "edge", "answered")) >= after + 3, "the first looks again")
     camera.terminate()
     camera.communicate(timeout=60)
     sent = looks(car, "edge", "sent")
@@ -157,10 +157,9 @@ def test_an_edge_dies_and_comes_back(new_master: Callable[[str], Master], keys: 
     until(lambda: len(looks(car, "edge", "answered")) >= before + 5, "the edge looks again")
 
     answers = [json.loads(line) for line in camera.communicate(timeout=60)[0].splitlines()]
-    first_s: dict[int, float] = {}
-    for answer in answers:
-        first_s.setdefault(answer["stamp_ns"] // 10**9, answer["after_s"])
-    assert sorted(first_s) == list(range(1, FRAMES + 1)), "no frame is without an answer"
-    assert sorted(first_s.values())[FRAMES // 2] < 0.02, "out of the map, not out of a detector"
+    stamps_s = {answer["stamp_ns"] // 10**9 for answer in answers}
+    assert stamps_s == set(range(1, FRAMES + 1)), "no frame is without an answer"
+    detected = [one for answer in answers for one in answer["objects"] if one[3]]
+    assert not detected, "out of the map, not out of a detector, which says more of an object"
     shown = [len(answer["objects"]) for answer in answers]
     assert max(shown) == 1 and sum(shown) > 0.8 * len(shown)

@@ -221,19 +221,18 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(new_domain: Callable[[str
 
 
 def test_two_domains_are_two_virtual_networks(new_domain: Callable[[str, int], Domain], keys: Keys):
-    """The car's detector takes a second, the edge's 50 ms; only the link joins their domains."""
+    """The car's detector takes a minute, the edge's 50 ms; only the link joins their domains."""
     car, edge = new_domain("car1", 73), new_domain("edge1", 74)
     address = f"127.0.0.1:{free_port()}"
     at = {"role": "edge", "name": "edge1", "listen": address, "cars": ["car1"]}
     edge.attach(edge.start_detector().pid, **at, keys=keys("edge1"))
-    detector = car.start_detector(seconds=1.0)
+    detector = car.start_detector(seconds=60.0)
     car.attach(detector.pid, name="car1", connect=[f"edge1@{address}"], keys=keys("car1"))
     until(lambda: "edge edge1 is connected" in car.log_of_genie(), "the link is up")
     answers = car.play("1,2,1", pause_s=1.3, listen_s=0.8)
     assert car.lookups() == [("car1", "miss"), ("car1", "miss"), ("car1", "hit")]
     assert edge.lookups() == [("car1", "miss")] * 2
     assert [answer["objects"][0][1] for answer in answers] == [1, 2, 1]
-    assert all(answer["after_s"] < 1.0 for answer in answers), "faster than its own detector"
 
 
 @pytest.mark.alone
@@ -260,7 +259,7 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
 
     def looks_again(what: str) -> None:
         before = len(car.looks("edge", "answered"))
-        until(lambda: len(car.looks("edge", "answered")) >= before + 3, what, 60)
+        until(lambda: len(car.looks("edge", "answered")) >= before + 3, what)
 
     attached = []
     for edge in edges:
@@ -283,7 +282,7 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
     genie = genie_of(attached[1])
     before = len(car.looks("edge", "timed_out")), len(car.looks("own", "answered"))
     os.kill(genie, signal.SIGSTOP)
-    until(lambda: len(car.looks("edge", "timed_out")) >= before[0] + 5, "the backoff grows", 60)
+    until(lambda: len(car.looks("edge", "timed_out")) >= before[0] + 5, "the backoff grows")
     until(lambda: "edge2 is cut" in car.log_of_genie(), "the car notices")
     assert len(car.looks("own", "answered")) >= before[1] + 5, "the own detector looks on"
     os.kill(genie, signal.SIGCONT)

@@ -1,4 +1,4 @@
-"""Tracks, and what others tell of them."""
+"""Tracks, and those that others share."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.core.worlds import S, seen
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 
 
-def told(
+def shared(
     at: tuple[float, float],
     label: str = "car",
     seen_s: float = 10.0,

@@ -9,8 +9,8 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.files import matrices, named_rows, picture_size
 from genie_sim.data.geodesy import read_oxts, world_SE3_imu
+from genie_sim.data.number_files import matrices, named_rows, picture_size
 
 TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
@@ -25,7 +25,7 @@ CALIBRATION = (
 
 
 @dataclass(frozen=True, slots=True)
-class TrackingDrive:
+class TrackingSequence:
     """One sequence: where the rectified camera 0, whose frame the labels are in, was at each frame.
 
     ``intrinsics`` are those of camera 2 and ``camera2_SE3_camera0`` where it looks from; ``size``
@@ -51,7 +51,7 @@ def sequences(training: Path) -> list[str]:
 
 def open_sequence(
     training: str | Path, sequence: str, origin: Geodetic | None = None
-) -> TrackingDrive:
+) -> TrackingSequence:
     """A sequence such as ``0005``; ``training`` holds ``oxts`` and ``calib``. UserError for files
     that are broken.
     """
@@ -69,7 +69,7 @@ def open_sequence(
         latitude, longitude, altitude = oxts[0, :3].tolist()
         origin = (latitude, longitude, altitude)
     camera2_SE3_camera0 = rigid(np.eye(3), np.linalg.solve(intrinsics, shift))
-    return TrackingDrive(
+    return TrackingSequence(
         name=sequence,
         origin=origin,
         world_SE3_camera0=tuple(world_SE3_imu(packet, origin) @ imu_SE3_camera0 for packet in oxts),
@@ -84,9 +84,9 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
     """Width and height of a sequence's pictures: by the day that has this focal length, else those
     of a picture.
     """
-    known = picture_size(focal_px)
-    if known is not None:
-        return known
+    size = picture_size(focal_px)
+    if size is not None:
+        return size
     picture = next(
         iter(sorted(path for path in pictures.glob("*") if path.suffix in (".png", ".jpg"))), None
     )

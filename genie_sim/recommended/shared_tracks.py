@@ -1,7 +1,7 @@
-"""Tracks that an edge tells a car: what other cars saw, and what of it the car may believe.
+"""Tracks that an edge shares with a car: what other cars saw, and what of it the car may believe.
 
-An edge tells tracks of other origins, and a car serves them only where its own cameras do not say
-otherwise. A car never hears of itself: others see it, and would make it a ghost to itself.
+An edge shares tracks of other origins, and a car serves them only where its own cameras do not say
+otherwise. A car never gets itself: others see it, and would make it a ghost to itself.
 """
 
 import math
@@ -13,42 +13,44 @@ from genie_sim.base.settings import Bounds, Share
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.tracks.track import COAST_NS, VEHICLE, MotionClass, Track, kind_of
 
-SAME_TOLD_M = 2.0  # told objects of a class this near to each other are one
-FASTEST_MPS = 2.0 * VEHICLE.v_max_mps  # no track is faster
-OLD_NS = 1_500_000_000  # what was seen longer ago is not served
+SAME_SHARED_M = 2.0  # assumed: shared objects of a kind this near to each other are one
+FASTEST_MPS = 2.0 * VEHICLE.v_max_mps  # ``Track.update`` lets no track be faster
+OLD_NS = 1_500_000_000  # assumed: what was seen longer ago is not served
 
 
 @dataclass(frozen=True)
-class ToldRules:
-    """What edges tell cars of other cars' looks, and what cars believe of it."""
+class SharingRules:
+    """What edges share with cars of other cars' looks, and what cars believe of it. Assumed, but
+    for ``gate``: what it keeps out was compared for errors of position on development drives.
+    """
 
     p_min: Share = 0.5
-    """An edge tells tracks that exist with at least this probability."""
+    """An edge shares tracks that exist with at least this probability."""
 
     gate_m: Annotated[float, Bounds(minimum=0)] = 2.0
-    """A told object this near to one of the car's own of its kind is that one. At least twice the
+    """A shared object this near to one of the car's own of its kind is that one. At least twice the
     error of the cars' positions."""
 
     reach_m: Annotated[float, Bounds(above=0)] = 60.0
-    """An edge tells a car of what is within this distance."""
+    """An edge shares with a car what is within this distance."""
 
     self_m: Annotated[float, Bounds(minimum=0)] = 4.0
     """What others saw this near to the car is the car itself."""
 
     fresh_ns: Annotated[int, Bounds(above=0)] = 1_000_000_000
-    """An edge tells tracks that another car has seen within this time."""
+    """An edge shares tracks that another car has seen within this time."""
 
 
-def tracks_to_tell(
+def tracks_to_share(
     tracks: Iterable[Track],
     existence: Callable[[Track, int], float],
     *,
     car: str,
     pose: CameraPose,
     now_ns: int,
-    rules: ToldRules,
+    rules: SharingRules,
 ) -> Iterator[Detection]:
-    """The tracks that an edge tells a car whose camera stood at ``pose``.
+    """The tracks that an edge shares with a car whose camera stood at ``pose``.
 
     Parameters
     ----------
@@ -57,13 +59,13 @@ def tracks_to_tell(
     existence : Callable[[Track, int], float]
         How likely a track exists at a time [ns].
     car : str
-        The origin that is told; its own sightings tell it nothing.
+        The car that gets them; of what it saw itself it gets nothing.
     pose : CameraPose
         Where it is.
     now_ns : int
         The time for which places are predicted.
-    rules : ToldRules
-        The gates.
+    rules : SharingRules
+        What is shared.
     """
     # Far tracks are most of a map: the exact place of one that cannot be in reach is not needed.
     around_m = rules.reach_m + FASTEST_MPS * COAST_NS * 1e-9
@@ -87,59 +89,60 @@ def tracks_to_tell(
         yield track.as_detection(now_ns, probability, probability)
 
 
-class ToldTracks:
-    """What a car was told last: one list, which the next one replaces, apart from its own tracks.
+class SharedTracks:
+    """What a car has got last of others' tracks: one list, which the next one replaces, apart from
+    its own tracks.
 
     ``contradicted`` says whether a look of the car's own that is newer than a stamp [ns] has a
     place [m] in view, where no track of the car's own is.
     """
 
     def __init__(
-        self, rules: ToldRules, contradicted: Callable[[str, float, float, int], bool]
+        self, rules: SharingRules, contradicted: Callable[[str, float, float, int], bool]
     ) -> None:
         self._rules = rules
         self._contradicted = contradicted
-        self._told: Sequence[Detection] = ()
+        self._objects: Sequence[Detection] = ()
         self._valid_ns = 0
 
     def replace(self, objects: Sequence[Detection], valid_ns: int) -> None:
         """A list came that holds for this time; an older one than the last is ignored."""
         if valid_ns >= self._valid_ns:
-            self._told, self._valid_ns = objects, valid_ns
+            self._objects, self._valid_ns = objects, valid_ns
 
     def served(self, own: Sequence[Detection], pose: CameraPose, now_ns: int) -> list[Detection]:
-        """The told objects that the car believes beside its own, each at its predicted place.
+        """The shared objects that the car believes beside its own, each at its predicted place.
 
         ``own`` are the objects that the car serves itself; ``pose`` is where its camera is.
         """
         believed: list[Detection] = []
         ahead_s = min(max(now_ns - self._valid_ns, 0), COAST_NS) * 1e-9
-        for told in self._told:
-            if told.motion is None or told.location is None:
+        for item in self._objects:
+            if item.motion is None or item.location is None:
                 continue
-            seen_ns = told.motion.seen.stamp_ns
+            seen_ns = item.motion.seen.stamp_ns
             if now_ns - seen_ns > OLD_NS:
                 continue
-            (east_mps, north_mps), (east_m, north_m, up_m) = told.motion.velocity_mps, told.location
+            (east_mps, north_mps), (east_m, north_m, up_m) = item.motion.velocity_mps, item.location
             east_m, north_m = east_m + ahead_s * east_mps, north_m + ahead_s * north_mps
-            kind = kind_of(told.label)
+            kind = kind_of(item.label)
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
                 or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
-                or _is_near(believed, kind, east_m, north_m, within_m=SAME_TOLD_M)
-                or self._contradicted(told.label, east_m, north_m, seen_ns)
+                or _is_near(believed, kind, east_m, north_m, within_m=SAME_SHARED_M)
+                or self._contradicted(item.label, east_m, north_m, seen_ns)
             ):
                 continue
             place = (east_m, north_m, up_m)
             believed.append(
                 Detection(
-                    told.label,
-                    told.score,
+                    item.label,
+                    item.score,
                     None,
                     place,
-                    told.confidence,
-                    told.method,
-                    told.motion,
+                    item.confidence,
+                    item.placed_by,
+                    item.motion,
                 )
             )
         return believed

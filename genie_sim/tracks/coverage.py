@@ -1,4 +1,4 @@
-"""What a look shows: where it should find objects, and what nearer ones hide in it."""
+"""What a look covers: where it should find objects, and what nearer ones hide in it."""
 
 import math
 from dataclasses import dataclass
@@ -7,9 +7,12 @@ from genie_sim.core.messages import CameraPose, Header, Look
 from genie_sim.core.view import ViewSector
 from genie_sim.tracks.track import kind_of
 
-NEAREST_M, FARTHEST_M = 3.5, 40.0  # where a detector that looks at an object should find it
-MARGIN_RAD = math.radians(2.0)  # no object is missed at the border of a picture
-HIDDEN_BEHIND_M = 2.0  # what is farther away than a detection by this much is hidden by it
+# Assumed. Where a detector that looks at an object should find it: nearer ones are cut off by the
+# picture's border, farther ones are small. At a picture's left and right border, too, none counts
+# as missed. What is farther away than a detection by ``HIDDEN_BEHIND_M`` is hidden by it.
+NEAREST_M, FARTHEST_M = 3.5, 40.0
+MARGIN_RAD = math.radians(2.0)
+HIDDEN_BEHIND_M = 2.0
 
 
 @dataclass(slots=True)
@@ -21,7 +24,7 @@ class Viewer:
     horizontal_fov_rad: float
 
 
-class View:
+class Coverage:
     """Where one look should find objects: in its field of view, outside the shadows of others."""
 
     def __init__(self, look: Look) -> None:

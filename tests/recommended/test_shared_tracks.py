@@ -1,0 +1,117 @@
+"""What edges share with cars of others' looks, and what cars believe: each gate by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from genie_sim.core.messages import Detection
+from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules, tracks_to_share
+from genie_sim.tracks.track import Track
+from tests.core.worlds import S, seen
+from tests.recommended.shared import HERE, shared, track
+
+
+def believed(
+    *objects: Detection, own: tuple[Detection, ...] = (), now_s: float = 10.2, contradicted=False
+) -> list[tuple[float, float, float] | None]:
+    """The places of the shared objects that a car serves; the list holds for 10 s."""
+    asked: list[Any] = []
+
+    def contradicts(label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
+        asked.append((label, east_m, north_m, seen_ns))
+        return contradicted
+
+    tracks = SharedTracks(SharingRules(), contradicts)
+    tracks.replace(objects, 10 * S)
+    return [found.location for found in tracks.served(own, HERE, round(now_s * S))]
+
+
+def test_a_shared_object_goes_on_with_its_velocity_for_a_second():
+    moving = shared((20.0, 0.0), velocity_mps=(10.0, -5.0))
+    assert believed(moving, now_s=10.2) == [(pytest.approx(22.0), pytest.approx(-1.0), 0.0)]
+    assert believed(moving, now_s=11.4) == [(pytest.approx(30.0), pytest.approx(-5.0), 0.0)]
+    assert believed(moving, now_s=9.9) == [(20.0, 0.0, 0.0)]
+
+
+def test_what_is_near_the_car_is_the_car():
+    assert believed(shared((3.0, 0.0))) == [] == believed(shared((4.0, 0.0)))
+    assert believed(shared((0.0, 4.1))) == [(0.0, 4.1, 0.0)]
+
+
+def test_an_own_object_of_its_kind_comes_first():
+    own = (seen("truck", 0.9, at=(20.0, 0.0)),)
+    assert believed(shared((21.5, 0.0)), own=own) == []
+    assert believed(shared((22.0, 0.0)), own=own) == []
+    assert believed(shared((22.1, 0.0)), own=own) == [(22.1, 0.0, 0.0)]
+    assert believed(shared((21.5, 0.0), label="person"), own=own) == [(21.5, 0.0, 0.0)]
+
+
+def test_two_shared_objects_near_each_other_are_one():
+    assert believed(shared((20.0, 0.0)), shared((21.9, 0.0)), shared((22.1, 0.0))) == [
+        (20.0, 0.0, 0.0),
+        (22.1, 0.0, 0.0),
+    ]
+
+
+def test_an_own_look_says_otherwise():
+    assert believed(shared((20.0, 0.0)), contradicted=True) == []
+
+
+def test_what_was_seen_long_ago_is_not_served():
+    assert believed(shared((20.0, 0.0), seen_s=8.71)) == [(20.0, 0.0, 0.0)]
+    assert believed(shared((20.0, 0.0), seen_s=8.69)) == []
+
+
+def test_a_list_takes_the_place_of_the_last_unless_it_is_older():
+    tracks = SharedTracks(SharingRules(), lambda *_: False)
+    tracks.replace((shared((20.0, 0.0)),), 10 * S)
+    tracks.replace((shared((30.0, 0.0)),), 9 * S)
+    assert [found.location for found in tracks.served((), HERE, 10 * S)] == [(20.0, 0.0, 0.0)]
+    tracks.replace((), 11 * S)
+    assert tracks.served((), HERE, 11 * S) == []
+
+
+def test_objects_without_motion_or_place_are_left_out():
+    assert believed(seen("car", 0.9, at=(20.0, 0.0))) == []
+    assert believed(replace(shared((20.0, 0.0)), location=None)) == []
+
+
+def is_shared(of: Track, existence: float = 0.9, now_s: float = 10.0, **settings: Any) -> bool:
+    """Whether an edge shares a track with car1, which stands at the origin."""
+    words = tracks_to_share(
+        [of],
+        lambda *_: existence,
+        car="car1",
+        pose=HERE,
+        now_ns=round(now_s * S),
+        rules=SharingRules(**settings),
+    )
+    return bool(list(words))
+
+
+def test_a_car_gets_what_another_saw_lately():
+    assert is_shared(track((20.0, 0.0), car2=9.5))
+    assert is_shared(track((20.0, 0.0), car1=9.9, car2=9.5))
+    assert not is_shared(track((20.0, 0.0), car1=9.9))
+    assert not is_shared(track((20.0, 0.0), car1=9.9, car2=8.9)), "the other saw it too long ago"
+
+
+def test_a_car_gets_nothing_of_itself_nor_of_what_is_far_or_doubtful():
+    assert not is_shared(track((3.9, 0.0), car2=9.5))
+    assert is_shared(track((4.1, 0.0), car2=9.5))
+    assert is_shared(track((59.9, 0.0), car2=9.5)) and not is_shared(track((60.1, 0.0), car2=9.5))
+    assert is_shared(track((20.0, 0.0), car2=9.5), existence=0.5)
+    assert not is_shared(track((20.0, 0.0), car2=9.5), existence=0.49)
+    assert is_shared(track((20.0, 0.0), car2=9.5), existence=0.4, p_min=0.3)
+    doubtful = track((20.0, 0.0), car2=9.5)
+    doubtful.existence = 0.5
+    assert is_shared(doubtful, existence=0.5), "at the lowest probability it still is"
+
+
+def test_reach_is_measured_where_a_track_is_now():
+    coming = track((93.5, 0.0), car2=9.0)
+    coming.velocity_mps = (-34.0, 0.0)
+    assert is_shared(coming) and not is_shared(coming, now_s=9.9)
