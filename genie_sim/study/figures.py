@@ -469,7 +469,7 @@ def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -
     return line | marker | {"label": titles[method], "color": style.method_colour(style_number)}
 
 
-def _filling(placement: str) -> dict[str, str]:
+def _filling(placement: str) -> dict[str, Any]:
     """Markers of Genies on cars are hollow."""
     return {"markerfacecolor": "white"} if placement == "car" else {}
 
@@ -479,8 +479,10 @@ def _explain_filling(panel: Axes, means: "pd.DataFrame") -> None:
     placements = set(means["placement"]) & set(PLACEMENTS)
     if placements and means["method"].nunique() > 1:
         for placement, where in PLACEMENTS.items():
-            look = {"color": "0.4", "marker": "o", "linestyle": "none", "markersize": 3.5}
-            panel.plot([], [], label=f"Genies {where}", **look, **_filling(placement))
+            look: dict[str, Any] = {"color": "0.4", "marker": "o", "linestyle": "none"}
+            panel.plot(
+                [], [], label=f"Genies {where}", markersize=3.5, **look, **_filling(placement)
+            )
 
 
 def _scale_logarithmically(panel: Axes, low: float, high: float) -> None:
