@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros.conftest import DETECTOR, Keys, Master, free_port, until
+from tests.ros.conftest import DETECTOR, PATIENCE_S, Keys, Master, free_port, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone, pytest.mark.nightly]
 FRAMES = 90
@@ -105,7 +105,7 @@ def test_an_outage_is_longer_than_any_backoff(new_master: Callable[[str], Master
     os.kill(genie, signal.SIGCONT)
     until(lambda: len(looks(car, "edge", "answered")) >= before + 3, "the edge looks again")
     camera.terminate()
-    answers = [json.loads(line) for line in camera.communicate(timeout=60)[0].splitlines()]
+    answers = [json.loads(line) for line in camera.communicate(timeout=PATIENCE_S)[0].splitlines()]
     stamps = sorted({answer["stamp_ns"] // 10**9 for answer in answers})
     assert stamps == list(range(1, len(stamps) + 1)), "no frame is without an answer"
 
@@ -130,7 +130,7 @@ def test_after_a_hand_over_frames_go_to_the_other_edge(
     after = len(looks(car, "edge", "answered"))
     until(lambda: len(looks(car, "edge", "answered")) >= after + 3, "the first looks again")
     camera.terminate()
-    camera.communicate(timeout=60)
+    camera.communicate(timeout=PATIENCE_S)
     sent = looks(car, "edge", "sent")
     assert len(sent) == len(set(sent)), "each frame goes up but once"
 
@@ -156,7 +156,7 @@ def test_an_edge_dies_and_comes_back(new_master: Callable[[str], Master], keys: 
     cars.attach_edge("edge1")
     until(lambda: len(looks(car, "edge", "answered")) >= before + 5, "the edge looks again")
 
-    answers = [json.loads(line) for line in camera.communicate(timeout=60)[0].splitlines()]
+    answers = [json.loads(line) for line in camera.communicate(timeout=PATIENCE_S)[0].splitlines()]
     stamps_s = {answer["stamp_ns"] // 10**9 for answer in answers}
     assert stamps_s == set(range(1, FRAMES + 1)), "no frame is without an answer"
     detected = [one for answer in answers for one in answer["objects"] if one[3]]
