@@ -277,7 +277,7 @@ def test_paced_looks_outlive_edges_that_leave_hang_and_come_back(
     assert "is cut" not in car.log_of_genie(), "also without a camera"
     assert (car.folder / "record.jsonl").read_text() == ""
 
-    camera = car.start(HERE / "camera2.py", ",".join(["2@9"] * 120), 0.9, 1.0)
+    camera = car.start(HERE / "camera2.py", ",".join(["2@9"] * 3000), 0.9, 1.0)
     looks_again("an edge looks")
     edges[0].detach()
     until(lambda: "edge1 is cut" in car.log_of_genie(), "the first edge has left")
