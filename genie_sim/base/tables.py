@@ -13,7 +13,7 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -174,7 +174,7 @@ class FileTable:
         self._is_text = path.suffix != ".parquet"
         if not self._is_text:
             with parquet.opened(path) as file:
-                self.titles = tuple(file.schema_arrow.names)
+                self.titles = _printable(path, file.schema_arrow.names)
             self.columns = len(self.titles)
             return
         comment, content = "", list[str]()
@@ -196,9 +196,9 @@ class FileTable:
         self.columns = len(cells)
         self._has_header = not all(map(is_number, cells))
         if self._has_header:
-            self.titles = tuple(cells)
+            self.titles = _printable(path, cells)
         elif len(titles := _split(comment, mark)) == self.columns:
-            self.titles = tuple(titles)
+            self.titles = _printable(path, titles)
 
     def place(self, column: FileColumn) -> _ColumnPlace | None:
         """Where a column stands; ``None`` where there is none. Raises UserError for one that is
@@ -291,7 +291,7 @@ class DataFrameTable(FileTable):
 
     def __init__(self, frame: "pandas.DataFrame", name: str) -> None:
         self.path, self.separator = Path(name), ","
-        self.titles = tuple(map(str, frame.columns))
+        self.titles = _printable(self.path, map(str, frame.columns))
         self.columns, self._frame = len(self.titles), frame
 
     def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
@@ -300,6 +300,17 @@ class DataFrameTable(FileTable):
         columns = [empty if at is None else frame.iloc[:, at].tolist() for at in indices]
         for number, cells in enumerate(zip(*columns, strict=True), start=1):
             yield f"{self.path}: row {number}", list(cells)
+
+
+def _printable(path: Path, titles: Iterable[str]) -> tuple[str, ...]:
+    """The titles of a table. Raises UserError for one that nobody can see as it is, which no column
+    is called.
+    """
+    found = tuple(titles)
+    for title in found:
+        if not title.isprintable():
+            raise UserError(f"{path}: title {short_repr(title)}: has characters that are no text")
+    return found
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:

@@ -45,7 +45,7 @@ ACCURACY = (
 
 
 def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = None) -> str:
-    """The page about an evaluation; figures that were ``drawn`` are not drawn again. Raises
+    """The page about an evaluation; ``figures`` that are given are not drawn again. Raises
     ``UserError``.
     """
     about, rows, evidence = reproduction.about, reproduction.rows, Evidence(reproduction.numbers)

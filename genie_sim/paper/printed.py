@@ -137,7 +137,7 @@ def table(rows: Sequence[Row], format: str) -> str:
     """The table in ``markdown``. Raises ``UserError`` for another format."""
     if format == "markdown":
         return f"{in_markdown(rows)}\n"
-    raise UserError("--format: an evaluation has markdown and csv")
+    raise UserError("format: an evaluation has markdown and csv")
 
 
 def text(rows: Sequence[Row], width: int) -> str:

@@ -114,7 +114,7 @@ class Reproduction(Suggesting, Result):
         """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
         else.
         """
-        for option, names in (("--methods", methods), ("--label", label)):
+        for option, names in (("methods", methods), ("label", label)):
             if names:
                 where = self.folder or "an evaluation"
                 raise UserError(
@@ -132,9 +132,7 @@ class Reproduction(Suggesting, Result):
                 table = table[table["metric"].isin(metrics)]
             return renderers.csv_of_table(table, self.changed)
         if metrics:
-            raise UserError(
-                "--metrics: the table of an evaluation is of claims; --format csv has them"
-            )
+            raise UserError("metrics: the table of an evaluation is of claims; format csv has them")
         return printed.table(self.rows, format)
 
     def page(self) -> str:
@@ -239,15 +237,16 @@ def reproduce(
 
 def check_kept(out: Path, seed_numbers: Collection[int]) -> None:
     """Raises ``UserError`` where a result would be lost: a run's, or that of an evaluation with
-    seeds that are not ``used`` now.
+    seeds that are not in ``seed_numbers``.
     """
     path = provenance.contained(out, "run.json")
     if not path.is_file():
         return
-    about = provenance.read_json(path)
-    before = about.get("seeds") if isinstance(about, dict) else None
+    before = provenance.read_mapping(path).get("seeds")
     if not isinstance(before, list) or not all(seed in seed_numbers for seed in before):
-        subject = f"the evaluation of {len(before)} seeds" if before else "another result"
+        subject = "another result"
+        if isinstance(before, list):
+            subject = f"the evaluation of {len(before)} seeds"
         raise UserError(f"{out}: holds {subject}, which is kept; choose another --out")
 
 

@@ -421,7 +421,8 @@ def other_format(path: Path, version: object, expected: int) -> str:
             f"{path}: made by an older genie-sim: format {version}, this one reads {expected}; "
             "run it again"
         )
-    return f"{path}: format {short_repr(version)}, this genie-sim reads {expected}"
+    found = "says no format" if version is None else f"format {short_repr(version)}"
+    return f"{path}: {found}, this genie-sim reads {expected}"
 
 
 def write(path: Path, schema: Schema, columns: Columns) -> None:

@@ -8,6 +8,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
+from genie_sim.runs.own_classes import origin_of, own_code_named
 from genie_sim.runs.prepare import SharedFrames, facts
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
@@ -111,14 +112,16 @@ def runs_of(
     for seed in seeds:
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
-            source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
-            seed_facts = facts(
-                seeded,
-                seeded.new_methods(),
-                devices=prepared.devices,
-                frames=source,
-                encoded=prepared.encoded,
-            )
+            with own_code_named(seeded):
+                source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
+                seed_facts = facts(
+                    seeded,
+                    seeded.new_methods(),
+                    devices=prepared.devices,
+                    frames=source,
+                    encoded=prepared.encoded,
+                    origin=origin_of(source, seeded.perception.name),
+                )
         else:  # nothing else differs
             seed_scenario = {**prepared.facts["scenario"], "seed": seed}
             seed_facts = {**prepared.facts, "scenario": seed_scenario}

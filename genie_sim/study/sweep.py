@@ -148,7 +148,7 @@ class Sweep(Suggesting, Result):
         """See ``Result``."""
         for name in methods:
             if name not in self.titles:
-                raise UserError(f"--methods: {self.title}: {unknown('method', name, self.titles)}")
+                raise UserError(f"methods: {self.title}: {unknown('method', name, self.titles)}")
         order = {name: place for place, name in enumerate(dict.fromkeys(methods or self.titles))}
         runs, points = (
             table[table["method"].isin(order)].sort_values(
@@ -252,9 +252,9 @@ class Sweep(Suggesting, Result):
         for name in metrics:
             if name not in (of for of, _ in columns):
                 is_of_parts = (points["metric"] == name).any()
-                why = "is not of a method as a whole; --format csv has it"
+                why = "is not of a method as a whole; format csv has it"
                 why = why if is_of_parts else "this sweep has no value of it"
-                raise UserError(f"--metrics: {name}: {why}")
+                raise UserError(f"metrics: {name}: {why}")
         rows = []
         for (_, method), of_row in method_rows.groupby(["point", "method"], sort=False):
             by_place = of_row.set_index(["metric", "placement"])

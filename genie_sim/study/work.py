@@ -21,7 +21,14 @@ from genie_sim.analysis import metrics
 from genie_sim.analysis.seed_runs import RUNS, folder_name
 from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import in_processes
-from genie_sim.base.paths import PARTIAL, atomic_write, read_text, regular, usable
+from genie_sim.base.paths import (
+    PARTIAL,
+    atomic_write,
+    read_text,
+    regular,
+    uninterrupted,
+    usable,
+)
 from genie_sim.base.plugins import own_faults_told
 from genie_sim.base.progress import Progress
 from genie_sim.base.text import one_line
@@ -226,7 +233,7 @@ class Parts:
             Where they are simulated.
         progress : callable, optional
             Told how many runs are done, of how many, and how many failed.
-        lost : collection of str
+        incomplete : collection of str
             The ids of runs whose metrics are there but not all else that they give.
 
         Raises
@@ -242,11 +249,17 @@ class Parts:
         for run in pending:
             self._failure(run.run_id).unlink(missing_ok=True)
         failed: dict[str, str] = {}
-        with contextlib.closing(workers.results(pending, self.folder)) as results:
-            for count, (run_id, error) in enumerate(results, len(done_ids) + 1):
-                if error:
-                    failed[run_id] = error
-                tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
+        try:
+            with contextlib.closing(workers.results(pending, self.folder)) as results:
+                for count, (run_id, error) in enumerate(results, len(done_ids) + 1):
+                    if error:
+                        failed[run_id] = error
+                    tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
+        except KeyboardInterrupt:
+            with uninterrupted():  # its workers were killed in the middle of something
+                provenance.clear_away(provenance.contained(self.folder, RUNS))
+                self._clear_parts()
+            raise
         if failed:
             first = next(run for run in runs if run.run_id in failed)
             raise UserError(
@@ -275,12 +288,7 @@ class Parts:
         """Removes what killed workers left, and reasons of failures that are mended. A line tells
         of files that are somebody's.
         """
-        foreign_names = []
-        for path in sorted(self.parts.iterdir()):
-            if BESIDE.fullmatch(path.name):
-                path.unlink(missing_ok=True)
-            elif not PART.fullmatch(path.name):
-                foreign_names.append(one_line(path.name))
+        foreign_names = self._clear_parts()
         if foreign_names:
             more = f" and {len(foreign_names) - 3:,} more" if len(foreign_names) > 3 else ""
             log.warning(
@@ -294,6 +302,18 @@ class Parts:
                 reason.unlink(missing_ok=True)
         with contextlib.suppress(OSError):  # not there, or somebody's file is in it
             self.failures.rmdir()
+
+    def _clear_parts(self) -> list[str]:
+        """Removes what killed workers left among the parts; returns the names of files that are
+        somebody's.
+        """
+        foreign_names = []
+        for path in sorted(self.parts.glob("*")):
+            if BESIDE.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+            elif not PART.fullmatch(path.name):
+                foreign_names.append(one_line(path.name))
+        return foreign_names
 
     def metrics(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.

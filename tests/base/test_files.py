@@ -87,14 +87,14 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
     [
         ("nowhere/x.yaml", "nowhere/x.yaml: no such file"),
         ("x.yaml", "x.yaml: no such file"),
-        ("folder/", "unknown trace 'folder/'; known: "),
+        ("folder/", "unknown trace 'folder/'"),
         ("./folder.d", "./folder.d: is a folder, not a file"),
         ("./pipe.yaml", "./pipe.yaml: is a device or a pipe"),
         ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
-        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
-        ("", "unknown trace ''; known: "),
+        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?)"),
+        ("", "unknown trace ''"),
         ("~nobody-lives-here/x.yaml", "~nobody-lives-here/x.yaml: no such file"),
-        ("y" * 100, f"unknown trace '{'y' * 56}...; known: "),
+        ("y" * 100, f"unknown trace '{'y' * 56}..."),
     ],
 )
 def test_what_is_not_there(
