@@ -210,12 +210,6 @@ def facts(
         decisive["features"] = features
     if looked_at is not None:
         decisive["laws"] = looked_at
-    if scenario.fleet is not None:
-        from genie_sim.worlds.town.source import TownDrives
-
-        if not isinstance(frames, TownDrives):  # the borders of a town follow from its settings
-            extent_m = [float(border_m) for border_m in frames.extent_m or ()]
-            decisive["map"] = {"extent_m": extent_m}
     return decisive
 
 

@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.paths import read_text
+from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
-from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 from genie_sim.version import VERSION
 
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
@@ -461,22 +461,32 @@ def refuse_scenario(name: str | Path) -> NoReturn:
 
 def load_design(
     path_or_name: str | Path,
-    seeds: int | Sequence[int] | None = None,
     settings: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> Design:
-    """A sweep file, by path or by name, with its own seeds or with ``seeds``, and with further
-    fixed ``settings``. Raises ``UserError``.
+    """A sweep file, by path or by name, with further fixed ``settings``, and with ``more`` of its
+    fields otherwise, where they are not ``None``. Raises ``UserError``.
     """
+    is_sweep = path_or_name in files.available(files.SWEEP)
+    if not is_sweep and path_or_name in files.available(files.SCENARIO):
+        refuse_scenario(path_or_name)
     path = files.find(files.SWEEP, path_or_name)
     data = {"name": path.stem, **read_mapping(path)}
     if data.keys() & {"cars", "fleet"}:
         refuse_scenario(path_or_name)
-    if seeds is not None:
-        data["seeds"] = seeds if isinstance(seeds, int) else list(seeds)
+    data.update({key: value for key, value in (more or {}).items() if value is not None})
     fixed = data.get("set") or {}
     if settings and isinstance(fixed, Mapping):
         data["set"] = {**fixed, **settings}
     return read_design(data, str(path))
+
+
+def write_described(path: Path, described: Mapping[str, Any], methods: Sequence[str]) -> None:
+    """Writes a sweep as a file, with the command that runs it again."""
+    again = f"genie-sim sweep {path}" + (f" --methods {','.join(methods)}" if methods else "")
+    with atomic_write(path) as beside:
+        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
+        beside.write_text(text, encoding="utf-8")
 
 
 def read_design(data: Mapping[str, Any], where: str) -> Design:

@@ -35,6 +35,8 @@ TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
 
+AS_FILE = "design.yaml"  # beside the results: a sweep that was described without a file
+
 
 @dataclass(frozen=True)
 class StudyStatus:
@@ -52,6 +54,16 @@ class StudyStatus:
     @property
     def complete(self) -> bool:
         return self.done == self.runs
+
+
+class UnfinishedError(UserError):
+    """Other shards of a study have not run yet."""
+
+    def __init__(self, status: StudyStatus) -> None:
+        super().__init__(
+            f"{status.done:,} of {status.runs:,} runs are in {status.folder}; the last shard makes "
+            "the table"
+        )
 
 
 @dataclass
