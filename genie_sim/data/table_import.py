@@ -191,6 +191,9 @@ def recordings(
     named = {"poses": poses, "detections": detections} | ({} if truth is None else {"truth": truth})
     tables = [_Table.of(name, table) for name, table in named.items()]
     report = report or ImportReport(tables[0].path)
+    for given, columns in zip(tables, (POSES, DETECTIONS, TRUTH), strict=False):
+        for title in given.reader.unused(columns):
+            report.leave_out(f"column {title!r} of {given.path.name}")
     by_car = _read_poses(tables[0], report)
     detected = _read_detections(tables[1], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables}

@@ -82,7 +82,7 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert frame.pose.heading_rad == pytest.approx(0.0, abs=1e-3)
         assert (frame.width, frame.height) == (640, 360)
         car, person = frame.detections  # the third one's score is too low
-        assert (car.label, car.score, car.method, car.box) == (
+        assert (car.label, car.score, car.placed_by, car.box) == (
             "car",
             0.75,
             "scan",
@@ -91,7 +91,11 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, (
             "behind the surface of the wall"
         )
-        assert (person.label, person.location, person.method) == ("person", (7.0, 8.0, 0.0), "bag")
+        assert (person.label, person.location, person.placed_by) == (
+            "person",
+            (7.0, 8.0, 0.0),
+            "bag",
+        )
     write_trace(tmp_path / "street.parquet", trace)
     assert read_trace(tmp_path / "street.parquet").digest == trace.digest
 
@@ -288,8 +292,8 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     for here, there in zip(found.frames["02"], expected.frames["02"], strict=True):
         assert here.stamp_ns == there.stamp_ns
         assert tuple(here.pose) == pytest.approx(tuple(there.pose), abs=0.002)
-        assert [(one.label, one.score, one.box, one.method) for one in here.detections] == [
-            (one.label, one.score, one.box, one.method) for one in there.detections
+        assert [(one.label, one.score, one.box, one.placed_by) for one in here.detections] == [
+            (one.label, one.score, one.box, one.placed_by) for one in there.detections
         ]
         for one, other in zip(here.detections, there.detections, strict=True):
             assert (one.location is None) == (other.location is None)
