@@ -31,6 +31,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.core.similarity import Exact
+from genie_sim.data.sources import Recorded
 from genie_sim.record import provenance
 from genie_sim.record.results import MetricValue
 from genie_sim.runs.prepare import Prepared, prepare
@@ -796,13 +797,12 @@ def test_shards_share_the_runs_and_the_last_one_makes_the_table(uninterrupted, m
 
 @pytest.mark.slow
 def test_profiles_and_traces_are_read_once(monkeypatch):
-    prepared: list[int] = []
-    monkeypatch.setattr(
-        "genie_sim.runs.prepare.prepare", lambda *a, **k: prepared.append(1) or prepare(*a, **k)
-    )
+    opened: list[int] = []
+    open_source = Recorded.open
+    monkeypatch.setattr(Recorded, "open", lambda *a: opened.append(1) or open_source(*a))
     work._frames_of_process.cache_clear()
     assert main(["sweep", write(SMALL.replace("seeds: 3", "seeds: 4")), "--jobs", "1"]) == 0
-    assert len(prepared) == 2, "once to plan and once to run"
+    assert len(opened) == 2, "once to plan and once to run"
     assert len(list(Path("results/s/parts").iterdir())) == 16
 
 
