@@ -1,5 +1,6 @@
 """The command ``sweep``. Everything heavy is imported after the arguments are parsed."""
 
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from genie_sim.cli.arguments import (
 from genie_sim.cli.run import print_results
 from genie_sim.cli.terminal import ProgressBar
 
+log = logging.getLogger(__name__)
 WRITTEN = "design.yaml"  # beside the results: the sweep that the command line described
 
 
@@ -150,10 +152,14 @@ def _refuse_scenario(name: str) -> None:
 
 def _write_design(path: Path, described: dict[str, Any], methods: str | None) -> None:
     """Writes the sweep as a file, with the command that runs it again."""
-    from genie_sim.base.paths import atomic_write
+    from genie_sim.base.paths import atomic_write, read_text
     from genie_sim.scenario.yaml_input import dump
 
     again = f"genie-sim sweep {path}" + ("" if methods is None else f" --methods {methods}")
+    text = dump(described)
+    if path.is_file() and read_text(path).partition("\n")[2] != text:
+        log.warning("%s: is not as it was written; it is left as it is", path)
+        return
     with atomic_write(path) as beside:
-        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
-        beside.write_text(text, encoding="utf-8")
+        head = f"# To run it again: {again} --out {path.parent.parent}"
+        beside.write_text(f"{head}\n{text}", encoding="utf-8")

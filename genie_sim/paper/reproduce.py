@@ -275,7 +275,7 @@ def show(folder: Path, made: Reproduction) -> None:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(made.numbers))
             document = printed.document(made.rows, accuracy, made.about["edited"])
-            template.write(folder / printed.DOCUMENT, document)
+            provenance.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn = made.figures()
             save_all(drawn, provenance.contained(folder, "figures"), ["svg"])

@@ -23,12 +23,13 @@ import yaml
 from genie_sim.base import units
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.progress import Progress
 from genie_sim.base.tables import UNITS, FileColumn, FileTable, title_of, with_point
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
+PROFILE = OutputKind("device profile")  # people edit it
 MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
 LARGEST_S = 3600  # no detection takes longer; a stamp since 1970 does
@@ -400,7 +401,7 @@ def write(
         "Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    with atomic_write(path) as partial:
+    with atomic_write(path, PROFILE) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_text(text, encoding="utf-8")
         return load_profile(partial)

@@ -135,7 +135,9 @@ class Study:
             is_same = not lost and self._is_as_written()
             self._write_about()
         for name in (*RESULTS, *(() if is_same else SHOWN)):  # of fewer points or seeds
-            provenance.contained(self.folder, name).unlink(missing_ok=True)
+            path = provenance.contained(self.folder, name)
+            provenance.keep_edited(path)
+            path.unlink(missing_ok=True)
         self._parts.run(runs, workers, progress, lost)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
