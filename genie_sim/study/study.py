@@ -192,7 +192,8 @@ class Study:
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
             tables.write_parquet(table, self.folder / f"{name}.parquet", about)
-            template.write(self.folder / f"{name}.csv", renderers.csv_of_table(table))
+            with atomic_write(self.folder / f"{name}.csv") as beside:
+                beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
         return runs
