@@ -357,12 +357,17 @@ def keep_edited(path: Path) -> None:
     """
     if path.is_symlink() or not path.is_file() or path.suffix != ".md":
         return
-    content = read_bytes(path)
+    try:
+        content = read_bytes(path)
+    except UserError:
+        if path.exists():
+            raise
+        return  # another process has removed it
     signed = _SIGNED.fullmatch(content)
     if signed is None or hashlib.sha256(signed[1]).hexdigest()[:16] != signed[2].decode():
         digest = hashlib.sha256(content).hexdigest()[:8]
         kept = path.with_name(f"{path.stem}.edited-{digest}{path.suffix}")
-        with usable(path, "was edited, and cannot be renamed"):
+        with usable(path, "was edited, and cannot be renamed"), suppress(FileNotFoundError):
             path.replace(kept)
         log.warning("%s: was edited; that is kept as %s", path, kept.name)
 
