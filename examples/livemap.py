@@ -289,7 +289,7 @@ class MapServer(Interceptor):
                 box=seen.box,
                 location=seen.location,
                 confidence=seen.confidence,
-                method=seen.method,
+                placed_by=seen.placed_by,
                 motion=seen.motion,
                 seen_in=seen.seen_in,
                 others=others,

@@ -66,7 +66,7 @@ class LyingCar(Fault):
             pose.north_m + self.ahead_m * math.sin(pose.heading_rad),
             pose.up_m,
         )
-        phantom = Detection(self.label, self.score, None, place, self.score, method="forged")
+        phantom = Detection(self.label, self.score, None, place, self.score, placed_by="forged")
         return (*objects, phantom)
 
 

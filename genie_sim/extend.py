@@ -56,7 +56,7 @@ from genie_sim.sim.bends import Bend, Objects, bent, shifted
 from genie_sim.sim.clock import Occupancy, Steps
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.fault import Fault, Strike
-from genie_sim.sim.link_model import LINK, LinkEnds, LinkModel, Sender
+from genie_sim.sim.link_model import LINK, LinkEnds, Sender
 from genie_sim.sim.message_random import MessageRandom
 from genie_sim.sim.method import (
     LOCAL,
@@ -124,7 +124,6 @@ __all__ = [
     "Interceptor",
     "KeyIndex",
     "LinkEnds",
-    "LinkModel",
     "LocalAndRemote",
     "Look",
     "Measured",

@@ -158,7 +158,7 @@ class Detection:
         object could not be placed in the world.
     confidence : float
         The object map's, from 0 to 1; equal to the score until a map has seen the object.
-    method : str
+    placed_by : str
         How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
     motion : Motion or None
         What a map that tracks knows of it; ``None`` unless it comes from one.
@@ -172,7 +172,7 @@ class Detection:
     box: Box | None
     location: Location | None
     confidence: float
-    method: str = "unknown"
+    placed_by: str = "unknown"
     motion: Motion | None = None
     seen_in: Header | None = field(default=None, compare=False)
 
@@ -186,7 +186,7 @@ class Detection:
             self.box,
             self.location,
             confidence,
-            self.method,
+            self.placed_by,
             self.motion,
             self.seen_in,
         )

@@ -194,7 +194,9 @@ class GenieNode:
         return effects + self._on_hit(message, requester, answers)
 
     def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
-        """Lines 7 to 11: the message is an answer, to a pending request if that is here."""
+        """Lines 7 to 11: the message is an answer, to a pending request if that is here. Line 9
+        comes before the test of line 8: what nobody here has asked for feeds the map, too.
+        """
         rules, effects = self.rules, list[Effect]()
         is_learned = not is_remote or rules.car_learns == "all"
         is_broadcast = not is_remote and rules.share_answers == "broadcast"

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from genie_sim.base.place_index import PlaceIndex
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
-from genie_sim.core.locations import SameLocation
 from genie_sim.core.messages import (
     Answer,
     CameraPose,
@@ -85,11 +84,11 @@ class ObjectMap:
         threshold = self.threshold
         for seen in answer.objects:  # line 3
             if seen.location is not None:
-                from_map = seen.method == "map"
+                from_map = seen.placed_by == "map"
                 before, stored = self.sight(  # lines 4 to 7
                     seen, now_ns, None if from_map else header
                 )
-                stored.look(seen.seen_in if from_map else looked_at)
+                stored.set_seen(seen.seen_in if from_map else looked_at)
                 lookups.requests += 1
                 if before is not None:
                     lookups.hits += before >= threshold
@@ -123,7 +122,7 @@ class ObjectMap:
             header is not None and counts_again(stored.counted_ns, header)
         ):
             after = self._boosted_confidence(before, seen.confidence, self._rate)  # line 5
-            stored.boost(after)
+            stored.set_confidence(after)
             self._threshold.changed(before, after)
         return before, stored
 
@@ -230,6 +229,32 @@ class ObjectMap:
             self._same_location.remove(stored)
         self._threshold.removed(stored.confidence)
         self._count -= 1
+
+
+class SameLocation:
+    """``location_key: exact``: the objects of a map by their very coordinates, as printed, and not
+    within a gate of them.
+    """
+
+    def __init__(self) -> None:
+        self._objects: dict[Location, list[StoredObject]] = {}
+
+    def add(self, stored: StoredObject) -> None:
+        self._objects.setdefault(stored.location, []).append(stored)
+
+    def remove(self, stored: StoredObject) -> None:
+        self._objects[stored.location].remove(stored)
+
+    def nearest(self, label: str | None, location: Location) -> StoredObject | None:
+        """The oldest object of a class (``None``: of any) at a location."""
+        for stored in self._objects.get(location, ()):
+            if label is None or stored.label == label:
+                return stored
+        return None
+
+    def at(self, location: Location) -> list[StoredObject]:
+        """Every object, of any class, at a location."""
+        return list(self._objects.get(location, ()))
 
 
 def counts_again(counted_ns: dict[str, int], header: Header) -> bool:

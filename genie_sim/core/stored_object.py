@@ -37,7 +37,7 @@ class StoredObject:
         self.seen_in: Header | None = None
         self._detection: Detection | None = None  # as others get it, once they ask
 
-    def boost(self, confidence: float) -> None:
+    def set_confidence(self, confidence: float) -> None:
         """A sighting changes its confidence."""
         if confidence != self.confidence:
             self.confidence = confidence
@@ -52,12 +52,12 @@ class StoredObject:
                 box=None,
                 location=self.location,
                 confidence=self.confidence,
-                method="map",
+                placed_by="map",
                 seen_in=self.seen_in,
             )
         return self._detection
 
-    def look(self, header: Header | None) -> None:
+    def set_seen(self, header: Header | None) -> None:
         """A detector saw it in a frame; ``None``: in one that nobody knows."""
         if header is not None and (
             self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns

@@ -240,7 +240,7 @@ def _sequence(path: Path, about: Mapping[str, Any]) -> str | None:
     raise UserError(f"{path}: metadata: sequence {sequence!r} is no name")
 
 
-def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
+def checked(path: object, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFrame, ...]]:
     """The frames by camera. Raises UserError, naming ``path``, if frames are out of order or have
     impossible values.
     """
@@ -284,7 +284,7 @@ def checked(path: Path, frames: Iterable[TraceFrame]) -> dict[str, tuple[TraceFr
                     f"{where}: a {detection.label} of score {detection.score:g}; must be from 0 "
                     "to 1"
                 )
-            if not (isinstance(detection.label, str) and isinstance(detection.method, str)):
+            if not (isinstance(detection.label, str) and isinstance(detection.placed_by, str)):
                 raise UserError(f"{where}: a detection without a label or a method")
         earlier.append(frame)
     if not by_camera:
@@ -321,7 +321,7 @@ def _row(frame: TraceFrame) -> dict[str, Any]:
     A detection's confidence is not stored, it starts as its score.
     """
     detections = [
-        {"label": d.label, "score": d.score, "method": d.method}
+        {"label": d.label, "score": d.score, "method": d.placed_by}
         | dict(zip(BOX, d.box or (None,) * 4, strict=True))
         | dict(zip(PLACE, d.location or (None,) * 3, strict=True))
         for d in frame.detections
@@ -342,7 +342,7 @@ def _frame(row: Mapping[str, Any]) -> TraceFrame:
             box=several(d, BOX),
             location=several(d, PLACE),
             confidence=d["score"],
-            method=d["method"],
+            placed_by=d["method"],
         )
         for d in row["detections"]
     )

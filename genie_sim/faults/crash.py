@@ -25,12 +25,12 @@ class Crash(Fault):
     def strike(self, network: Network) -> Strike:
         where = f"{self.target}:{self.dropped_by}"
         network.take_down(self.target, self.dropped_by)
-        network.void(self.target, where, keep="memory" if self.memory == "warm" else None)
+        network.void(self.target, where, keeps_memory=self.memory == "warm")
         for processor in network.processors(self.target):
             processor.stall()
         yield
         # what came meanwhile, from cameras and links, reached nobody
-        network.void(self.target, where, keep="memory")
+        network.void(self.target, where, keeps_memory=True)
         for processor in network.processors(self.target):
             processor.go_on()
         network.put_up(self.target, self.dropped_by)

@@ -17,7 +17,7 @@ class Outage(Fault):
     target: str
     """A car, an edge, `edges` for the network between them, or one link such as `car1->edge1`."""
 
-    befalls = "target"
+    befalls = "car, edge or link"
     dropped_by = "outage"
 
     def strike(self, network: Network) -> Strike:

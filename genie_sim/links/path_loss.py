@@ -1,9 +1,10 @@
 """Path loss between a car and an antenna beside the street: 3GPP TR 38.901, UMi street canyon."""
 
 import math
+from collections.abc import Callable
+from functools import cache
 from statistics import NormalDist
 
-from genie_sim.links.fields import NormalField
 from genie_sim.sim.network import Network
 
 # TR 38.901, table 7.4.1-1 (UMi): standard deviations of the shadowing; table 7.5-6: correlation
@@ -34,6 +35,40 @@ def los_probability(ground_m: float) -> float:
         return 1.0
     near = 18 / ground_m
     return near + math.exp(-ground_m / 36) * (1 - near)
+
+
+class NormalField:
+    """A field of standard normal numbers over the ground: the same for every car that comes to a
+    place, at any time. Independent values stand at the corners of a grid;
+    between them they are interpolated, and scaled so that the variance is 1 everywhere.
+
+    Parameters
+    ----------
+    value : callable
+        The standard normal number of a corner, by its numbers to the east and to the north.
+    spacing_m : float
+        The side of a square of the grid: about as far as values are correlated.
+    """
+
+    def __init__(self, value: Callable[[int, int], float], spacing_m: float) -> None:
+        self._corner = cache(value)
+        self._spacing_m = spacing_m
+
+    def at(self, east_m: float, north_m: float) -> float:
+        """The value at a place."""
+        x, y = east_m / self._spacing_m, north_m / self._spacing_m
+        column, row = math.floor(x), math.floor(y)
+        right, upper = x - column, y - row
+        total = squares = 0.0
+        for place, weight in (
+            ((column, row), (1 - right) * (1 - upper)),
+            ((column + 1, row), right * (1 - upper)),
+            ((column, row + 1), (1 - right) * upper),
+            ((column + 1, row + 1), right * upper),
+        ):
+            total += weight * self._corner(*place)
+            squares += weight * weight
+        return total / math.sqrt(squares)
 
 
 class StreetCanyon:

@@ -13,7 +13,7 @@ from genie_sim.sim.link_model import LinkEnds, Sender
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
 
-MBIT = 10**6
+PlaceInRecording = Callable[[int], int]  # the recording's time by the run's [ns]
 
 
 @dataclass(frozen=True)
@@ -80,29 +80,27 @@ class RecordedLink:
 
     def sender(self, network: "Network", ends: LinkEnds) -> "RecordedSender":
         column, constant_bps = ("up_bps", self.up_bps) if ends.up else ("down_bps", self.down_bps)
-        rates = StepFunction([0], [constant_bps], True)
-        rates_at, rtts_at = (self._position(network, ends, None, rates.period_ns),) * 2
-        if self.rate is not None and column in (recording := read(self.rate)).columns:
-            rates = recording.steps(column, self.loop)
-            rates_at = self._position(network, ends, recording, rates.period_ns)
-        rtts = StepFunction([0], [2 * self.delay_ns], True)
+        rate = None if self.rate is None else read(self.rate)
+        if rate is not None and column in rate.columns:
+            rates = rate.steps(column, self.loop)
+            rates_at = self._position(network, ends, rate, rates.period_ns)
+        else:
+            rates, rates_at = _constant(constant_bps)
         if self.rtt is not None:
-            recording = read(self.rtt)
-            rtts = recording.steps("rtt_ns", self.loop)
-            rtts_at = self._position(network, ends, recording, rtts.period_ns)
+            rtt = read(self.rtt)
+            rtts = rtt.steps("rtt_ns", self.loop)
+            rtts_at = self._position(network, ends, rtt, rtts.period_ns)
+        else:
+            rtts, rtts_at = _constant(2 * self.delay_ns)
         return RecordedSender(
             network, ends, rates=rates, rates_at=rates_at, rtts=rtts, rtts_at=rtts_at
         )
 
     def _position(
-        self,
-        network: "Network",
-        ends: LinkEnds,
-        recording: LinkRecording | None,
-        period_ns: int,
-    ) -> Callable[[int], int]:
+        self, network: "Network", ends: LinkEnds, recording: LinkRecording, period_ns: int
+    ) -> PlaceInRecording:
         """Where in a recording a link is at a time [ns]."""
-        if self.offset == "begin" or recording is None:
+        if self.offset == "begin":
             return lambda now_ns: now_ns + self.begin_ns
         if self.offset == "position" and ends.car is not None:
             return _nearest(recording, network, ends.car)
@@ -111,7 +109,12 @@ class RecordedLink:
         return lambda now_ns: now_ns + offset_ns
 
 
-def _nearest(recording: LinkRecording, network: "Network", car: str) -> Callable[[int], int]:
+def _constant(value: int) -> tuple[StepFunction, PlaceInRecording]:
+    """A quantity that no recording has, as steps, and the same time in them."""
+    return StepFunction([0], [value], loops=True), lambda now_ns: now_ns
+
+
+def _nearest(recording: LinkRecording, network: "Network", car: str) -> PlaceInRecording:
     """The time of the row that is nearest to where the car is."""
     east_m, north_m = (np.array(recording.columns[name]) for name in ("east_m", "north_m"))
 
@@ -145,9 +148,9 @@ class RecordedSender(Sender):
         ends: LinkEnds,
         *,
         rates: StepFunction,
-        rates_at: Callable[[int], int],
+        rates_at: PlaceInRecording,
         rtts: StepFunction,
-        rtts_at: Callable[[int], int],
+        rtts_at: PlaceInRecording,
     ) -> None:
         super().__init__(network, ends)
         self._rates, self._rates_at = rates, rates_at

@@ -79,6 +79,6 @@ def _genie(
         subscribed,
         published,
         on_edge=on_edge,
-        names_changes=host.records_changes,
+        names_changes=host.names_changes,
         **arguments,
     )

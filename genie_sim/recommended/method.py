@@ -80,8 +80,8 @@ class Recommended(Method):
     nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
     nothing."""
 
-    pass_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
-    """CPU time of a message that a Genie only passes on or learns from; an answer of its own making
+    relay_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
+    """CPU time of a message that a Genie only relays or learns from; an answer of its own making
     costs the Genie time of the device profile. Measured in real ROS on an x86 processor
     (reality.md of genie-sim-ros). `null`: every message costs the Genie time."""
 
@@ -99,7 +99,7 @@ class Recommended(Method):
             detector=True,
             interceptor=partial(self._new_car_genie, host),
             uplink=REMOTE_UPLINK if host.has_edge else None,
-            pass_time_ns=self.pass_time_ns,
+            relay_time_ns=self.relay_time_ns,
         )
 
     def on_edge(self, host: HostContext) -> HostConfig:
@@ -109,7 +109,7 @@ class Recommended(Method):
             detector=host.gets_images,
             interceptor=partial(self._new_edge_genie, host),
             neighbour_topics=(OBJECTS + REMOTE,),
-            pass_time_ns=self.pass_time_ns,
+            relay_time_ns=self.relay_time_ns,
             is_beside=host.gets_images,
         )
 
@@ -123,7 +123,7 @@ class Recommended(Method):
             has_edge=host.has_edge,
             object_map=self._new_map(host),
             sharing=self._sharing(host),
-            names_changes=host.records_changes,
+            names_changes=host.names_changes,
         )
 
     def car_genie(
@@ -167,7 +167,7 @@ class Recommended(Method):
             rules=rules,
             make_answer=Detections,
             answers_frames=not host.gets_images,
-            names_changes=host.records_changes,
+            names_changes=host.names_changes,
         )
 
     def _new_map(self, host: HostContext) -> TrackMap:

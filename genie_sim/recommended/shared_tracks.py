@@ -141,7 +141,7 @@ class SharedTracks:
                     None,
                     place,
                     item.confidence,
-                    item.method,
+                    item.placed_by,
                     item.motion,
                 )
             )

@@ -127,7 +127,7 @@ class Log:
         self._poses = tables["poses"] if "poses" in record else None
         self._objects = tables["objects"] if "objects" in record else None
         self._steps = tables["steps"] if "steps" in record else None
-        self.wants_changes = self._objects is not None  # of object maps
+        self.names_changes = self._objects is not None  # of object maps
         self.wants_paths = self._steps is not None
         # in order of their stamps, but for those that were taken out of the table again
         self._open: dict[Header, OpenFrame] = {}

@@ -26,9 +26,9 @@ class Fault:
     """
 
     target: str | tuple[str, ...]
-    befalls: ClassVar[Literal["car", "car or edge", "target"]] = "car or edge"
-    """What may be the target; of a ``target`` also ``edges``, for the network between them, and a
-    link such as ``car1->edge1``."""
+    befalls: ClassVar[Literal["car", "car or edge", "car, edge or link"]] = "car or edge"
+    """What may be the target. A link is one such as ``car1->edge1``, or all of ``edges``, the
+    network between them."""
     duration_ns: int | None = None
     dropped_by: str
 

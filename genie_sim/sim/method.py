@@ -132,7 +132,7 @@ class HostContext:
         Returns a random generator by names, the same for this host under every method.
     draws : callable
         Returns the host's random numbers of these names, by key (``base.seeds.Draws``).
-    records_changes : bool
+    names_changes : bool
         Whether observations are to name the objects of a map that changed.
     laws : DetectorLaws
         The detectors' laws, as maps that weigh evidence take them to be.
@@ -150,7 +150,7 @@ class HostContext:
     genie: GenieRules | None
     stream: Callable[..., np.random.Generator]
     draws: Callable[..., Draws]
-    records_changes: bool
+    names_changes: bool
     laws: DetectorLaws
     edges: tuple[str, ...]
     neighbours: Sequence[str] = ()
@@ -192,7 +192,7 @@ class HostConfig:
         Whether the interceptor takes no CPU time, as that of a bound.
     per_entry_ns : int
         CPU time [ns] that a look-up takes for each entry of the cache.
-    pass_time_ns : int or None
+    relay_time_ns : int or None
         CPU time of each message that comes to the interceptor, where only answers of its own making
         cost the Genie time of the device; ``None`` where every message costs that [ns].
     is_beside : bool
@@ -206,7 +206,7 @@ class HostConfig:
     key: str | None = None
     costs_nothing: bool = False
     per_entry_ns: int = 0
-    pass_time_ns: int | None = None
+    relay_time_ns: int | None = None
     is_beside: bool = False
 
 

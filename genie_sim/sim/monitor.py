@@ -145,7 +145,7 @@ class HostUsage(NamedTuple):
 class Monitor(Protocol):
     """Observes the run of one method; ``record.log.Log`` writes it into tables."""
 
-    wants_changes: bool  # whether observations are to name the objects of a map that changed
+    names_changes: bool  # whether observations are to name the objects of a map that changed
     wants_paths: bool  # whether answers are to come with their paths
     samples: Samples  # which resources are sampled
 

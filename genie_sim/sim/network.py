@@ -5,7 +5,7 @@ act on.
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
+from genie_sim.sim.settings import EDGES
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink
@@ -235,8 +236,11 @@ class Network:
 
     def take_down(self, target: str, cause: str) -> None:
         """The links at ``target`` carry nothing from now on, those that are made later included;
-        they drop messages as ``LINK:cause``.
+        they drop messages as ``LINK:cause``. Raises ``UserError`` for an unknown host.
         """
+        for end in target.split("->"):
+            if end != EDGES:
+                self._check_host(end)
         self.outages.append((target, cause))
         for link in self.links_at(target):
             link.take_down(cause)
@@ -247,15 +251,15 @@ class Network:
         for link in self.links_at(target):
             link.put_up(cause)
 
-    def void(self, host: str, where: str, keep: Literal["memory"] | None = None) -> None:
+    def void(self, host: str, where: str, *, keeps_memory: bool = False) -> None:
         """What is queued and in service on a host is lost, dropped by ``where``, and its nodes lose
-        their state, unless they ``keep`` what is in memory.
+        their state, unless it ``keeps_memory``.
 
         Nothing happens if the method runs nothing there. Raises ``UserError`` for an unknown host.
         """
         self._check_host(host)
         if host in self.graphs:
-            self.graphs[host].void(where, keep)
+            self.graphs[host].void(where, keeps_memory=keeps_memory)
 
     def processors(self, host: str) -> tuple[Processor, ...]:
         """The accelerator and the CPU of a host; none if the method runs nothing there. Raises

@@ -89,8 +89,8 @@ class InterceptorNode(Node):
         self._per_entry_ns = config.per_entry_ns
         self._observe = observe
         self._timer_set = False
-        self._pass_time_ns = config.pass_time_ns
-        charges_answers = passes == 2 or config.pass_time_ns is not None
+        self._pass_time_ns = config.relay_time_ns
+        charges_answers = passes == 2 or config.relay_time_ns is not None
         self._charges_answers = charges_answers and not config.costs_nothing
         self._pending = SpanLabel("pending", pure.name)
         self._paths: OrderedDict[Header, Span] = OrderedDict()  # of the requested frames

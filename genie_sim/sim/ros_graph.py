@@ -4,7 +4,7 @@ remappings.
 
 from collections.abc import Callable, Iterable
 from itertools import chain
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import simpy
 
@@ -99,12 +99,12 @@ class Graph:
         self._bridges.setdefault(topic, []).append(bridge)
         self._clear_routes()
 
-    def void(self, where: str, keep: Literal["memory"] | None = None) -> None:
+    def void(self, where: str, *, keeps_memory: bool = False) -> None:
         """A fault: what is queued and in service on the host is lost, dropped by ``where``, and its
-        nodes start anew, unless they ``keep`` what is in memory.
+        nodes start anew, unless the host ``keeps_memory``.
         """
         for node in self.nodes:
-            if keep == "memory":
+            if keeps_memory:
                 node.void_work(where)
             else:
                 node.void(where)

@@ -74,7 +74,7 @@ class World:
             setup,
             self.network.stream,
             tuple(edge.name for edge in setup.edges),
-            monitor.wants_changes,
+            monitor.names_changes,
         )
         self.edges: dict[str, EdgeServer] = {}
         self.last_frame_ns = 0  # when the last frame is taken
@@ -131,7 +131,7 @@ class World:
         has_server = config.detector or config.interceptor is not None or uplink is not None
         # the frames of a car with neither a server nor an edge are meant to reach nobody
         if has_server or car.edge is not None:
-            self._check_wiring(car, graph, config)
+            self._check_connections(car, graph, config)
         CarListener(graph, self.monitor, uplink=uplink, has_server=has_server)
         for camera in car.streams(setup.cameras):
             frames = setup.frames[car.name][camera.recording]
@@ -146,7 +146,7 @@ class World:
             self._cameras.append(node)
             self.last_frame_ns = max(self.last_frame_ns, node.last_stamp_ns)
 
-    def _check_wiring(self, car: Car, graph: Graph, config: HostConfig) -> None:
+    def _check_connections(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
         with as_user_error(self._method.title, UserError):
             connectivity.check_car(graph, config)
@@ -196,7 +196,7 @@ class World:
         """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
         minutes after the last one was taken.
         """
-        self.clock.process(self._sample(progress))
+        self.clock.process(self._watch_resources(progress))
         for drained_ns in range(DRAIN_NS, MAX_DRAIN_NS + 1, DRAIN_NS):
             self.clock.run(until=self.last_frame_ns + drained_ns)
             may_end_stall = any(process.is_alive for process in self._faults)
@@ -207,7 +207,7 @@ class World:
         self.monitor.failed(self._fault_spans)
         self.monitor.close()
 
-    def _end_warm_up(self) -> None:
+    def _begin_to_count(self) -> None:
         """From now on what hosts, links and queues do counts."""
         self._used_in_warm_up = {usage.host: usage for usage in self._usage()}
         for resource in self._sampled:
@@ -262,15 +262,17 @@ class World:
             return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
         return []
 
-    def _sample(self, progress: OnTime | None) -> Steps:
-        """The process that samples resources. One of its instants is the end of the warm-up."""
+    def _watch_resources(self, progress: OnTime | None) -> Steps:
+        """The process that samples resources, and begins to count anew when the warm-up ends,
+        which is one of its instants.
+        """
         warm_up_ns = self.setup.warm_up_ns
         if warm_up_ns % SAMPLE_NS:
             yield self.clock.timeout(warm_up_ns % SAMPLE_NS)
         while True:
             now_ns = self.clock.now
             if now_ns == warm_up_ns > 0:
-                self._end_warm_up()
+                self._begin_to_count()
             self.monitor.sample(self._sampled, now_ns)
             if progress is not None:
                 progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
@@ -290,7 +292,7 @@ class HostContexts(NamedTuple):
     setup: Setup
     stream: Callable[..., np.random.Generator]
     edges: tuple[str, ...]
-    records_changes: bool = False
+    names_changes: bool = False
 
     def car(self, car: Car) -> HostContext:
         """About a car; it has rules of a Genie if one may run there."""
@@ -314,7 +316,7 @@ class HostContexts(NamedTuple):
             genie=genie,
             stream=partial(self.stream, name),
             draws=partial(Draws, self.setup.seed, name),
-            records_changes=self.records_changes,
+            names_changes=self.names_changes,
             laws=self.setup.laws,
             edges=self.edges,
             is_one_world=self.setup.is_one_world,

@@ -6,6 +6,7 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -46,14 +47,9 @@ LABEL_CHARACTERS, SHORT_LABEL_CHARACTERS = 20, 15  # in a line beside an axis; i
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
 
 
-def of_sweep(
-    design: Design,
-    runs: "pd.DataFrame",
-    titles: Mapping[str, str],
-    footer: str,
-    width_in: float = PAGE_IN,
-) -> Iterator[tuple[str, Figure]]:
-    """Every figure with the name of its file.
+@dataclass(frozen=True)
+class SweepFigures:
+    """The figures of a sweep.
 
     Parameters
     ----------
@@ -64,375 +60,281 @@ def of_sweep(
     titles : mapping of str to str
         What figures call each method.
     footer : str
-        What was run.
+        Says below the panels what was run.
     width_in : float
         Of a page or a column.
-
-    Along each axis, with a column of panels for each value of one other axis; a heat map of the
-    first two crossed axes. In the width of a column two crossed axes give a figure of each
-    headline metric: along the first axis, with a line for each value of the second. Where there
-    are more axes, every combination of their first values has figures of its own. Only over values
-    that were drawn is anything averaged, and the figure says so.
     """
-    columns, crossed = design.columns, design.crossed
-    if len(crossed) > 1 and is_narrow(width_in):
-        for metric in shown(HEADLINE, runs["metric"]):
-            for suffix, place, selected in _places(runs, [columns[name] for name in crossed[2:]]):
-                figure = lines(
-                    metric,
-                    design,
-                    selected,
-                    titles=titles,
-                    footer=footer,
-                    place=place,
-                    width_in=width_in,
-                )
-                yield f"{crossed[0]}-{metric}{suffix}", figure
-        return
-    for name, axis in design.axes.items():
-        remaining = [columns[axis_name] for axis_name in crossed if axis_name != name]
-        drawn = [column for axis_name, column in columns.items() if axis_name not in crossed]
-        beside = remaining[0] if remaining else None
-        for suffix, place, selected in _places(runs, remaining[1:]):
-            figure = along(
-                axis,
-                columns[name],
-                selected,
-                titles=titles,
-                footer=footer,
-                beside=beside,
-                averaged=[] if axis.sampled else drawn,
-                place=place,
-                width_in=width_in,
-            )
-            yield f"{name}{suffix}", figure
-    if len(crossed) > 1:
-        first, second = crossed[:2]
-        for suffix, place, selected in _places(runs, [columns[name] for name in crossed[2:]]):
-            pair = columns[first], columns[second]
-            figure = heat(
-                *pair, selected, titles=titles, footer=footer, place=place, width_in=width_in
-            )
-            yield f"{first}-{second}{suffix}", figure
 
+    design: Design
+    runs: "pd.DataFrame"
+    titles: Mapping[str, str]
+    footer: str
+    width_in: float = PAGE_IN
 
-def of_metric(
-    metric: str,
-    design: Design,
-    runs: "pd.DataFrame",
-    *,
-    titles: Mapping[str, str],
-    footer: str,
-    width_in: float = PAGE_IN,
-) -> Figure:
-    """One metric along the first axis; of two crossed axes as a heat map or, in a column, with a
-    line for each value of the second. What it is given is that of ``of_sweep``. Raises
-    ``UserError`` where no method has a value.
-    """
-    has_value = (runs["metric"] == metric) & (runs["component"] == "") & runs["value"].notna()
-    if not has_value.any():
-        raise UserError(f"{metric}: this sweep has no value of it to draw")
-    columns, crossed = design.columns, design.crossed
-    if len(crossed) > 1:
-        pair = columns[crossed[0]], columns[crossed[1]]
-        _, place, selected = next(_places(runs, [columns[name] for name in crossed[2:]]))
-        if is_narrow(width_in):
-            return lines(
-                metric,
-                design,
-                selected,
-                titles=titles,
-                footer=footer,
-                place=place,
-                width_in=width_in,
-            )
-        return heat(
-            *pair,
-            selected,
-            titles=titles,
-            footer=footer,
-            place=place,
-            width_in=width_in,
-            metrics=[metric],
-        )
-    name = (*crossed, *design.axes)[0]
-    return along(
-        design.axes[name],
-        columns[name],
-        runs,
-        titles=titles,
-        footer=footer,
-        averaged=[columns[other] for other in design.axes if crossed and other != name],
-        width_in=width_in,
-        metrics=[metric],
-    )
+    def drawn(self) -> Iterator[tuple[str, Figure]]:
+        """Every figure with the name of its file.
 
+        Along each axis, with a column of panels for each value of one other axis; a heat map of the
+        first two crossed axes. In the width of a column two crossed axes give a figure of each
+        headline metric: along the first axis, with a line for each value of the second. Where there
+        are more axes, every combination of their first values has figures of its own. Only over
+        values that were drawn is anything averaged, and the figure says so.
+        """
+        columns, crossed = self.design.columns, self.design.crossed
+        if len(crossed) > 1 and is_narrow(self.width_in):
+            for metric in shown(HEADLINE, self.runs["metric"]):
+                for suffix, place, runs in self._places(crossed[2:]):
+                    yield f"{crossed[0]}-{metric}{suffix}", self._lines(metric, runs, place)
+            return
+        sampled_columns = [column for name, column in columns.items() if name not in crossed]
+        for name, axis in self.design.axes.items():
+            remaining = [axis_name for axis_name in crossed if axis_name != name]
+            averaged = [] if axis.sampled else sampled_columns
+            for suffix, place, runs in self._places(remaining[1:]):
+                beside = columns[remaining[0]] if remaining else None
+                figure = self.along(name, runs, beside=beside, averaged=averaged, place=place)
+                yield f"{name}{suffix}", figure
+        if len(crossed) > 1:
+            for suffix, place, runs in self._places(crossed[2:]):
+                yield f"{crossed[0]}-{crossed[1]}{suffix}", self._heat(runs, place)
 
-def _places(
-    runs: "pd.DataFrame", columns: Sequence[str]
-) -> "Iterator[tuple[str, str, pd.DataFrame]]":
-    """The runs at every combination of values of these columns, with a suffix for file names and
-    words for titles.
-    """
-    values = [list(dict.fromkeys(runs[column])) for column in columns]
-    for number, place in enumerate(
-        itertools.islice(itertools.product(*values), MAX_PLACES), start=1
-    ):
-        selected = runs
-        for column, value in zip(columns, place, strict=True):
-            selected = selected[selected[column] == value]
-        place_text = ", ".join(
-            f"{column} = {_shortened(value)}" for column, value in zip(columns, place, strict=True)
-        )
-        yield (f"-{number}" if columns else ""), place_text, selected
+    def of(self, metric: str) -> Figure:
+        """One metric along the first axis; of two crossed axes as a heat map or, in a column, with
+        a line for each value of the second. Raises ``UserError`` where no method has a value.
+        """
+        runs = self.runs[(self.runs["metric"] == metric) & (self.runs["component"] == "")]
+        if not runs["value"].notna().any():
+            raise UserError(f"{metric}: this sweep has no value of it to draw")
+        columns, crossed = self.design.columns, self.design.crossed
+        if len(crossed) > 1:
+            _, place, runs = next(self._places(crossed[2:]))
+            if is_narrow(self.width_in):
+                return self._lines(metric, runs, place)
+            return self._heat(runs, place, [metric])
+        name = (*crossed, *self.design.axes)[0]
+        averaged = [columns[other] for other in self.design.axes if crossed and other != name]
+        return self.along(name, self.runs, averaged=averaged, metrics=[metric])
 
+    def _places(self, axes: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
+        """The runs at every combination of values of these axes, with a suffix for file names and
+        words for titles.
+        """
+        columns = [self.design.columns[name] for name in axes]
+        values = [list(dict.fromkeys(self.runs[column])) for column in columns]
+        places = itertools.islice(itertools.product(*values), MAX_PLACES)
+        for number, levels in enumerate(places, start=1):
+            selected, words = self.runs, []
+            for column, level in zip(columns, levels, strict=True):
+                selected = selected[selected[column] == level]
+                words.append(f"{column} = {_shortened(level)}")
+            yield (f"-{number}" if columns else ""), ", ".join(words), selected
 
-@in_style()
-def along(
-    axis: Axis,
-    column: str,
-    runs: "pd.DataFrame",
-    *,
-    titles: Mapping[str, str],
-    footer: str,
-    beside: str | None = None,
-    averaged: Sequence[str] = (),
-    place: str = "",
-    width_in: float = PAGE_IN,
-    metrics: Sequence[str] = (),
-) -> Figure:
-    """Draws means along one axis with their 95 % intervals across seeds, a row of panels a metric.
+    @in_style()
+    def along(
+        self,
+        name: str,
+        runs: "pd.DataFrame",
+        *,
+        beside: str | None = None,
+        averaged: Sequence[str] = (),
+        place: str = "",
+        metrics: Sequence[str] = (),
+    ) -> Figure:
+        """Draws means along one axis with their 95 % intervals across seeds, a row of panels a
+        metric.
 
-    Drawn values of a sampled axis are no line but points, for the other sampled axes differ from
-    one to the next.
+        Drawn values of a sampled axis are no line but points, for the other sampled axes differ
+        from one to the next.
 
-    Parameters
-    ----------
-    axis : Axis
-        The axis.
-    column : str
-        Its column in the runs.
-    runs : DataFrame
-        ``tables.of_runs``, or a part of it.
-    titles : mapping of str to str
-        What the figure calls each method.
-    footer : str
-        Says below the panels what was run.
-    beside : str, optional
-        The column of another axis, each of whose values has a column of panels.
-    averaged : sequence of str
-        Columns of axes that are averaged over, for the note above the panels.
-    place : str
-        Where on the remaining axes the runs are, for the same note.
-    width_in : float
-        The figure's width in inches.
-    metrics : sequence of str
-        Which; by default the short list or, in a column or with ``beside``, the headlines.
-    """
-    levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
-    shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
-    means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
-    narrow = is_narrow(width_in)
-    tier = SHORT if beside is None and not narrow else HEADLINE
-    names = metrics or shown(tier, means["metric"])
-    shown_metrics = [
-        (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
-    ]
-    wide = (2 if narrow else 3) if beside is None else len(shown_levels)
-    if len(metrics) == 1:
-        wide = len(shown_levels)
-    rows = max(1, -(-len(shown_metrics) // wide)) if beside is None else max(1, len(shown_metrics))
-    row_in = 0.8 if narrow and rows > 1 else 1.8 if beside is None else 1.3
-    figure = Figure(figsize=(width_in, (0.2 if narrow else 0.6) + row_in * rows))
-    grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
-    panels = [(metric, label, level) for metric, label in shown_metrics for level in shown_levels]
-    for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
-        of_panel = means[means["metric"] == metric]
-        if level is not None:
-            of_panel = of_panel[of_panel[beside] == level]
-        _draw(panel, axis, column, _by_method(of_panel, titles))
-        spot = panel.get_subplotspec()
-        panel.set_ylabel(_wrapped(label, narrow) if beside is None or spot.is_first_col() else "")
-        if (beside is None and not narrow) or spot.is_last_row():
-            panel.set_xlabel(column)
-        if level is not None and not spot.is_last_row():
-            panel.tick_params(labelbottom=False)
-        if level is not None and spot.is_first_row():
-            panel.set_title(f"{beside} = {_shortened(level)}")
-        of_metric = means["value"][means["metric"] == metric]
-        if _is_share(metric):
-            panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
-            _scale_logarithmically(panel, min(values), max(values))
-    for panel in list(grid.flat)[len(panels) :]:
-        panel.remove()
-    # after all are drawn, for a row shares its limits
-    for panel in figure.axes if beside is None else grid[:, 0]:
-        if panel.get_yscale() == "log":
-            continue
-        low, high = panel.get_ylim()
-        low = min(0.0, low)
-        panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-    _make_room(figure, 1 if beside is not None else rows)
-    notes = []
-    if len(shown_levels) < len(levels):
-        notes.append(f"{len(shown_levels)} of {len(levels)} values of {beside}")
-    if averaged:
-        notes.append(f"averaged over {', '.join(averaged)}")
-    if place:
-        notes.append(f"at {place}")
-    several = "means and 95 % intervals across seeds"
-    shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
-    finish(figure, f"Along {column}: {shows}", footer, figure.axes, note="; ".join(notes))
-    return figure
-
-
-@in_style()
-def lines(
-    metric: str,
-    design: Design,
-    runs: "pd.DataFrame",
-    *,
-    titles: Mapping[str, str],
-    footer: str,
-    place: str = "",
-    width_in: float,
-) -> Figure:
-    """One metric along the first crossed axis with 95 % intervals across seeds: a line for each
-    value of the second, a panel for each method, and for its Genies on cars and on edges.
-
-    Parameters
-    ----------
-    metric : str
-        Its name; some method has a value of it.
-    design, runs, titles, footer, width_in
-        As those of ``of_sweep``; ``runs`` may be a part.
-    place : str
-        Where on the remaining axes the runs are, for the note above the panels.
-    """
-    name, other = design.crossed[:2]
-    column, other_column = design.columns[name], design.columns[other]
-    means = across_seeds(runs[runs["component"] == ""], [column, other_column])
-    means = means[(means["metric"] == metric) & means["value"].notna()]
-    panels = list(means.groupby(["method", "placement"], sort=False))
-    levels = list(dict.fromkeys(means[other_column]))
-    shades = LEVEL_COLOURS(np.linspace(0.0, 0.85, len(levels)))
-    figure = Figure(figsize=(width_in, 0.2 + 1.3 * len(panels)))
-    grid = figure.subplots(max(1, len(panels)), 1, squeeze=False, sharex=True, sharey=True)
-    for panel, (method_and_place, of_panel) in zip(grid[:, 0], panels, strict=True):
-        method, placement = map(str, method_and_place)
-        where = f", {PLACEMENTS[placement]}" if placement in PLACEMENTS else ""
-        panel.set_title(f"{titles[method]}{where}")
-        looks = [
-            {
-                "label": f"{other_column} = {_shortened(level)}",
-                "color": shades[number],
-                "marker": style.MARKERS[number % len(style.MARKERS)],
-            }
-            for number, level in enumerate(levels)
+        Parameters
+        ----------
+        name : str
+            The axis.
+        runs : DataFrame
+            All runs, or those at ``place``.
+        beside : str, optional
+            The column of another axis, each of whose values has a column of panels.
+        averaged : sequence of str
+            Columns of axes that are averaged over, for the note above the panels.
+        place : str
+            Where on the remaining axes the runs are, for the same note.
+        metrics : sequence of str
+            Which; by default the short list or, in a column or with ``beside``, the headlines.
+        """
+        axis, column = self.design.axes[name], self.design.columns[name]
+        levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
+        shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
+        means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
+        narrow = is_narrow(self.width_in)
+        tier = SHORT if beside is None and not narrow else HEADLINE
+        names = metrics or shown(tier, means["metric"])
+        shown_metrics = [
+            (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
         ]
-        of_level = [of_panel[of_panel[other_column] == level] for level in levels]
-        _draw(panel, design.axes[name], column, list(zip(of_level, looks, strict=True)))
-        if _is_share(metric):
-            panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-    figure.supylabel(_label(metric))
-    grid[-1, 0].set_xlabel(column)
-    if means["value"].min() >= 0:
-        grid[0, 0].set_ylim(bottom=0)
-    _make_room(figure, 1)
-    note = f"at {place}" if place else ""
-    finish(figure, f"{_label(metric)} along {column}", footer, figure.axes, note=note)
-    return figure
-
-
-@in_style()
-def heat(
-    first: str,
-    second: str,
-    runs: "pd.DataFrame",
-    *,
-    titles: Mapping[str, str],
-    footer: str,
-    place: str = "",
-    width_in: float = PAGE_IN,
-    metrics: Sequence[str] = (),
-) -> Figure:
-    """Means across seeds over two axes, a row of panels a metric, a column a method.
-
-    Darker is more, on one scale a metric, which is logarithmic where values span decades. Of
-    Genies' metrics those on cars are shown. Methods on which neither axis has an effect are left
-    out where it has one on another, and named above the panels.
-
-    Parameters
-    ----------
-    first, second : str
-        The columns of the axes: ``first`` upwards, ``second`` to the right.
-    runs : DataFrame
-        ``tables.of_runs``, or a part of it.
-    titles : mapping of str to str
-        What the figure calls each method.
-    footer : str
-        Says below the panels what was run.
-    place : str
-        Where on the remaining axes the runs are, for the note above the panels.
-    width_in : float
-        The figure's width in inches, that of a page.
-    metrics : sequence of str
-        Which; by default the headlines.
-    """
-    means = across_seeds(runs[runs["component"] == ""], [first, second])
-    metrics = metrics or shown(HEADLINE, means["metric"])
-    means = means[
-        means["placement"].isin(("all", "car"))
-        & means["metric"].isin(metrics)
-        & means["value"].notna()
-    ]
-    of_methods = means.groupby("method", sort=False)
-    varying = [
-        method
-        for method, of_method in of_methods
-        if of_method.groupby("metric")["value"].nunique().max() > 1
-    ]
-    methods = varying or [method for method, _ in of_methods]
-    constant = [titles[str(method)] for method, _ in of_methods if method not in methods]
-    metrics = [metric for metric in metrics if (means["metric"] == metric).any()]
-    up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
-    height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
-    figure = Figure(figsize=(width_in, max(2.0, height_in)))
-    grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
-    for row, metric in zip(grid, metrics, strict=False):
-        of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
-        values = of_metric["value"].tolist()
-        scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
-        drawn: list[Axes] = []
-        for panel, method in zip(row, methods, strict=True):
-            cells = of_metric[of_metric["method"] == method].pivot_table(
-                index=first, columns=second, values="value", sort=False
+        wide = (2 if narrow else 3) if beside is None else len(shown_levels)
+        if len(metrics) == 1:
+            wide = len(shown_levels)
+        rows = (
+            max(1, -(-len(shown_metrics) // wide)) if beside is None else max(1, len(shown_metrics))
+        )
+        row_in = 0.8 if narrow and rows > 1 else 1.8 if beside is None else 1.3
+        figure = Figure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
+        grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
+        panels = [
+            (metric, label, level) for metric, label in shown_metrics for level in shown_levels
+        ]
+        unused = grid.size - len(panels)
+        places = list(range(grid.size - unused))
+        if narrow and unused:  # in the first row, so that names of ticks stand below the last one
+            places = [*range(wide - unused), *range(wide, grid.size)]
+        for place_of_panel, (metric, label, level) in zip(places, panels, strict=True):
+            panel = grid.flat[place_of_panel]
+            of_panel = means[means["metric"] == metric]
+            if level is not None:
+                of_panel = of_panel[of_panel[beside] == level]
+            _draw(panel, axis, column, _by_method(of_panel, self.titles))
+            _explain_filling(panel, of_panel)
+            spot = panel.get_subplotspec()
+            panel.set_ylabel(
+                _wrapped(label, narrow) if beside is None or spot.is_first_col() else ""
             )
-            if cells.empty:
-                panel.remove()
+            is_lowest = place_of_panel + wide not in places
+            if (beside is None and not narrow) or is_lowest:
+                panel.set_xlabel(column)
+            if (level is not None or narrow) and not is_lowest:
+                panel.tick_params(labelbottom=False)
+            if level is not None and spot.is_first_row():
+                panel.set_title(f"{beside} = {_shortened(level)}")
+            of_metric = means["value"][means["metric"] == metric]
+            if _is_share(metric):
+                panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
+            elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
+                _scale_logarithmically(panel, min(values), max(values))
+        for number in set(range(grid.size)) - set(places):
+            grid.flat[number].remove()
+        # after all are drawn, for a row shares its limits
+        for panel in figure.axes if beside is None else grid[:, 0]:
+            if panel.get_yscale() == "log":
                 continue
-            cells = cells.reindex(index=up, columns=right)
-            _heat_map(panel, cells, scale, percent=_is_share(metric))
-            panel.set_title(titles[str(method)])
-            panel.set_xlabel(second)
-            panel.set_ylabel("" if drawn else first)
-            drawn.append(panel)
-        shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
-        bar = figure.colorbar(shades, ax=drawn, label=_wrapped(_label(metric)), pad=0.01)
-        if isinstance(scale, LogNorm):
-            ticks = _round_ticks(min(values), max(values))
-            bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
-            bar.ax.yaxis.set_minor_locator(NullLocator())
-        elif _is_share(metric):
-            bar.formatter = FuncFormatter(percent_tick)
-    title = f"Over {first} and {second}: means across seeds, darker is more"
-    _make_room(figure, len(metrics))
-    notes = [f"at {place}"] if place else []
-    if constant:
-        notes.append(f"the same everywhere: {', '.join(constant)}")
-    finish(figure, title, footer, note="; ".join(notes))
-    return figure
+            low, high = panel.get_ylim()
+            low = min(0.0, low)
+            panel.set_ylim(low, high + MARKER_ROOM * (high - low))
+        _make_room(figure, 1 if beside is not None or narrow else rows)
+        notes = []
+        if len(shown_levels) < len(levels):
+            notes.append(f"{len(shown_levels)} of {len(levels)} values of {beside}")
+        if averaged:
+            notes.append(f"averaged over {', '.join(averaged)}")
+        if place:
+            notes.append(f"at {place}")
+        several = "means and 95 % intervals across seeds"
+        shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
+        finish(figure, f"Along {column}: {shows}", self.footer, figure.axes, note="; ".join(notes))
+        return figure
+
+    @in_style()
+    def _lines(self, metric: str, runs: "pd.DataFrame", place: str) -> Figure:
+        """One metric along the first crossed axis with 95 % intervals across seeds, at a ``place``
+        on the remaining ones: a line for each value of the second, a panel for each method, and for
+        its Genies on cars and on edges.
+        """
+        name, other = self.design.crossed[:2]
+        column, other_column = self.design.columns[name], self.design.columns[other]
+        means = across_seeds(runs[runs["component"] == ""], [column, other_column])
+        means = means[(means["metric"] == metric) & means["value"].notna()]
+        panels = list(means.groupby(["method", "placement"], sort=False))
+        levels = list(dict.fromkeys(means[other_column]))
+        shades = LEVEL_COLOURS(np.linspace(0.0, 0.85, len(levels)))
+        figure = Figure(figsize=(self.width_in, 0.2 + 1.3 * len(panels)))
+        grid = figure.subplots(max(1, len(panels)), 1, squeeze=False, sharex=True, sharey=True)
+        for panel, (method_and_place, of_panel) in zip(grid[:, 0], panels, strict=True):
+            method, placement = map(str, method_and_place)
+            where = f", {PLACEMENTS[placement]}" if placement in PLACEMENTS else ""
+            panel.set_title(f"{self.titles[method]}{where}")
+            looks = [
+                {
+                    "label": f"{other_column} = {_shortened(level)}",
+                    "color": shades[number],
+                    "marker": style.MARKERS[number % len(style.MARKERS)],
+                }
+                for number, level in enumerate(levels)
+            ]
+            of_level = [of_panel[of_panel[other_column] == level] for level in levels]
+            _draw(panel, self.design.axes[name], column, list(zip(of_level, looks, strict=True)))
+            if _is_share(metric):
+                panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
+        figure.supylabel(_label(metric))
+        grid[-1, 0].set_xlabel(column)
+        if means["value"].min() >= 0:
+            grid[0, 0].set_ylim(bottom=0)
+        _make_room(figure, 1)
+        note = f"at {place}" if place else ""
+        finish(figure, f"{_label(metric)} along {column}", self.footer, figure.axes, note=note)
+        return figure
+
+    @in_style()
+    def _heat(self, runs: "pd.DataFrame", place: str, metrics: Sequence[str] = ()) -> Figure:
+        """Means across seeds over the first two crossed axes, the first upwards, at a ``place`` on
+        the remaining ones: a row of panels a metric (by default the headlines), a column a method.
+
+        Darker is more, on one scale a metric, which is logarithmic where values span decades. Of
+        Genies' metrics those on cars are shown. Methods on which neither axis has an effect are
+        left out where it has one on another, and named above the panels.
+        """
+        first, second = (self.design.columns[name] for name in self.design.crossed[:2])
+        means = across_seeds(runs[runs["component"] == ""], [first, second])
+        metrics = metrics or shown(HEADLINE, means["metric"])
+        means = means[
+            means["placement"].isin(("all", "car"))
+            & means["metric"].isin(metrics)
+            & means["value"].notna()
+        ]
+        of_methods = means.groupby("method", sort=False)
+        varying = [
+            method
+            for method, of_method in of_methods
+            if of_method.groupby("metric")["value"].nunique().max() > 1
+        ]
+        methods = varying or [method for method, _ in of_methods]
+        constant = [self.titles[str(method)] for method, _ in of_methods if method not in methods]
+        metrics = [metric for metric in metrics if (means["metric"] == metric).any()]
+        up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
+        height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
+        figure = Figure(figsize=(self.width_in, max(2.0, height_in)))
+        grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
+        for row, metric in zip(grid, metrics, strict=False):
+            of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
+            values = of_metric["value"].tolist()
+            scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
+            maps: list[Axes] = []
+            for panel, method in zip(row, methods, strict=True):
+                cells = of_metric[of_metric["method"] == method].pivot_table(
+                    index=first, columns=second, values="value", sort=False
+                )
+                if cells.empty:
+                    panel.remove()
+                    continue
+                cells = cells.reindex(index=up, columns=right)
+                _heat_map(panel, cells, scale, percent=_is_share(metric))
+                panel.set_title(self.titles[str(method)])
+                panel.set_xlabel(second)
+                panel.set_ylabel("" if maps else first)
+                maps.append(panel)
+            shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
+            bar = figure.colorbar(shades, ax=maps, label=_wrapped(_label(metric)), pad=0.01)
+            if isinstance(scale, LogNorm):
+                ticks = _round_ticks(min(values), max(values))
+                bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
+                bar.ax.yaxis.set_minor_locator(NullLocator())
+            elif _is_share(metric):
+                bar.formatter = FuncFormatter(percent_tick)
+        title = f"Over {first} and {second}: means across seeds, darker is more"
+        _make_room(figure, len(metrics))
+        notes = [f"at {place}"] if place else []
+        if constant:
+            notes.append(f"the same everywhere: {', '.join(constant)}")
+        finish(figure, title, self.footer, note="; ".join(notes))
+        return figure
 
 
 def _label(metric: str) -> str:
@@ -558,17 +460,29 @@ def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -
     marker = {"marker": style.method_marker(style_number)}
     if placement not in PLACEMENTS:
         return style.method_line(style_number) | marker | {"label": titles[method]}
-    line, where = style.PLACEMENT_LINES[placement], PLACEMENTS[placement]
+    line = style.PLACEMENT_LINES[placement] | _filling(placement)
     if alone:
         return line | {
-            "label": f"Genies {where}",
+            "label": f"Genies {PLACEMENTS[placement]}",
             "marker": style.MARKERS[list(PLACEMENTS).index(placement)],
         }
-    return (
-        line
-        | marker
-        | {"label": f"{titles[method]}, {where}", "color": style.method_colour(style_number)}
-    )
+    return line | marker | {"label": titles[method], "color": style.method_colour(style_number)}
+
+
+def _filling(placement: str) -> dict[str, Any]:
+    """Markers of Genies on cars are hollow."""
+    return {"markerfacecolor": "white"} if placement == "car" else {}
+
+
+def _explain_filling(panel: Axes, means: "pd.DataFrame") -> None:
+    """Puts what hollow and full markers mean into the legend, where methods have both."""
+    placements = set(means["placement"]) & set(PLACEMENTS)
+    if placements and means["method"].nunique() > 1:
+        for placement, where in PLACEMENTS.items():
+            look: dict[str, Any] = {"color": "0.4", "marker": "o", "linestyle": "none"}
+            panel.plot(
+                [], [], label=f"Genies {where}", markersize=3.5, **look, **_filling(placement)
+            )
 
 
 def _scale_logarithmically(panel: Axes, low: float, high: float) -> None:

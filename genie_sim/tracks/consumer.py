@@ -110,7 +110,7 @@ class Tracker(Consumer):
         if look is None and answer.source == "detector":
             viewer = self._viewers.get(answer.header)
             if viewer is not None:
-                detections = tuple(seen for seen in answer.objects if seen.method != "map")
+                detections = tuple(seen for seen in answer.objects if seen.placed_by != "map")
                 look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
             self._map.count(look, now_ns)

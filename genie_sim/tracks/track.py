@@ -165,7 +165,7 @@ class Track:
             box=None,
             location=place,
             confidence=confidence,
-            method="map",
+            placed_by="map",
             motion=motion,
             seen_in=self.seen,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 
 from genie_sim.analysis import looks as look_metrics
 from genie_sim.analysis import metrics
+from genie_sim.analysis.frame_metrics import look_age_ms
 from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns
 
@@ -103,3 +105,10 @@ def test_where_nothing_was_shared_nobody_knows_how_right_it_is():
 def test_the_gap_between_looks_is_that_of_the_frames_that_went_up():
     """Of two it is known: 100 and 30 ms."""
     assert measured()["look_gap_mean"].value == pytest.approx(65)
+
+
+def test_a_look_that_is_newer_than_the_frame_is_of_no_age():
+    """An object of the map may have been seen since the camera took the frame."""
+    table = pd.DataFrame({"stamp_ns": [100 * MS] * 3, "first_looked_ns": [120 * MS, 40 * MS, None]})
+    ages_ms = look_age_ms(Columns.of(table))
+    assert ages_ms[:2].tolist() == [0.0, 60.0] and math.isnan(ages_ms[2])

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import genie_metrics, metrics
+from genie_sim.analysis import frame_metrics, genie_metrics, metrics
 from genie_sim.analysis.statistics import Blocks, wilson
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.core.messages import Header
@@ -526,3 +526,8 @@ def test_frames_without_an_answer_do_not_change_the_interval_of_the_mean():
     whole, answered = mean(local), mean(local[~dropped])
     assert whole.value == answered.value and whole.n == answered.n
     assert (whole.low, whole.high) == pytest.approx((answered.low, answered.high), rel=1e-9)
+
+
+def test_a_look_at_a_later_frame_has_no_age():
+    looks = pd.DataFrame({"stamp_ns": [S, S], "first_looked_ns": [S + 200 * MS, S - 100 * MS]})
+    assert frame_metrics.look_age_ms(Columns.of(looks)).tolist() == [0.0, 100.0]

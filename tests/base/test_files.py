@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, read_text, remembered
+from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, locked, read_text, remembered
 from genie_sim.record.provenance import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
@@ -87,14 +88,14 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
     [
         ("nowhere/x.yaml", "nowhere/x.yaml: no such file"),
         ("x.yaml", "x.yaml: no such file"),
-        ("folder/", "unknown trace 'folder/'; known: "),
+        ("folder/", "unknown trace 'folder/'"),
         ("./folder.d", "./folder.d: is a folder, not a file"),
         ("./pipe.yaml", "./pipe.yaml: is a device or a pipe"),
         ("x" * 300 + ".yaml", "x" * 300 + ".yaml: File name too long"),
-        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?); known: "),
-        ("", "unknown trace ''; known: "),
+        ("kitty", "unknown trace 'kitty' (did you mean 'kitti'?)"),
+        ("", "unknown trace ''"),
         ("~nobody-lives-here/x.yaml", "~nobody-lives-here/x.yaml: no such file"),
-        ("y" * 100, f"unknown trace '{'y' * 56}...; known: "),
+        ("y" * 100, f"unknown trace '{'y' * 56}..."),
     ],
 )
 def test_what_is_not_there(
@@ -344,3 +345,23 @@ def test_a_file_that_is_as_it_was_is_not_read_again(tmp_path: Path) -> None:
     second.unlink()
     with pytest.raises(FileNotFoundError):
         length(second)
+
+
+@pytest.mark.unix
+def test_a_folder_is_held_by_one_and_others_wait(tmp_path):
+    order, begun = [], Event()
+
+    def second() -> None:
+        begun.set()
+        with locked(tmp_path):
+            order.append("second")
+
+    with locked(tmp_path):
+        waiting = Thread(target=second)
+        waiting.start()
+        begun.wait()
+        with pytest.raises(OSError), locked(tmp_path, wait=False):
+            pass
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]

@@ -210,7 +210,7 @@ def test_a_hit_is_replayed_under_the_new_header_with_what_the_map_knows():
     assert replayed["car"] == CAR
     assert replayed["bus"].confidence == pytest.approx(0.58 + 0.1 * 0.9 * (1 - 0.58))
     assert replayed["person"].box is None  # it was never in this picture
-    assert replayed["person"].method == "map"
+    assert replayed["person"].placed_by == "map"
 
 
 def test_replaying_does_not_change_the_stored_answer():

@@ -15,7 +15,7 @@ DETECTION = Detection(
     (1.0, 2.0, 3.0, 4.0),
     (5.0, 6.0, 7.0),
     0.8,
-    method="lidar",
+    placed_by="lidar",
     motion=SEEN,
     seen_in=Header(6, "camera_03", "car2"),
 )

@@ -71,7 +71,7 @@ def test_it_gives_what_the_raw_drive_gives(tmp_path, raw):
         assert tuple(frame.pose) == pytest.approx(tuple(there.pose), abs=0.01)
         (car,), (other,) = frame.detections, there.detections
         assert car.location == pytest.approx(other.location, abs=0.01)
-        assert (car.score, car.method) == (other.score, "scan")
+        assert (car.score, car.placed_by) == (other.score, "scan")
     assert trace.name == "odometry_05" and "KITTI" in trace.provenance["data"]
     assert "path 2 m, top speed 10 m/s" in " ".join(report.lines())
     assert len(images(tmp_path, DRIVE, ["02"])) == FRAMES

@@ -103,7 +103,7 @@ def test_a_drive_becomes_a_trace(street):
     assert frame.stamp_ns == 200_000_000
     assert frame.pose == pytest.approx((2.0, 0.0, 0.0, 0.0), abs=0.01)
     (car,) = frame.detections
-    assert (car.label, car.method, car.confidence) == ("car", "scan", car.score)
+    assert (car.label, car.placed_by, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
 
 

@@ -55,7 +55,7 @@ def test_a_sequence_becomes_a_trace(root):
     first, second, third = trace.frames["02"]
     assert (first.width, first.height, third.stamp_ns) == (1242, 375, 200_000_000)
     (car,) = first.detections
-    assert (car.label, car.method) == ("car", "scan")
+    assert (car.label, car.placed_by) == ("car", "scan")
     assert car.location == pytest.approx((20.0, 2.0, -1.6 + 0.75), abs=0.01)
     assert second.detections == ()
     # the weak one is left out
@@ -107,7 +107,7 @@ def test_who_comes_back_has_moved(root):
 def test_boxes_in_pictures_are_placed_by_the_ground(root):
     frames = tracking_trace(root, "0003", "rrc").frames["02"]
     (car,) = frames[1].detections
-    assert car.method == "ground"
+    assert car.placed_by == "ground"
     assert 15 < car.location[0] < 30
 
 

@@ -29,7 +29,7 @@ def host(name: str) -> HostContext:
         genie=None,
         stream=lambda *names: None,
         draws=lambda *names: Draws(1, name, *names),
-        records_changes=False,
+        names_changes=False,
         laws=ASSUMED,
         edges=(),
     )

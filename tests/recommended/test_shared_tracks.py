@@ -106,6 +106,9 @@ def test_a_car_gets_nothing_of_itself_nor_of_what_is_far_or_doubtful():
     assert is_shared(track((20.0, 0.0), car2=9.5), existence=0.5)
     assert not is_shared(track((20.0, 0.0), car2=9.5), existence=0.49)
     assert is_shared(track((20.0, 0.0), car2=9.5), existence=0.4, p_min=0.3)
+    doubtful = track((20.0, 0.0), car2=9.5)
+    doubtful.existence = 0.5
+    assert is_shared(doubtful, existence=0.5), "at the lowest probability it still is"
 
 
 def test_reach_is_measured_where_a_track_is_now():

@@ -123,7 +123,7 @@ def test_a_map_keeps_the_newest_look_at_an_object_whoever_tells_of_it():
         objects.enhanced_cache_new_data(answer, 0, names_changes=False)
 
     (car,) = stored(900)
-    learn(Detections(EARLIER, (replace(car, method="made up", seen_in=None),)))
+    learn(Detections(EARLIER, (replace(car, placed_by="made up", seen_in=None),)))
     (known,) = objects
     assert known.as_detection().seen_in == EARLIER
     for stamp_ms, newest_ms in ((900, 900), (400, 900)):

@@ -111,6 +111,17 @@ def test_the_steps_of_every_frame_add_up_to_its_response_time(run, page):
         )
 
 
+def test_the_replay_has_cars_and_what_they_hold_where_the_tables_have_them(run, page):
+    shown = replay_of(page)
+    held = of_method(shown, "genie")["held_objects"]
+    rows, poses = run.held_objects.query("method == 'genie'"), run.poses
+    for axis in ("east", "north"):
+        assert sorted(held[f"{axis}_cm"]) == pytest.approx(100 * np.sort(rows[f"{axis}_m"]), abs=1)
+        driven = [np.cumsum(stream[f"{axis}_cm"]) for stream in shown["streams"]]
+        drives = 100 * np.sort(poses[f"{axis}_m"])
+        assert np.sort(np.concatenate(driven)) == pytest.approx(drives, abs=1)
+
+
 def of_method(shown: dict, name: str) -> dict:
     return next(one for one in shown["methods"] if one["name"] == name)
 

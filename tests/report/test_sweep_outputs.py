@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from genie_sim.cli.main import main
-from genie_sim.study import figures
 from genie_sim.study.design import load_design
+from genie_sim.study.figures import SweepFigures
 
 pytestmark = pytest.mark.slow
 
@@ -45,9 +45,10 @@ def test_values_on_an_axis_can_be_read(town):
     """Round numbers on a logarithmic axis, long texts cut as in the page, and no marker at the edge
     of its panel.
     """
-    axes = load_design(town.parent / "town.yaml").axes
+    design = load_design(town.parent / "town.yaml")
     runs = pd.read_parquet(town / "runs.parquet")
-    drawn = figures.along(axes["forget"], "forget [ms]", runs, titles=TITLES, footer="")
+    figures = SweepFigures(design, runs, TITLES, "")
+    drawn = figures.along("forget", runs)
     assert [tick.get_text() for tick in drawn.axes[0].get_xticklabels()] == [
         "200",
         "500",
@@ -60,7 +61,7 @@ def test_values_on_an_axis_can_be_read(town):
     assert any("fresh result" in panel.get_ylabel() for panel in drawn.axes), (
         "latencies are of those alone"
     )
-    mixes = figures.along(axes["mix"], "mix", runs, titles=TITLES, footer="")
+    mixes = figures.along("mix", runs)
     assert [tick.get_text() for tick in mixes.axes[0].get_xticklabels()] == [
         "orin_nano",
         '{"jetson_tx2": …',
@@ -77,7 +78,7 @@ def test_a_sweep_has_a_table_and_figures_for_a_paper(crossed, tmp_path, capsys):
     latex = capsys.readouterr().out
     points = pd.read_parquet(crossed / "table.parquet")
     mean = points[(points["metric"] == "first_answer_mean")].iloc[0]
-    assert f"{mean['value']:.3g}" in latex and r"\caption{crossed: " in latex
+    assert f"{mean['value']:.3g}" in latex and r"\caption{Sweep crossed of " in latex
     assert main(["table", str(crossed), "--format", "csv"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == len(points) + 1
     assert main(["table", str(crossed), "--methods", "genie"]) == 0

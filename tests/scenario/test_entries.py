@@ -144,14 +144,11 @@ FAULTS = "hand_over, outage, or package.module:Class"
         ("fast", f"methods[0]: unknown method 'fast'; known: {METHODS}"),
         (
             {"name": "a", "method": "gene"},
-            "methods[0].method: unknown method 'gene' (did you mean 'genie'?); known: ",
+            "methods[0].method: unknown method 'gene' (did you mean 'genie'?)",
         ),
         (
             {"method": "genie", "models": "x"},
-            (
-                "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?);"
-                " known: consumer, "
-            ),
+            "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?)",
         ),
         (
             {"method": "genie", "seed": 3},
@@ -213,7 +210,7 @@ def test_two_entries_of_one_name_are_refused() -> None:
         ({"target": "car1"}, "faults[0].fault: missing"),
         (
             {**OUTAGE, "fault": "outtage"},
-            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?); known: ",
+            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?)",
         ),
         (
             {**OUTAGE, "begn": "1 s"},
@@ -221,11 +218,11 @@ def test_two_entries_of_one_name_are_refused() -> None:
         ),
         (
             {**OUTAGE, "target": "car9"},
-            "faults[0].target: unknown target 'car9' (did you mean 'car2'?); known: car1, ",
+            "faults[0].target: unknown target 'car9' (did you mean 'car2'?)",
         ),
         (
             {**OUTAGE, "target": "car1->edge9"},
-            "faults[0].target: unknown target 'car1->edge9'; known: car1, car2, ",
+            "faults[0].target: unknown target 'car1->edge9'",
         ),
         (
             {**OUTAGE, "begin": 5},

@@ -20,7 +20,7 @@ from genie_sim.scenario.yaml_input import parse
         ("view_range: 0 m", "view_range: must be more than zero"),
         ("view_margin: -1 deg", "view_margin: must not be negative"),
         ("p_min: 1.2", "p_min: must be from 0 to 1, not 1.2"),
-        ("pass_time: 0 s", "pass_time: must be more than zero"),
+        ("relay_time: 0 s", "relay_time: must be more than zero"),
         ("sharing: autoo", "sharing: unknown sharing 'autoo' (did you mean 'auto'?)"),
         ("sharing: {gate: -1 m}", "sharing.gate: must not be negative, but is '-1 m'"),
         ("sharing: {self: -1 m}", "sharing.self: must not be negative, but is '-1 m'"),

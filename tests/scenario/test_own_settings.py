@@ -115,7 +115,7 @@ def test_a_class_that_takes_any_setting_gets_it_as_it_is_written() -> None:
         ),
         (
             {"method": '{method: "MODULE:Mine", ttl: 5 m}'},
-            "methods[0].ttl: duration '5 m' has an unknown unit 'm'; known: ns, ",
+            "methods[0].ttl: duration '5 m' has an unknown unit 'm'",
         ),
         ({"method": '"MODULE:Mine"'}, "methods[0].ttl: missing"),
         (
@@ -124,16 +124,16 @@ def test_a_class_that_takes_any_setting_gets_it_as_it_is_written() -> None:
         ),
         (
             {"method": '{method: "MODULE:Mine", ttl: 1 s, mode: quick}'},
-            "methods[0].mode: unknown mode 'quick'; known: fast, slow",
+            "methods[0].mode: unknown mode 'quick'",
         ),
         (
             {"link": '{model: "MODULE:Tunnel", delay: 5 ms, rate: 1 MB/s}'},
-            "cars[0].link.rate: rate '1 MB/s' has an unknown unit 'MB/s'; known: bit/s, ",
+            "cars[0].link.rate: rate '1 MB/s' has an unknown unit 'MB/s'",
         ),
         (
             {"fault": '{fault: "MODULE:Fog", target: car1, begin: 1 s, range_m: 5}'},
             "faults[0].range_m: unknown parameter of own_settings_module:Fog 'range_m' "
-            "(did you mean 'range'?); known: range, target",
+            "(did you mean 'range'?)",
         ),
         (
             {"fault": '{fault: "MODULE:Fog", target: 3, begin: 1 s}'},

@@ -371,7 +371,6 @@ def with_car(**settings: str) -> str:
     )
 
 
-LINK_NAMES = ", ".join(sorted(LINKS))
 MISTAKES = [
     # unknown and misspelt fields
     (
@@ -385,7 +384,7 @@ MISTAKES = [
     ),
     (
         with_car(x="1"),
-        "cars[1].x: unknown field; known: name, device, edge, link, route, cameras, genie",
+        "cars[1].x: unknown field",
     ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
     ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
@@ -396,7 +395,7 @@ MISTAKES = [
     # what does not exist
     (
         with_car(edge="edge9"),
-        "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?); known: edge1",
+        "cars[1].edge: unknown edge 'edge9' (did you mean 'edge1'?)",
     ),
     (
         "cars: [{name: a, device: jetson_tx2, edge: b}]\n",
@@ -408,14 +407,11 @@ MISTAKES = [
     ),
     (
         with_car(link="wfi"),
-        f"cars[1].link: unknown link 'wfi' (did you mean 'wifi'?); known: {LINK_NAMES}",
+        "cars[1].link: unknown link 'wfi' (did you mean 'wifi'?)",
     ),
     (
         with_car(device="jetson"),
-        (
-            "cars[1].device: unknown device 'jetson' (did you mean 'jetson_tx2'?); known: agx_orin,"
-            " agx_xavier, jetson_tx2, orin_nano, quadro_rtx_4000, quadro_rtx_4000_q31, rtx_a4500"
-        ),
+        "cars[1].device: unknown device 'jetson' (did you mean 'jetson_tx2'?)",
     ),
     (with_car(device="./mine.yaml"), "cars[1].device: ./mine.yaml: no such file"),
     (
@@ -434,10 +430,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {object_map: {rule: nor}}\n",
-        (
-            "genie.object_map.rule: unknown confidence rule 'nor'; known: ema, literal, noisy_or,"
-            " positive_part, or package.module:Class"
-        ),
+        "genie.object_map.rule: unknown confidence rule 'nor'",
     ),
     (
         TWO_CARS + "genie: {miss_policy: block}\n",
@@ -459,10 +452,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "perception: {source: alive}\n",
-        (
-            "perception.source: unknown frame source 'alive' (did you mean 'live'?); known: live,"
-            " recorded, town, traffic, or pack"
-        ),
+        "perception.source: unknown frame source 'alive' (did you mean 'live'?)",
     ),
     (
         TWO_CARS + "perception: {source: live, drive: 0005}\n",
@@ -470,11 +460,11 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "methods: [genie, lokal]\n",
-        "methods[1]: unknown method 'lokal' (did you mean 'local'?); known: ",
+        "methods[1]: unknown method 'lokal' (did you mean 'local'?)",
     ),
     (
         TWO_CARS + "model: yolov9s\n",
-        "model: jetson_tx2: unknown model 'yolov9s' (did you mean 'yolov8s'?); known: auto",
+        "model: jetson_tx2: unknown model 'yolov9s' (did you mean 'yolov8s'?)",
     ),
     (
         "model: detr_resnet_101_dc5\ncars: [{name: car1, device: orin_nano}]\n",
@@ -492,10 +482,7 @@ MISTAKES = [
     (with_car(route="{start: -3 s}"), "cars[1].route.start: must not be negative, but is '-3 s'"),
     (
         with_car(route="{start: 3 days}"),
-        (
-            "cars[1].route.start: duration '3 days' has an unknown unit 'days'; known: ns, us, µs,"
-            " ms, s, min, h"
-        ),
+        "cars[1].route.start: duration '3 days' has an unknown unit 'days'",
     ),
     (
         with_car(link="{rate_up: -1 Mbit/s}"),
@@ -547,7 +534,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {similarity: {name: dhash, cell: 1 m}}\n",
-        "genie.similarity.cell: unknown parameter of dhash 'cell'; known: radius",
+        "genie.similarity.cell: unknown parameter of dhash 'cell'",
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: 60}}\n",
@@ -555,10 +542,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: range60}}\n",
-        (
-            "genie.object_map.threshold: unknown threshold 'range60' (did you mean 'range_60'?); "
-            "known: empirical, range_60, a number from 0 to 1, {percentile: N}"
-        ),
+        "genie.object_map.threshold: unknown threshold 'range60' (did you mean 'range_60'?)",
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",
@@ -567,7 +551,7 @@ MISTAKES = [
     (TWO_CARS + "genie: {passes: 3}\n", "genie.passes: must be from 1 to 2, not 3"),
     (
         TWO_CARS + "genie: {car_learns: edge}\n",
-        "genie.car_learns: unknown car learns 'edge'; known: all, own",
+        "genie.car_learns: unknown car learns 'edge'",
     ),
     # cars, names, shapes
     ("edges: []\n", "cars: missing"),
@@ -634,10 +618,7 @@ def test_of_several_mistakes_the_first_is_told_and_the_others_counted() -> None:
         ("genie.evictoin=lru", "genie.evictoin: unknown field; did you mean 'eviction'?"),
         (
             "cars[0].device=tx3",
-            (
-                "cars[0].device: unknown device 'tx3'; known: agx_orin, agx_xavier, jetson_tx2,"
-                " orin_nano, "
-            ),
+            "cars[0].device: unknown device 'tx3'",
         ),
         ("cars[0].route={laps: 0}", "cars[0].route.laps: must be at least 1, not 0"),
         ("cars[3].device=tx2", "cars: has 2 entries, counted from 0; the next is cars[2]"),
@@ -675,14 +656,14 @@ def test_one_of_the_usual_cameras_is_changed_by_its_place() -> None:
 
 def test_a_mistake_in_the_file_is_not_blamed_on_an_override() -> None:
     assert refusal(TWO_CARS + "spread: busy\n", "seed=2").startswith(
-        "x.yaml: spread: unknown spread 'busy'; known: "
+        "x.yaml: spread: unknown spread 'busy'"
     )
 
 
 def test_unknown_scenarios() -> None:
     with pytest.raises(
         UserError,
-        match=r"^unknown scenario '3cars_hetero' \(did you mean '3car_hetero'\?\); known: 1car",
+        match=r"^unknown scenario '3cars_hetero' \(did you mean '3car_hetero'\?\)",
     ):
         load_scenario("3cars_hetero")
     with pytest.raises(UserError, match=r"^./gone.yaml: no such file$"):

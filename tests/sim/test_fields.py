@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.seeds import Draws
-from genie_sim.links.fields import NormalField
+from genie_sim.links.path_loss import NormalField
 
 VALUES = Draws(1)
 

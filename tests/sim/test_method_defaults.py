@@ -16,4 +16,4 @@ def test_what_a_host_runs_unless_it_is_said():
     assert not config.detector and config.interceptor is None and config.uplink is None
     assert config.neighbour_topics == () and config.key is None
     assert not config.costs_nothing and not config.is_beside
-    assert config.per_entry_ns == 0 and config.pass_time_ns is None
+    assert config.per_entry_ns == 0 and config.relay_time_ns is None

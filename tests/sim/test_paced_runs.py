@@ -169,8 +169,8 @@ TOWN = {
         "cell": "150 m",
     },
     "methods": [
-        {"name": "told", "method": "recommended"},
-        {"name": "alone", "method": "recommended", "told": None},
+        {"name": "sharing", "method": "recommended"},
+        {"name": "alone", "method": "recommended", "sharing": None},
     ],
 }
 
@@ -184,10 +184,10 @@ def test_in_one_world_edges_tell_cars_of_what_others_see():
         if metric.metric.startswith("shared_")
     }
     assert values["alone", "shared_share"] == 0 and values["alone", "shared_right_share"] is None
-    assert 0 < values["told", "shared_share"] < 0.5
-    assert 0 < values["told", "shared_right_share"] < 1
+    assert 0 < values["sharing", "shared_share"] < 0.5
+    assert 0 < values["sharing", "shared_right_share"] < 1
     frames, held = (Columns.of(result.tables[name]) for name in ("frames", "held"))
-    down = {name: frames.where(method=name)["bytes_down"].sum() for name in ("told", "alone")}
-    right = {name: held.where(method=name)["right"].sum() for name in ("told", "alone")}
-    assert down["told"] > down["alone"]
-    assert right["told"] > right["alone"]
+    down = {name: frames.where(method=name)["bytes_down"].sum() for name in ("sharing", "alone")}
+    right = {name: held.where(method=name)["right"].sum() for name in ("sharing", "alone")}
+    assert down["sharing"] > down["alone"]
+    assert right["sharing"] > right["alone"]

@@ -36,10 +36,11 @@ from genie_sim.record.results import MetricValue
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.study import figures, tables, work
+from genie_sim.study import tables, work
 from genie_sim.study.design import load_design
+from genie_sim.study.figures import SweepFigures
 from genie_sim.study.plan import plan
-from genie_sim.study.study import Study
+from genie_sim.study.study import Study, check_folder
 from genie_sim.study.work import Parts, PointRun, Workers
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
@@ -52,7 +53,7 @@ def _draws_only_where_figures_matter(
 ) -> None:
     """Drawing takes most of a small sweep's time; only tests marked ``drawn`` have figures."""
     if request.node.get_closest_marker("drawn") is None:
-        monkeypatch.setattr(figures, "of_sweep", lambda *_: iter(()))
+        monkeypatch.setattr(SweepFigures, "drawn", lambda _: iter(()))
 
 
 SMALL = """
@@ -431,7 +432,7 @@ def test_a_figure_along_one_axis_draws_each_value_of_the_other(
 ):
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     design = load_design(write(SMALL))
-    drawn = dict(figures.of_sweep(design, runs, {"genie": "Genie"}, "made up"))
+    drawn = dict(SweepFigures(design, runs, {"genie": "Genie"}, "made up").drawn())
     titles = [panel.get_title() for panel in drawn["rate"].axes if panel.get_title()]
     assert titles == ["(a) gate [m] = 1", "(b) gate [m] = 3"]
     mean = runs[runs["metric"] == "first_answer_mean"].groupby(["gate [m]", "rate"])["value"].mean()
@@ -448,7 +449,8 @@ def test_a_third_axis_has_figures_of_its_own_that_say_where_they_are(uninterrupt
     runs = pd.read_parquet(uninterrupted / "runs.parquet")
     both = pd.concat([runs.assign(rule="ema"), runs.assign(rule="noisy_or")])
     text = SMALL + "  rule: {set: genie.object_map.rule, list: [ema, noisy_or]}\n"
-    drawn = dict(figures.of_sweep(load_design(write(text)), both, {"genie": "Genie"}, "made up"))
+    design = load_design(write(text))
+    drawn = dict(SweepFigures(design, both, {"genie": "Genie"}, "made up").drawn())
     assert list(drawn) == [
         "rate-1",
         "rate-2",
@@ -505,7 +507,7 @@ def test_differences_name_columns_and_values_that_are_not_there(uninterrupted):
 def test_a_sweep_from_python_equals_that_of_the_file(uninterrupted, monkeypatch):
     drawn: list[str] = []
     monkeypatch.setattr(
-        figures, "of_sweep", lambda design, *_: iter(drawn.append(design.name) or ())
+        SweepFigures, "drawn", lambda sweep: iter(drawn.append(sweep.design.name) or ())
     )
     settings = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
     axes = {"genie.object_map.rate": [0.1, 0.5]}
@@ -819,6 +821,13 @@ def test_a_town_is_laid_out_once_a_point_and_each_seed_has_its_own_id(monkeypatc
     for entry, seed in zip(planned.entries[5:], range(1, 6), strict=True):
         scenario = load_scenario("fleet_30", ["perception.duration=1 s", "fleet.cars=3"], seed)
         assert entry.run_id == provenance.run_id(prepare(scenario).facts)
+
+
+def test_an_empty_folder_is_free_for_a_sweep(tmp_path):
+    check_folder(tmp_path)
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(UserError):
+        check_folder(tmp_path)
 
 
 def test_a_folder_of_something_else_is_left_alone(capsys):

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 
 from genie_sim.scenario.yaml_input import dump
-from genie_sim.study import figures
 from genie_sim.study.design import Design, load_design
+from genie_sim.study.figures import HEAT_COLOURS, SweepFigures
 from tests import outline
 from tests.drawn_text import faults
 
@@ -72,35 +72,28 @@ def test_one_axis_of_each_kind():
         "set": "genie.object_map.gate",
         "grid": {"from": "1 m", "to": "4000 m", "points": 4, "scale": "log"},
     }
-    one = design({"rate": RATE})
-    named = design({"rule": RULE})
-    logarithmic = design({"gate": wide})
-    drawn = {
-        "numbers": one.axes["rate"],
-        "texts": named.axes["rule"],
-        "decades": logarithmic.axes["gate"],
-    }
+    axes = {"numbers": RATE, "texts": RULE, "decades": wide}
     levels: dict[str, list[object]] = {
         "numbers": [0.1, 0.2, 0.5],
         "texts": ["ema", "noisy_or"],
-        "decades": [1.0, 16.0, 250.0, 4000.0],
+        "decades [m]": [1.0, 16.0, 250.0, 4000.0],
     }
-    outline.check(
-        "sweep along one axis",
-        {
-            name: figures.along(
-                axis, name, runs({name: levels[name]}), titles=TITLES, footer="made up"
-            )
-            for name, axis in drawn.items()
-        },
-    )
+    drawn = {}
+    for (name, axis), (column, values) in zip(axes.items(), levels.items(), strict=True):
+        table = runs({column: values})
+        drawn[name] = SweepFigures(design({name: axis}), table, TITLES, "made up").along(
+            name, table
+        )
+    outline.check("sweep along one axis", drawn)
 
 
 @pytest.mark.slow
 def test_two_axes_and_their_map():
     crossed = design({"rate": RATE, "gate": GATE})
     table = runs({"rate": [0.1, 0.2, 0.5], "gate [m]": [1.0, 32.5, 64.0]})
-    outline.check("sweep of two axes", dict(figures.of_sweep(crossed, table, TITLES, "made up")))
+    outline.check(
+        "sweep of two axes", dict(SweepFigures(crossed, table, TITLES, "made up").drawn())
+    )
 
 
 def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
@@ -109,7 +102,7 @@ def test_a_drawn_axis_is_averaged_and_one_seed_has_no_intervals():
         dump({"scenario": "street_1car_homo", "samples": 6, "axes": {"rule": RULE, "view": random}})
     )
     table = runs({"rule": ["ema", "noisy_or"], "view [m]": [12.0, 45.0, 88.0]}, seeds=1)
-    drawn = dict(figures.of_sweep(load_design(Path("s.yaml")), table, TITLES, "made up"))
+    drawn = dict(SweepFigures(load_design(Path("s.yaml")), table, TITLES, "made up").drawn())
     assert {*drawn} == {"rule", "view"}
     assert "averaged over" in str(drawn["rule"].get_suptitle())
     outline.check("sweep with samples", drawn)
@@ -123,21 +116,27 @@ def test_nothing_is_clipped_or_overlaps_at_any_width(width_in: float, many: bool
     names = ["noisy_or", "exponential", "a very long name of a value", "max"][: 4 if many else 2]
     crossed = design({"rate": RATE | {"list": rates}, "rule": RULE})
     table = runs({"rate": list(rates), "rule": list(names)})
-    drawn = dict(figures.of_sweep(crossed, table, TITLES, "made up", width_in))
-    drawn["one"] = figures.of_metric(
-        "streaming_f1", crossed, table, titles=TITLES, footer="made up", width_in=width_in
-    )
+    figures = SweepFigures(crossed, table, TITLES, "made up", width_in)
+    drawn = {**dict(figures.drawn()), "one": figures.of("streaming_f1")}
     for name, figure in drawn.items():
         assert faults(figure) == [], name
         assert figure.get_figwidth() == width_in
 
 
+def test_many_methods_leave_room_for_their_panels_in_a_column(monkeypatch):
+    for name in ("sim_lru", "rnd_lru", "potluck", "foggycache", "cachier", "central", "oracle"):
+        monkeypatch.setitem(TITLES, name, f"method {name}")
+    names = ["a_long_name", "exponential", "max"]
+    one_axis = design({"rule": RULE | {"list": names}})
+    table = runs({"rule": list(names)})
+    drawn = dict(SweepFigures(one_axis, table, TITLES, "made up", 3.5).drawn())
+    assert [faults(figure) for figure in drawn.values()] == [[]]
+
+
 def test_in_a_column_each_value_of_the_second_axis_is_a_line():
     crossed = design({"rate": RATE, "rule": RULE})
     table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
-    figure = figures.of_metric(
-        "image_reuse", crossed, table, titles=TITLES, footer="made up", width_in=3.5
-    )
+    figure = SweepFigures(crossed, table, TITLES, "made up", width_in=3.5).of("image_reuse")
     assert [panel.get_title().partition(") ")[2] for panel in figure.axes] == [
         f"{title}, {where}" for title in TITLES.values() for where in ("on cars", "on edges")
     ]
@@ -152,11 +151,11 @@ def test_a_heat_map_leaves_out_methods_on_which_the_axes_have_no_effect():
     crossed = design({"rate": RATE, "rule": RULE})
     table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
     table.loc[table["method"] == "remote", "value"] = 0.5
-    figure = figures.of_metric("streaming_f1", crossed, table, titles=TITLES, footer="made up")
+    figure = SweepFigures(crossed, table, TITLES, "made up").of("streaming_f1")
     panels = [panel for panel in figure.axes if panel.images]
     assert len(panels) == 1 and "Genie" in panels[0].get_title()
     assert "remote (R)" in str(figure.get_suptitle())
     ((lightest, *_), *_), darkest = panels[0].images[0].get_array(), panels[0].images[0]
     values = np.asarray(darkest.get_array(), float)
-    shades = figures.HEAT_COLOURS(darkest.norm(values)).mean(axis=-1)
+    shades = HEAT_COLOURS(darkest.norm(values)).mean(axis=-1)
     assert (np.argsort(values, axis=None) == np.argsort(-shades, axis=None)).all(), lightest

@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base.seeds import Draws, stream
 from genie_sim.links.cell import Band, RadioCell
-from genie_sim.links.fields import NormalField
-from genie_sim.links.path_loss import StreetCanyon, los_db, los_probability, nlos_db
+from genie_sim.links.path_loss import NormalField, StreetCanyon, los_db, los_probability, nlos_db
 from genie_sim.links.wire import Wire
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link_model import LinkEnds

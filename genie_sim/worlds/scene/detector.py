@@ -39,7 +39,9 @@ class DetectedObjects(NamedTuple):
         """What it finds from one pose, in the order of the view."""
         rows = slice(self.begins[pose], self.begins[pose + 1])
         return [
-            Detection(label, score, box=None, location=(x, y, z), confidence=score, method="town")
+            Detection(
+                label, score, box=None, location=(x, y, z), confidence=score, placed_by="town"
+            )
             for label, (score, x, y, z) in zip(
                 self.label[rows].tolist(), self.placed[rows].tolist(), strict=True
             )
@@ -177,4 +179,6 @@ def transient(
         round(north_m, POSITION_DECIMALS),
         MIDDLES_M[law.label],
     )
-    return Detection(law.label, score, box=None, location=location, confidence=score, method="town")
+    return Detection(
+        law.label, score, box=None, location=location, confidence=score, placed_by="town"
+    )

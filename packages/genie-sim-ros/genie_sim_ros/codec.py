@@ -327,7 +327,7 @@ def _object(
         box=box,
         location=location,
         confidence=confidence,
-        method="ros",
+        placed_by="ros",
         raw=raw,
     )
 

@@ -204,7 +204,7 @@ def test_any_town_can_be_driven_in(blocks, block_m, main_every, destinations, se
         assert -2 <= frame.pose.east_m <= town.size_m[0] + 2
         assert -2 <= frame.pose.north_m <= town.size_m[1] + 2
         assert all(
-            0 <= d.score <= 1 and d.box is None and d.method == "town" for d in frame.detections
+            0 <= d.score <= 1 and d.box is None and d.placed_by == "town" for d in frame.detections
         )
         scores = [d.score for d in frame.detections]
         assert scores == sorted(scores, reverse=True)

@@ -82,7 +82,7 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert frame.pose.heading_rad == pytest.approx(0.0, abs=1e-3)
         assert (frame.width, frame.height) == (640, 360)
         car, person = frame.detections  # the third one's score is too low
-        assert (car.label, car.score, car.method, car.box) == (
+        assert (car.label, car.score, car.placed_by, car.box) == (
             "car",
             0.75,
             "scan",
@@ -91,7 +91,11 @@ def test_a_bag_of_every_kind_becomes_a_trace(kind: str, tmp_path: Path):
         assert number + 20.0 < car.location[0] < number + 20.0 + 4.0, (
             "behind the surface of the wall"
         )
-        assert (person.label, person.location, person.method) == ("person", (7.0, 8.0, 0.0), "bag")
+        assert (person.label, person.location, person.placed_by) == (
+            "person",
+            (7.0, 8.0, 0.0),
+            "bag",
+        )
     write_trace(tmp_path / "street.parquet", trace)
     assert read_trace(tmp_path / "street.parquet").digest == trace.digest
 
@@ -288,8 +292,8 @@ def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     for here, there in zip(found.frames["02"], expected.frames["02"], strict=True):
         assert here.stamp_ns == there.stamp_ns
         assert tuple(here.pose) == pytest.approx(tuple(there.pose), abs=0.002)
-        assert [(one.label, one.score, one.box, one.method) for one in here.detections] == [
-            (one.label, one.score, one.box, one.method) for one in there.detections
+        assert [(one.label, one.score, one.box, one.placed_by) for one in here.detections] == [
+            (one.label, one.score, one.box, one.placed_by) for one in there.detections
         ]
         for one, other in zip(here.detections, there.detections, strict=True):
             assert (one.location is None) == (other.location is None)
@@ -461,6 +465,19 @@ def of_bag(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
         seen = {"label": drive.label, "score": drive.score, "space_frame": "map", "at": at}
         bag.objects(stamp_ns, {"x": 280, "y": 150, "width": 80, "height": 60} | seen)
     perceive_bag(bag.write(), detections=OBJECTS, report=report)
+
+
+def test_a_frame_that_is_not_optical_is_refused(tmp_path: Path):
+    """Its x looks ahead and its z up, as frames of bodies do."""
+    bag = street(tmp_path / "a.mcap")
+    bag.messages[:] = [message for message in bag.messages if "tf" not in message[1]]
+    bag.transform(START_NS, "imu_link", CAMERA, rigid(np.eye(3), (1.0, 0.06, 0.8)))
+    bag.transform(START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
+    path, report = bag.write(), ImportReport("a", accept=True)
+    with pytest.raises(UserError, match=r"looks up or down: is its frame .* optical"):
+        perceive_bag(path, detections=OBJECTS)
+    perceive_bag(path, detections=OBJECTS, report=report)
+    assert sum("optical" in line for line in report.warnings) == 1
 
 
 @pytest.mark.parametrize("check", [name for _, name in cases("bag")])
