@@ -257,8 +257,8 @@ def _take_over(earlier: Path, folder: Path, shown: Collection[str]) -> None:
     """Files of an earlier result that are not its own come into the folder, too."""
     if earlier.is_symlink() or not earlier.is_dir():
         return
-    for name in shown:
-        keep_edited(earlier / name)
+    for summary in shown:
+        keep_edited(earlier / summary)
     before, now = _about(earlier), _about(folder)
     keys = ("run_id", "label", "digests")
     is_same = bool(now) and all(before.get(key) == now.get(key) for key in keys)
