@@ -224,6 +224,6 @@ def shown(
     if len(loaded) > 1:
         return Comparison(loaded, methods, labels)
     if len(labels) > 1:
-        raise UserError(f"--label: {len(labels)} labels for one result")
+        raise UserError(f"labels: {len(labels)} labels for one result")
     label = results.checked_label(labels[0], "--label") if labels else ""
     return loaded[0].chosen(methods, label)

@@ -15,7 +15,7 @@ import warnings
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -46,13 +46,13 @@ from genie_sim.data.truth import (
     write_truth,
 )
 from genie_sim.record import provenance
-from genie_sim.runs.folder import run_in_memory, run_to_folder
+from genie_sim.runs.folder import run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.worlds.traffic.source import RecordedTraffic
 from tests.conformance import own, small
-from tests.conformance.wrong_types import CASES
+from tests.conformance.wrong_types import HOOKS
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH
 from tests.data.traces import KARLSRUHE, frame
 from tests.worlds.traffic.fcd_files import fcd_text
@@ -221,25 +221,45 @@ def test_nothing_of_an_archive_lies_outside_of_its_folder(tmp_path: Path, conten
     shutil.rmtree(path.parent)
 
 
+class Unspeakable:
+    """What neither can be shown nor compared."""
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        raise RuntimeError("no word")
+
+    def __eq__(self, other: object) -> bool:
+        raise RuntimeError("no comparison")
+
+
 ODD = (
     *(object(), b"x", set(), iter(()), (), (None,), [()], 1j, 2**63, -1, SimpleNamespace()),
     *(CameraPose(0.0, 0.0, 0.0, math.nan), Detection("car", 2.0, None, None, 0.5, "x")),
-    *(SimpleNamespace(stamp_ns=0), float("nan"), lambda *_: None),
+    *(SimpleNamespace(stamp_ns=0), float("nan"), lambda *_: None, Unspeakable()),
+    *({"a": {"b": object()}}, {"a": "b"}, {"a": {"features": 3}}, {"a": {"detector": []}}),
 )
-USUAL = {
-    "methods": ["local"],
-    "perception": {"source": f"{own.__name__}:Street", "speed_mps": 1.0, "seconds": 0.3},
-}
+USUAL = {"perception": {"source": f"{own.__name__}:Street", "speed_mps": 1.0, "seconds": 0.3}}
+CASES = [(street, cls, name) for street, cls, names in HOOKS for name in names.split()]
 
 
-@checked
-@given(case=st.sampled_from(sorted(CASES)), value=st.sampled_from((*VALUES, *ODD)))
-def test_a_class_of_ones_own_may_return_anything(case: str, value: Any):
-    street, cls, name, _, _ = CASES[case]
-    is_called = callable(getattr(cls, name, None))
-    replaced = (lambda *_, **__: value) if is_called else value
+@settings(checked, max_examples=200)
+@given(case=st.sampled_from(CASES), value=st.sampled_from((*VALUES, *ODD)), after=st.integers(0, 3))
+def test_a_class_of_ones_own_may_return_anything(
+    tmp_path: Path, case: tuple[Any, type, str], value: Any, after: int
+):
+    """Whatever it is asked for, from the first or from a later call on."""
+    street, cls, name = case
+    usual, calls = getattr(cls, name, None), count()
+
+    def answer(*given: Any, **more: Any) -> Any:
+        return usual(*given, **more) if next(calls) < after else value  # type: ignore[misc]
+
+    replaced = answer if callable(usual) else value
     with mock.patch.object(cls, name, replaced, create=True), works_or_is_refused():
-        run_in_memory(small.scenario(**{**USUAL, **street}))
+        run_to_folder(small.scenario(**{**USUAL, **street}), tmp_path / "results")
+    assert not list(tmp_path.glob("results/.*"))
+    shutil.rmtree(tmp_path / "results", ignore_errors=True)
 
 
 @pytest.fixture(scope="module")

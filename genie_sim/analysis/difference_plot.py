@@ -1,5 +1,6 @@
 """One figure: the differences of a comparison, with their intervals and a line at zero."""
 
+import textwrap
 from collections.abc import Sequence
 
 from matplotlib.axes import Axes
@@ -10,12 +11,12 @@ from genie_sim.analysis.compare import ComparedRuns, Difference
 from genie_sim.analysis.drawing import finish, in_style, is_narrow
 from genie_sim.analysis.metric import LOWER, SHORT
 from genie_sim.analysis.registry import definition, shown
-from genie_sim.analysis.style import PAGE_IN
+from genie_sim.analysis.style import LINE_IN, PAGE_IN, TITLE_CHARACTERS
 
 MAX_COLUMNS = 3
 FEW_ARMS = 3  # leave room for two panels instead of three in a column
 ROW_IN, MIN_PANEL_IN = 0.2, 0.76
-SMALL_ROW_IN, SMALL_PANEL_IN = 0.14, 0.52  # in a column
+SMALL_ROW_IN, SMALL_PANEL_IN, SMALL_TITLE = 0.14, 0.52, 14  # in a column
 
 
 @in_style()
@@ -38,7 +39,10 @@ def differences(
     columns = min(max(len(metrics), 1), most)
     lines = -(-max(len(metrics), 1) // columns)
     row_in, panel_in = (SMALL_ROW_IN, SMALL_PANEL_IN) if narrow else (ROW_IN, MIN_PANEL_IN)
-    height_in = lines * (panel_in + row_in * len(arms))
+    room = SMALL_TITLE if narrow else TITLE_CHARACTERS
+    titles_of = [textwrap.fill(definition(metric).title, room) for metric in metrics]
+    title_in = LINE_IN * max((title.count("\n") for title in titles_of), default=0)
+    height_in = lines * (panel_in + title_in + row_in * len(arms))
     figure = Figure(figsize=(width_in, height_in + 0.2))
     grid = figure.subplots(lines, columns, squeeze=False)
     for number, axis in enumerate(grid.flat):
@@ -49,6 +53,7 @@ def differences(
         drawn = [of_metric.get(arm.label) for arm in arms]
         _draw(axis, metrics[number], drawn, [styles[arm.label] for arm in arms])
         axis.set_xlabel(_label(metrics[number], narrow))
+        axis.set_title(titles_of[number])
         names = [arm.title if number % columns == 0 else "" for arm in arms]
         axis.set_yticks(range(len(arms)), names)
     references = list(dict.fromkeys(titles[row.against] for row in rows))
@@ -87,7 +92,6 @@ def _draw(
     axis.margins(x=0.12)
     axis.grid(axis="y", visible=False)
     axis.locator_params(axis="x", nbins=3)
-    axis.set_title(info.title)
 
 
 def _label(metric: str, narrow: bool) -> str:

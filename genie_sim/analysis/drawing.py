@@ -27,7 +27,8 @@ Table = Union[Columns, "pd.DataFrame"]
 Panels = Mapping[str, Table | Sequence[Table]]
 BAND_OPACITY = 0.22
 MAX_LEGEND = 0.2  # of the figure's height, if a column leaves room for it
-MAX_COLUMN_IN, MIN_PANELS_IN = 3.2, 1.3  # height of a figure in a column, and of its panels
+# height of a figure in a column, and of its panels, all of them and a row
+MAX_COLUMN_IN, MIN_PANELS_IN, MIN_ROW_IN = 3.2, 1.3, 0.9
 MAX_PANELS = 3  # side by side
 MANY_LABELS = 6  # in a legend
 COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
@@ -153,7 +154,10 @@ def _finish(figure: Figure, title: str, footer: str, axes: Iterable[Axes], *, no
         legend_in = (-(-len(named) // columns) + 0.4) * line_in("legend.fontsize")
         height_in = max(height_in, (1 / MAX_LEGEND - 1) * legend_in)
         if is_narrow(width_in):
-            height_in = min(height_in, max(MAX_COLUMN_IN - legend_in, MIN_PANELS_IN))
+            spots = [spot for axis in figure.axes if (spot := axis.get_subplotspec()) is not None]
+            rows = max((spot.get_gridspec().nrows for spot in spots), default=1)
+            least_in = max(MIN_PANELS_IN, MIN_ROW_IN * rows)
+            height_in = min(height_in, max(MAX_COLUMN_IN - legend_in, least_in))
         figure.set_figheight(height_in + legend_in)
         below = legend_in / (height_in + legend_in)
     figure.set_layout_engine("constrained", rect=(0.0, below, 1.0, 1.0 - below))

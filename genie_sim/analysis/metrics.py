@@ -17,8 +17,8 @@ from genie_sim.analysis import frame_metrics
 from genie_sim.analysis.metric import Metric, Sample, Seen, Tables
 from genie_sim.analysis.registry import METRICS, MODULES, own_metrics
 from genie_sim.analysis.statistics import Measured
-from genie_sim.base.errors import UserError, as_user_error, short_repr
-from genie_sim.base.plugins import is_own, own_fault
+from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of
+from genie_sim.base.plugins import is_own, own_faults_told
 from genie_sim.base.text import significant
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue
@@ -114,10 +114,13 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured |
     if not is_own(name):
         return metric.of(rows, intervals)
     try:
-        number = metric.of(rows, intervals)
+        with own_faults_told():
+            number = metric.of(rows, intervals)
+    except UserError:
+        raise
     except Exception as error:
-        text = f"metric {name!r}: {type(error).__name__}: {short_repr(str(error))}"
-        raise UserError(own_fault(error) or text) from error
+        text = f"metric {name!r}: {type(error).__name__}: {short_repr(text_of(error))}"
+        raise UserError(text) from error
     if number is None:
         return None
     if not isinstance(number, Measured):

@@ -21,7 +21,7 @@ from genie_sim.analysis import (
     prices,
     resource_metrics,
 )
-from genie_sim.analysis.metric import ZERO_DELAY, Metric
+from genie_sim.analysis.metric import HIGHER, LOWER, ZERO_DELAY, Metric
 from genie_sim.analysis.result_table import Cell
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -78,6 +78,11 @@ def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
             raise UserError(f"metric {name!r}: is no {base}, but {short_repr(metric)}")
         if metric.rows not in KINDS:
             raise UserError(f"metric {name!r}: rows: {unknown('kind', metric.rows, KINDS)}")
+        _check_words(f"metric {name!r}", vars(metric))
+        titles = {known.title: other for other, known in {**METRICS, **own}.items()}
+        if metric.title in titles:
+            text = f"title: {metric.title!r} is that of {titles[metric.title]}, too"
+            raise UserError(f"metric {name!r}: {text}")
         own[name] = replace(metric, section=metric.section or OWN)
     _told.update(own)
     return own
@@ -98,14 +103,28 @@ def learn(told: object, where: str) -> None:
     for name, told_of in told.items():
         if not is_own(name):
             continue
-        if not isinstance(told_of, dict) or {key: type(told_of.get(key)) for key in WORDS} != WORDS:
-            raise UserError(f"{where}: {name}: must have {', '.join(WORDS)}")
+        if not isinstance(told_of, dict):
+            raise UserError(f"{where}: {name}: must be a mapping, not {short_repr(told_of)}")
+        _check_words(f"{where}: {name}", told_of)
         as_read: dict[str, Any] = {
             key: one_line(value) if isinstance(value, str) else value
             for key, value in told_of.items()
             if key in WORDS
         }
         _told[name] = replace(definition(name), **as_read)
+
+
+def _check_words(where: str, words_of: Mapping[str, Any]) -> None:
+    """Raises ``UserError`` for what is not said of a metric as it should be."""
+    for key, kind in WORDS.items():
+        if type(words_of.get(key)) is not kind:
+            value = short_repr(words_of.get(key))
+            raise UserError(f"{where}: {key}: must be of type {kind.__name__}, not {value}")
+    if not words_of["title"].strip():
+        raise UserError(f"{where}: title: is empty")
+    if words_of["better"] not in ("", LOWER, HIGHER):
+        choices = f"{LOWER}, {HIGHER}, or empty where neither is"
+        raise UserError(f"{where}: better: {short_repr(words_of['better'])}; known: {choices}")
 
 
 def with_formulas(names: Iterable[str]) -> dict[str, Metric]:
@@ -133,9 +152,7 @@ def definition(name: str) -> Metric:
     return METRICS.get(name) or _told.get(name) or Metric(name, "")
 
 
-def checked(
-    names: Sequence[str], own: Iterable[str] = (), where: str = "--metrics"
-) -> Sequence[str]:
+def checked(names: Sequence[str], own: Iterable[str] = (), where: str = "metrics") -> Sequence[str]:
     """The names, if all are of metrics, or of these of the user's own. Raises ``UserError`` that
     begins with ``where`` they are from.
     """

@@ -59,7 +59,7 @@ LAST_LATIN = "\u00ff"  # of the letters that pdflatex knows
 def checked(format: str) -> str:
     """The format, if it is known. Raises ``UserError``."""
     if format not in FORMATS:
-        raise UserError(f"--format: {unknown('format', format, FORMATS)}")
+        raise UserError(f"format: {unknown('format', format, FORMATS)}")
     return format
 
 

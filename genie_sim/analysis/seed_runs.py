@@ -125,7 +125,7 @@ def _with_methods(run: Run, names: Sequence[str]) -> Run:
     by_name = {method["name"]: method for method in run.facts["methods"]}
     for name in names:
         if name not in by_name:
-            raise UserError(f"--methods: {run.title}: {unknown('method', name, by_name)}")
+            raise UserError(f"methods: {run.title}: {unknown('method', name, by_name)}")
     left_out = by_name.keys() - set(names)
     return replace(
         run,

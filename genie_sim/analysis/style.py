@@ -27,6 +27,7 @@ TEXTS = (
     "xtick.labelsize",
     "ytick.labelsize",
     "figure.titlesize",
+    "figure.labelsize",
 )
 SMALL: dict[str, Any] = dict.fromkeys(TEXTS, SMALL_POINTS)  # over RC
 RC: dict[str, Any] = dict.fromkeys(TEXTS, TEXT_POINTS) | {

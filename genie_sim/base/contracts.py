@@ -39,6 +39,20 @@ def require(owner: str, field: str, value: Any, contract: Contract) -> Any:
     return value
 
 
+def whole(owner: object, field: str, value: Any) -> int:
+    """What a method of ``owner``, perhaps of a class of the user's own, returned, if it is a whole
+    number of 0 or more. Raises ``UserError``.
+    """
+    if type(value) is not int or not 0 <= value < MAX_WHOLE:
+        require(class_of(owner), field, value, WHOLE)
+    return int(value)
+
+
+def class_of(thing: object) -> str:
+    """How scenarios name the class of an object: ``package.module:Class``."""
+    return f"{type(thing).__module__}:{type(thing).__qualname__}"
+
+
 def _is_whole(value: Any) -> bool:
     return (
         isinstance(value, Integral) and not isinstance(value, bool) and 0 <= int(value) < MAX_WHOLE

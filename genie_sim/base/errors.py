@@ -39,14 +39,25 @@ def no_attribute(owner: object, name: str) -> AttributeError:
 
 
 def short_repr(value: object) -> str:
-    """A value for an error message: short, on one line."""
-    text = repr(value)
+    """A value for an error message: short, on one line, whatever its class says of it."""
+    try:
+        text = one_line(repr(value))
+    except Exception as error:
+        text = f"<{type(value).__name__}, whose repr() raises {type(error).__name__}>"
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def text_of(error: BaseException) -> str:
+    """What an exception says, whose class may be the user's own."""
+    try:
+        return str(error)
+    except Exception as failure:
+        return f"its text fails with {type(failure).__name__}"
 
 
 def first_line(error: BaseException) -> str:
     """What an exception of a library says, as far as it goes into one line."""
-    return (str(error).strip() or type(error).__name__).splitlines()[0]
+    return (text_of(error).strip() or type(error).__name__).splitlines()[0]
 
 
 @contextmanager

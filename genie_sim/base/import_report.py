@@ -21,6 +21,9 @@ LONG_GAP_S, GAP_PERIODS = 1.0, 5
 MAX_GAP_S = 3600.0  # no recording pauses for longer; a clock that is set does
 LONG_PERIOD_S = 5.0  # between two places of a car; in between it drives straight
 SHORT_PERIOD_S = 0.001  # nobody records as often; times in another unit look so
+USUAL_PERIOD_S = 0.005  # few record as often
+SLOW_MPS = 0.1  # what drives is faster; kilometres taken for metres are not
+FEW_VALUES, FAR_OUT = 10, 100  # a value that is so many times the median stands for none
 DRIVES_MPS = 1.0  # what is faster has a course
 ASKEW_RAD = math.radians(45.0)  # what looks farther away from it is worth a word
 MAX_RADIANS = math.tau + math.pi / 2  # of a heading, whichever way it counts
@@ -103,6 +106,36 @@ class ImportReport:
             low, high, _ = self._ranges.get(what, (min(numbers), max(numbers), unit))
             self._ranges[what] = (min(low, *numbers), max(high, *numbers), unit)
 
+    def usual(
+        self, what: str, value: float, unit: str, usual: tuple[float, float], of: str
+    ) -> None:
+        """Warns of a value that is not between those that are ``usual`` ``of`` something, as if it
+        were in another unit.
+        """
+        low, high = usual
+        if not low <= value <= high:
+            self.warn(
+                f"{what} {_plain(value)} {unit}, unusual {of} ({_plain(low)} to {_plain(high)} "
+                f"{unit}): is it in another unit?"
+            )
+
+    def sentinels(self, what: str, values: Sequence[float], unit: str) -> None:
+        """Warns of numbers that look as if they stood for none: all the same, or far beyond all
+        others.
+        """
+        if len(values) < FEW_VALUES:
+            return
+        if min(values) == max(values):
+            self.warn(f"{what}: always {_plain(max(values))} {unit}: does that stand for unknown?")
+            return
+        limit = FAR_OUT * sorted(values)[len(values) // 2]
+        beyond = [value for value in values if value > limit > 0]
+        if beyond:
+            self.warn(
+                f"{what}: {len(beyond):,} of {len(values):,} values are more than {FAR_OUT} times "
+                f"the median, up to {_plain(max(beyond))} {unit}: do they stand for unknown?"
+            )
+
     def warn(self, text: str) -> None:
         """Something is unusual."""
         self.warnings.append(text)
@@ -141,7 +174,7 @@ class ImportReport:
         told = f"{what}: a row every {period_s:.3g} s; {between}"
         if period_s > long_s or period_s <= SHORT_PERIOD_S:
             self.refuse(f"{told}: are the times in another unit than they say?")
-        elif period_s > long_s / GAP_PERIODS:
+        elif period_s > long_s / GAP_PERIODS or period_s < USUAL_PERIOD_S:
             self.warn(told)
         self.gaps(what, times_s)
 
@@ -228,6 +261,8 @@ class ImportReport:
                 f"{name}: nothing moves faster than {top_mps:.2g} m/s: are places in degrees? They "
                 "must be in metres, and times in seconds"
             )
+        elif 0 < top_mps < SLOW_MPS and duration_s > LONG_GAP_S:
+            self.warn(f"{name}: never faster than {top_mps:.2g} m/s: are places in metres?")
 
     def lines(self) -> list[str]:
         """The report, in at most ten lines."""

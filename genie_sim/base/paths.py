@@ -4,8 +4,10 @@ import functools
 import hashlib
 import os
 import secrets
+import signal
 import stat
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from io import BufferedReader
@@ -30,6 +32,42 @@ def expanded(path: str | Path) -> Path:
         return Path(path).expanduser()
     except RuntimeError:  # no such user: the path stays as it is
         return Path(path)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ctrl-C and SIGTERM wait until it is over: it puts right what is half done."""
+    # no other thread may say what signals do
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    caught: list[int] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    heard = {number: handler for number, handler in before.items() if callable(handler)}
+    for number in heard:
+        signal.signal(number, lambda number, _: caught.append(number))
+    try:
+        yield
+    finally:
+        for number, handler in heard.items():
+            signal.signal(number, handler)
+        for asked in caught[:1]:
+            signal.raise_signal(asked)
+
+
+@contextmanager
+def working_folder_kept() -> Iterator[None]:
+    """The working folder is the same after it as before, wherever code of the user's own goes."""
+    try:
+        folder = Path.cwd()
+    except OSError:  # it is gone
+        yield
+        return
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.chdir(folder)
 
 
 def usable(path: Path, what: str = "cannot be written") -> AbstractContextManager[None]:

@@ -17,7 +17,8 @@ from types import FrameType
 from typing import Any
 
 from genie_sim.base import own_sources
-from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
+from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of, unknown
+from genie_sim.base.paths import working_folder_kept
 
 Parameter = bool | int | float | str
 _CLASS = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -120,36 +121,37 @@ def own_fault(error: BaseException) -> str | None:
     """One line about an exception that comes out of a class of the user's own, ``None`` for any
     other.
     """
+    place = _place_within(error)
+    if place is None:
+        return None
+    whose, where = place.split(" (", 1)
+    return f"{whose}: {type(error).__name__}: {short_repr(text_of(error))} ({where}"
+
+
+def _place_within(error: BaseException) -> str | None:
+    """Where in code of the user's own an exception was raised, or called what raised it."""
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         place = own_place(frame, line)
         if place:
-            whose, where = place.split(" (", 1)
-            return f"{whose}: {type(error).__name__}: {short_repr(_text_of(error))} ({where}"
+            return place
     # SimPy raises a copy of what ends a process
-    return None if error.__cause__ is None else own_fault(error.__cause__)
-
-
-def _text_of(error: BaseException) -> str:
-    """What an exception says, whose class may be the user's own."""
-    try:
-        return str(error)
-    except Exception as failure:
-        return f"its text fails with {type(failure).__name__}"
+    return None if error.__cause__ is None else _place_within(error.__cause__)
 
 
 @contextmanager
 def own_faults_told() -> Iterator[None]:
-    """Whatever comes out of a class of the user's own becomes a ``UserError`` that names
-    it.
+    """Whatever comes out of a class of the user's own becomes a ``UserError`` that names it, and
+    the working folder is where it was.
     """
     try:
-        yield
+        with working_folder_kept():
+            yield
     except UserError as error:
-        *_, (frame, line) = traceback.walk_tb(error.__traceback__)
-        place = own_place(frame, line)  # one that the class raised itself
-        if place is None:
+        place = _place_within(error)
+        whose = "" if place is None else place.split(" (", 1)[0]
+        if whose in str(error):
             raise
-        raise UserError(f"{place.split(' (', 1)[0]}: {error}") from error
+        raise UserError(f"{whose}: {error}") from error
     except BaseException as error:
         fault = own_fault(error)
         if fault is None or isinstance(error, KeyboardInterrupt):

@@ -13,7 +13,7 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +31,9 @@ MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay 
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
 MAX_TEXT = 100
 MAX_LINE = 1_000_000  # characters of a text
-MAX_CHARACTERS = 2 * 10**9  # of a text that is packed, or not
+MAX_CHARACTERS = 2 * 10**9  # of a text
+# A packed one has at most so many, or so many times its size: each row takes far more memory.
+SMALL_CHARACTERS, MAX_EXPANSION = 2**24, 100
 BATCH_ROWS = 65_536  # of a Parquet file, in memory at once
 MARKS = "\t;,"  # separate columns wherever they stand
 BLANKS = " "  # separates columns: any number of spaces and tabs
@@ -174,7 +176,7 @@ class FileTable:
         self._is_text = path.suffix != ".parquet"
         if not self._is_text:
             with parquet.opened(path) as file:
-                self.titles = tuple(file.schema_arrow.names)
+                self.titles = _printable(path, file.schema_arrow.names)
             self.columns = len(self.titles)
             return
         comment, content = "", list[str]()
@@ -196,9 +198,9 @@ class FileTable:
         self.columns = len(cells)
         self._has_header = not all(map(is_number, cells))
         if self._has_header:
-            self.titles = tuple(cells)
+            self.titles = _printable(path, cells)
         elif len(titles := _split(comment, mark)) == self.columns:
-            self.titles = tuple(titles)
+            self.titles = _printable(path, titles)
 
     def place(self, column: FileColumn) -> _ColumnPlace | None:
         """Where a column stands; ``None`` where there is none. Raises UserError for one that is
@@ -291,7 +293,7 @@ class DataFrameTable(FileTable):
 
     def __init__(self, frame: "pandas.DataFrame", name: str) -> None:
         self.path, self.separator = Path(name), ","
-        self.titles = tuple(map(str, frame.columns))
+        self.titles = _printable(self.path, map(str, frame.columns))
         self.columns, self._frame = len(self.titles), frame
 
     def cells(self, indices: Sequence[int | None]) -> Iterator[Row]:
@@ -300,6 +302,17 @@ class DataFrameTable(FileTable):
         columns = [empty if at is None else frame.iloc[:, at].tolist() for at in indices]
         for number, cells in enumerate(zip(*columns, strict=True), start=1):
             yield f"{self.path}: row {number}", list(cells)
+
+
+def _printable(path: Path, titles: Iterable[str]) -> tuple[str, ...]:
+    """The titles of a table. Raises UserError for one that nobody can see as it is, which no column
+    is called.
+    """
+    found = tuple(titles)
+    for title in found:
+        if not title.isprintable():
+            raise UserError(f"{path}: title {short_repr(title)}: has characters that are no text")
+    return found
 
 
 def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:
@@ -335,13 +348,15 @@ def _lines(path: Path) -> Iterator[Iterator[str]]:
 
 def _bounded(text: io.TextIOBase, path: Path) -> Iterator[str]:
     """The lines of a text, as long as they are no attack on the memory."""
-    size = 0
+    size, limit = 0, MAX_CHARACTERS
+    if is_gzip(path):
+        limit = min(limit, max(SMALL_CHARACTERS, MAX_EXPANSION * path.stat().st_size))
     while line := text.readline(MAX_LINE):
         size += len(line)
         if len(line) == MAX_LINE:
             raise UserError(f"{path}: has a line of {MAX_LINE:,} characters or more")
-        if size > MAX_CHARACTERS:
-            raise UserError(f"{path}: has more than {MAX_CHARACTERS:,} characters")
+        if size > limit:
+            raise UserError(f"{path}: has more than {limit:,} characters")
         yield line
 
 

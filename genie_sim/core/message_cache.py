@@ -7,6 +7,8 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from genie_sim.base.contracts import class_of, whole
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.messages import Answer, Header
 from genie_sim.core.rules import Capacity
@@ -58,7 +60,7 @@ class MessageCache:
         stored_key = self._find(key, now_ns)
         if stored_key is None:
             while self._answers and not self._fits(1, size_bytes):
-                self._remove(self._eviction.victim())
+                self._evict()
             stored_key = key
             self._index.add(stored_key)
             self._answers[stored_key] = {}
@@ -68,14 +70,14 @@ class MessageCache:
         self.size_bytes += size_bytes - (old.size_bytes if old is not None else 0)
         self._eviction.stored(stored_key, now_ns)
         while not self._fits(0, 0):  # an answer grew
-            self._remove(self._eviction.victim())
+            self._evict()
 
     def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
         """The stored key that equals ``key``; those whose time is over go on the way."""
         stored_key = self._index.find(key)
         while stored_key is not None:
             expires_ns = self._eviction.expires_ns(stored_key)
-            if expires_ns is None or now_ns < expires_ns:
+            if expires_ns is None or now_ns < whole(self._eviction, "expires_ns()", expires_ns):
                 break
             self._remove(stored_key)
             stored_key = self._index.find(key)
@@ -86,6 +88,16 @@ class MessageCache:
         return capacity is None or capacity.holds(
             len(self._answers) + entries, self.size_bytes + size_bytes
         )
+
+    def _evict(self) -> None:
+        """The eviction policy's victim goes. Raises UserError where a policy of the user's own
+        names a key that is not stored.
+        """
+        key = self._eviction.victim()
+        if key not in self._answers:
+            text = f"victim() is {short_repr(key)}, but must be a key that is stored"
+            raise UserError(f"eviction {class_of(self._eviction)}: {text}")
+        self._remove(key)
 
     def _remove(self, key: Hashable) -> None:
         self.size_bytes -= sum(answer.size_bytes for answer in self._answers.pop(key).values())

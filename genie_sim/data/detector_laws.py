@@ -5,12 +5,11 @@ the assumed laws count; ``tools/make/detector_laws.py`` writes it.
 """
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 from importlib import resources
 from typing import Any
 
-from genie_sim.data.frame_source import Frames
 from genie_sim.tracks.laws import ASSUMED, DetectorLaws
 from genie_sim.tracks.measure import LawCounts, shrunk, total
 
@@ -65,11 +64,11 @@ def facts(detectors: Collection[str], drives: Collection[str]) -> dict[str, Any]
     }
 
 
-def looked_at(frames: Frames) -> tuple[set[str], set[str]]:
-    """The detectors that looked at the drives of a frame source, as far as it tells, and these
-    drives.
+def looked_at(origin: Mapping[str, Mapping[str, Any]]) -> tuple[set[str], set[str]]:
+    """The detectors that looked at the drives of a frame source, as far as its ``provenance``
+    tells, and these drives.
     """
-    traces = [about for about in frames.provenance().values() if "detector" in about]
+    traces = [about for about in origin.values() if "detector" in about]
     return (
         {str(about["detector"]) for about in traces},
         {str(about.get("drive")) for about in traces},

@@ -80,7 +80,9 @@ def from_csv(path: Path, direction: Direction, report: ImportReport) -> Columns:
         name, factor = CSV_FACTORS.get(column.name, (column.name, 0.0))
         columns[name] = _scaled(numbers, factor) if factor else list(numbers)
     if not columns.keys() & {name for name, _ in CSV_FACTORS.values()}:
-        raise UserError(f"{path}: needs a column of up_mbps, down_mbps, rtt_ms")
+        titles = ", ".join(map(short_repr, table.titles))
+        text = f"needs a column of up_mbps, down_mbps, rtt_ms; the file has {titles}"
+        raise UserError(f"{path}: {text}; rates are in bits, not bytes")
     for title in table.unused([TIME, *given]):
         report.leave_out(f"column {title!r}")
     return columns

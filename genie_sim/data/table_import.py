@@ -26,7 +26,7 @@ from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn,
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.trace import POSITION_DECIMALS, Trace, TraceFrame
+from genie_sim.data.trace import POSITION_DECIMALS, Trace
 from genie_sim.data.trace_import import (
     BEYOND_M,
     RANGE_M,
@@ -191,6 +191,9 @@ def recordings(
     named = {"poses": poses, "detections": detections} | ({} if truth is None else {"truth": truth})
     tables = [_Table.of(name, table) for name, table in named.items()]
     report = report or ImportReport(tables[0].path)
+    for given, columns in zip(tables, (POSES, DETECTIONS, TRUTH), strict=False):
+        for title in given.reader.unused(columns):
+            report.leave_out(f"column {title!r} of {given.path.name}")
     by_car = _read_poses(tables[0], report)
     detected = _read_detections(tables[1], by_car, classes=classes, report=report)
     digests = {table.path.name: table.digest for table in tables}
@@ -202,12 +205,14 @@ def recordings(
     first_ns = round(first_s * NS_PER_S)
     frames = {
         car: [
-            _frame(
-                row,
-                first_ns + _since_ns(row.time_s, first_s),
+            scan_frame(
+                camera=RECORDING,
+                stamp_ns=first_ns + _since_ns(row.time_s, first_s),
+                size_bytes=sensor.size_bytes,
                 key=f"{key}/{car}/{index}",
+                pose=row.pose,
+                horizontal_fov_rad=sensor.fov_rad,
                 detections=of_frame,
-                sensor=sensor,
             )
             for index, (row, of_frame) in enumerate(zip(rows, detected[car], strict=True))
         ]
@@ -347,21 +352,6 @@ def _since_ns(time_s: float, first_s: float) -> int:
     tells.
     """
     return round((time_s - first_s) * NS_PER_S / NS_PER_US) * NS_PER_US
-
-
-def _frame(
-    row: _Pose, stamp_ns: int, *, key: str, detections: Sequence[Detection], sensor: Sensor
-) -> TraceFrame:
-    """One frame of a trace; ``key`` tells it from every other."""
-    return scan_frame(
-        camera=RECORDING,
-        stamp_ns=stamp_ns,
-        size_bytes=sensor.size_bytes,
-        key=key,
-        pose=row.pose,
-        horizontal_fov_rad=sensor.fov_rad,
-        detections=detections,
-    )
 
 
 def _read_truth(

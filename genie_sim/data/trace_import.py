@@ -37,8 +37,11 @@ from genie_sim.data.trace import (
 
 RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
+NEAREST_M = 0.5  # what is nearer is the car itself
+SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
 FARTHEST_M = 250.0  # no sensor of a car tells the place of an object beyond
 CLOSEST_NS = NS_PER_MS  # no sensor takes two frames within less
+USUAL_MB = (0.001, 100.0)  # one frame
 OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen of them
 
 
@@ -265,6 +268,9 @@ def _tell_ways(
         for axis, values in zip(("east", "north"), poses.T, strict=False):
             report.span(axis, values.round(POSITION_DECIMALS), "m")
         report.span("width", {frame.width for frame in pictured}, "px")
+        report.usual(
+            f"{name}: a frame takes", frames[0].size_bytes / 1e6, "MB", USUAL_MB, "to send"
+        )
         report.span("height", {frame.height for frame in pictured}, "px")
         report.way(name, times_s.tolist(), poses[:, :2])
         course = poses[:-1, 3], np.diff(poses[:, :2], axis=0), np.diff(times_s)
@@ -288,13 +294,14 @@ def _tell_detections(
 ) -> None:
     """How many detections there are, and whether they are where the sensors look."""
     distances_m: list[float] = []
-    count, outside = 0, 0
+    count, outside, doubled = 0, 0, 0
     for frame in (
         frame for cameras in cars.values() for camera in cameras.values() for frame in camera
     ):
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
         count += len(frame.detections)
         places = [detection.location for detection in frame.detections if detection.location]
+        doubled += len(places) - len(set(places))
         for east_m, north_m, _ in places:
             distances_m.append(math.dist((east_m, north_m), frame.pose[:2]))
             outside += sector.distance_m(east_m, north_m) is None
@@ -307,6 +314,17 @@ def _tell_detections(
             "plane of its poses?",
             detected_in,
         )
+    if distances_m and max(distances_m) < NEAREST_M:
+        report.refuse(
+            f"all {len(distances_m):,} detections are within {max(distances_m):.2g} m of their "
+            "cars: are their places in metres?",
+            detected_in,
+        )
+    if doubled:
+        text = f"{doubled:,} of {len(distances_m):,} detections are at the very place of another"
+        if doubled > max(FEW, SAME_SHARE * len(distances_m)):
+            report.refuse(f"{text} in the same frame: are their places unknown?", detected_in)
+        report.warn(f"{text} in the same frame")
     tell_distances(report, distances_m)
     if outside > OUTSIDE_SHARE * len(distances_m):
         report.warn(

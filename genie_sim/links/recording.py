@@ -23,8 +23,10 @@ TOLD = {  # in the report of an import
     "down_bps": ("Mbit/s", 1e-6),
     "rtt_ns": ("ms", 1e-6),
 }
-# The largest rate and the longest round trip of a link are in between.
-USUAL = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
+# The largest rate and the longest round trip of a link are in between,
+POSSIBLE = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
+# and those of what drives, by radio, the median round trip, in between these.
+USUAL = {"Mbit/s": (0.05, 2_500.0), "ms": (1.0, 2_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
 LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
 MAX_WHOLE = 2**63 - 1
@@ -174,12 +176,16 @@ def tell(report: ImportReport, columns: Mapping[str, Sequence[Any]]) -> None:
             values = [value * factor for value in columns[name]]
             what = name.partition("_")[0]
             report.span(what, (min(values), max(values)), unit)
-            low, high = USUAL[unit]
+            low, high = POSSIBLE[unit]
             if not low <= max(values) <= high:
                 report.refuse(
                     f"{what}: at most {max(values):.4g} {unit}, which no link has (from {low:g} to "
                     f"{high:g} {unit}): is it in another unit?"
                 )
+            middle = max(values) if unit == "Mbit/s" else sorted(values)[len(values) // 2]
+            which = "at most" if unit == "Mbit/s" else "a median of"
+            report.usual(f"{what}: {which}", middle, unit, USUAL[unit], "of a radio link")
+            report.sentinels(what, values, unit)
     report.times("times", times_s, "values hold until the next one", LONG_PERIOD_S)
     if "east_m" in columns:
         report.way("places", times_s, list(zip(columns["east_m"], columns["north_m"], strict=True)))

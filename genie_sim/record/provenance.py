@@ -24,6 +24,7 @@ from genie_sim.base.paths import (
     sha256_of,
     sync_file,
     sync_folder,
+    uninterrupted,
     usable,
 )
 from genie_sim.base.text import one_line
@@ -219,26 +220,34 @@ def result_folder(final: Path, shown: Collection[str] = ()) -> Iterator[Path]:
     # absolute: code of the user's own may change the current folder meanwhile
     place = final.absolute()
     partial = place.with_name(f".{final.name}.{secrets.token_hex(4)}{PARTIAL}")
+    is_kept = False
     try:
         with ExitStack() as locks:
             with usable(final):
                 final.parent.mkdir(parents=True, exist_ok=True)
                 with locked(final.parent):  # nobody clears it away before its lock is held
-                    _clear_away(final.parent)
+                    clear_away(final.parent)
                     partial.mkdir()
                     locks.enter_context(locked(partial))
             yield partial
             with usable(final):
                 _take_over(place, partial, shown)
                 _sync(partial)
-                _take_place(partial, place)
-                sync_folder(place.parent)
+                with uninterrupted():
+                    _take_place(partial, place)
+                    is_kept = True
+                    sync_folder(place.parent)
     except UserError as error:
         if str(partial) not in str(error):
             raise
         raise UserError(str(error).replace(str(partial), str(final))) from error
+    except KeyboardInterrupt:
+        if is_kept:
+            raise KeyboardInterrupt(f"the results are kept in {final}") from None
+        raise
     finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        with uninterrupted():
+            shutil.rmtree(partial, ignore_errors=True)
 
 
 def _take_over(earlier: Path, folder: Path, shown: Collection[str]) -> None:
@@ -306,7 +315,7 @@ def _take_place(partial: Path, final: Path) -> None:
             shutil.rmtree(earlier)
 
 
-def _clear_away(folder: Path) -> None:
+def clear_away(folder: Path) -> None:
     """Removes folders of processes that were killed: nobody holds their locks. A result that one of
     them was about to replace comes back.
     """
@@ -340,6 +349,14 @@ def read_json(path: Path) -> Any:
         return json.loads(read_text(path))
 
 
+def read_mapping(path: Path) -> dict[str, Any]:
+    """A file of JSON that holds a mapping. Raises ``UserError``."""
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise UserError(f"{path}: must hold a mapping, not {short_repr(content)}")
+    return content
+
+
 @contextmanager
 def of_this_version(folder: Path | None) -> Iterator[None]:
     """While the results in a folder are put to use: what another version wrote there, or somebody
@@ -362,10 +379,9 @@ def read_run_json(folder: Path) -> dict[str, Any]:
     if not path.exists():
         runs = "; a run is a folder in its runs/" if (folder / "runs").is_dir() else ""
         raise UserError(f"{folder}: not a result folder: it has no run.json{runs}")
-    run = read_json(path)
-    if not isinstance(run, dict) or run.get("format") != RESULT_FORMAT:
-        version = run.get("format") if isinstance(run, dict) else None
-        raise UserError(other_format(path, version, RESULT_FORMAT))
+    run = read_mapping(path)
+    if run.get("format") != RESULT_FORMAT:
+        raise UserError(other_format(path, run.get("format"), RESULT_FORMAT))
     for field, (kind, what) in REQUIRED.items():
         value: Any = run
         for name in field.split("."):

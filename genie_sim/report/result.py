@@ -248,5 +248,5 @@ def named(name: str, known: Mapping[str, Any], *, has_metrics: bool = True) -> A
         if has_metrics:
             near = "".join(f", such as {metric}" for metric in registry.near(name)[:1])
             text += f"; or a metric of 'genie-sim list metrics'{near}"
-        raise UserError(f"--only: {text}")
+        raise UserError(text)
     return known[name]

@@ -116,7 +116,7 @@ def write(
     run = replace(finished(prepared, run_id, tables), label=label)
     about = {
         "rows": {name: len(table) for name, table in tables.items()},
-        "traces": {name: dict(known) for name, known in prepared.frames.provenance().items()},
+        "traces": {name: dict(known) for name, known in prepared.origin.provenance.items()},
         "wall_time_s": round(time.perf_counter() - began_s, 3),
     }
     _keep(folder, run, about)

@@ -3,11 +3,14 @@ seen nowhere else. What other classes of the user's own return is checked by the
 ``tests/conformance``.
 """
 
-from collections.abc import Mapping
-from typing import Any
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from genie_sim.base import plugins
 from genie_sim.base.contracts import (
     BOOLEAN,
     MAPPING,
@@ -20,8 +23,30 @@ from genie_sim.base.contracts import (
     is_number,
     require,
 )
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import UserError, first_line, short_repr
 from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.scenario.scenario import Scenario
+
+
+@contextmanager
+def own_code_named(scenario: Scenario) -> Iterator[None]:
+    """An exception in the simulator names the classes of the user's own that take part, as a
+    ``UserError``: one of them raised it, or returned what it should not.
+    """
+    try:
+        with plugins.own_faults_told():
+            yield
+    except (UserError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        names = ", ".join(scenario.own_code())
+        if not names:
+            raise
+        what = f"{type(error).__name__}: {first_line(error)}"
+        raise UserError(
+            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
+        ) from error
+
 
 POSE = Contract(
     "a CameraPose of four numbers",
@@ -53,14 +78,22 @@ TEXT_BY_NAME = Contract(
     ),
 )
 MAPPING_BY_NAME = Contract(
-    "a mapping from name to a mapping",
+    "a mapping from name to a mapping that JSON can hold",
     lambda value: (
         isinstance(value, Mapping)
         and all(
-            isinstance(name, str) and isinstance(facts, Mapping) for name, facts in value.items()
+            isinstance(name, str) and isinstance(facts, Mapping) and _is_json(dict(facts))
+            for name, facts in value.items()
         )
     ),
 )
+
+
+def _is_json(value: Any) -> bool:
+    try:
+        return bool(json.dumps(value, allow_nan=False))
+    except (TypeError, ValueError, RecursionError):
+        return False
 
 
 def _is_hash(value: Any) -> bool:
@@ -82,8 +115,25 @@ def check_frames(frames: Any, owner: str) -> None:
     """
     check_base(frames, f"{owner}: what open() returns", Frames)
     require(owner, "seeded", frames.seeded, BOOLEAN)
-    require(owner, "digests()", frames.digests(), TEXT_BY_NAME)
-    require(owner, "provenance()", frames.provenance(), MAPPING_BY_NAME)
+
+
+class Origin(NamedTuple):
+    """Where the frames of a source come from: ``Frames.digests`` and ``Frames.provenance``, once
+    all drives are handed out.
+    """
+
+    digests: Mapping[str, str]
+    provenance: Mapping[str, Mapping[str, Any]]
+
+
+def origin_of(frames: Frames, source: str) -> Origin:
+    """Of an open source by its name, checked if it is the user's own. Raises ``UserError``."""
+    found = Origin(frames.digests(), frames.provenance())
+    owner = plugins.own_label("frame source", source)
+    if owner is not None:
+        require(owner, "digests()", found.digests, TEXT_BY_NAME)
+        require(owner, "provenance()", found.provenance, MAPPING_BY_NAME)
+    return found
 
 
 def check_drive(drive: Any, owner: str) -> None:

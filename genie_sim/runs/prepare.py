@@ -14,6 +14,7 @@ from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
+from genie_sim.runs.own_classes import Origin
 from genie_sim.scenario import checks
 from genie_sim.scenario.methods import features_of
 from genie_sim.scenario.profiles import DeviceProfile
@@ -55,6 +56,8 @@ class Prepared:
         Each car's drive, by the car's name.
     encoded : mapping
         What the drives are after their pictures were sent, by encoding and car.
+    origin : Origin
+        Where the frames come from.
     facts : mapping
         Everything that decides the outcome of a run, as plain data, with the scenario as it is
         written.
@@ -67,6 +70,7 @@ class Prepared:
     frames: Frames
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
+    origin: Origin
     facts: Mapping[str, Any]
     laws: DetectorLaws
 
@@ -83,53 +87,58 @@ def prepare(
     ``devices`` replace the profiles that the scenario read; ``frames`` are those of a source that
     is open. Raises ``UserError``.
     """
-    checks.check_own_plugins(scenario)
-    methods = scenario.new_methods()
-    features = features_of(methods)
-    starts_ns = {car.name: scenario.start_ns(car) for car in scenario.cars}
-    owner = plugins.own_label("frame source", scenario.perception.name)
-    if frames is None:
-        if scenario.metrics:
-            from genie_sim.analysis.registry import own_metrics
+    with own_classes.own_code_named(scenario):
+        checks.check_own_plugins(scenario)
+        methods = scenario.new_methods()
+        features = features_of(methods)
+        starts_ns = {car.name: scenario.start_ns(car) for car in scenario.cars}
+        owner = plugins.own_label("frame source", scenario.perception.name)
+        if frames is None:
+            if scenario.metrics:
+                from genie_sim.analysis.registry import own_metrics
 
-            own_metrics(scenario.metrics)
-        source: FrameSource = FRAME_SOURCE.make(scenario.perception)
+                own_metrics(scenario.metrics)
+            source: FrameSource = FRAME_SOURCE.make(scenario.perception)
+            if owner is not None:
+                own_classes.check_base(source, owner, FrameSource)
+            if source.is_map:
+                checks.check_time_on_map(scenario, source.duration_ns)
+            frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
-            own_classes.check_base(source, owner, FrameSource)
-        if source.is_map:
-            checks.check_time_on_map(scenario, source.duration_ns)
-        frames = source.open(scenario.seed, scenario.origin, progress)
-    if owner is not None:
-        own_classes.check_frames(frames, owner)
-    full = scenario  # with every car and edge, each with the part of its drive that it replays
-    if scenario.fleet is not None:
-        full, drives = expanded(scenario, scenario.fleet, frames)
-    else:
-        drives = {
-            car.name: frames.drive(car.name, car.route.trace, starts_ns[car.name])
-            for car in scenario.cars
-        }
-    if owner is not None:
-        for drive in drives.values():
-            own_classes.check_drive(drive, owner)
-    if scenario.sequence is not None:
-        full = _on_one_clock(full, drives)
-    laws = detector_laws.detector_laws(*detector_laws.looked_at(frames))
-    encoded = _encoded_drives(full, frames)
-    profiles = scenario.profiles if devices is None else devices
-    names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
-    used = {name: profiles[name] for name in dict.fromkeys(names)}
-    known = facts(scenario, methods, devices=used, frames=frames, encoded=encoded)
-    checks.check_driven(full, drives, features)
-    return Prepared(
-        scenario=full,
-        devices=used,
-        frames=frames,
-        drives=drives,
-        encoded=encoded,
-        facts=known,
-        laws=laws,
-    )
+            own_classes.check_frames(frames, owner)
+        full = scenario  # with every car and edge, each with the part of its drive that it replays
+        if scenario.fleet is not None:
+            full, drives = expanded(scenario, scenario.fleet, frames)
+        else:
+            drives = {
+                car.name: frames.drive(car.name, car.route.trace, starts_ns[car.name])
+                for car in scenario.cars
+            }
+        if owner is not None:
+            for drive in drives.values():
+                own_classes.check_drive(drive, owner)
+        if scenario.sequence is not None:
+            full = _on_one_clock(full, drives)
+        origin = own_classes.origin_of(frames, scenario.perception.name)
+        laws = detector_laws.detector_laws(*detector_laws.looked_at(origin.provenance))
+        encoded = _encoded_drives(full, frames)
+        profiles = scenario.profiles if devices is None else devices
+        names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
+        used = {name: profiles[name] for name in dict.fromkeys(names)}
+        known = facts(
+            scenario, methods, devices=used, frames=frames, encoded=encoded, origin=origin
+        )
+        checks.check_driven(full, drives, features)
+        return Prepared(
+            scenario=full,
+            devices=used,
+            frames=frames,
+            drives=drives,
+            encoded=encoded,
+            origin=origin,
+            facts=known,
+            laws=laws,
+        )
 
 
 def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
@@ -176,12 +185,13 @@ def facts(
     devices: Mapping[str, DeviceProfile],
     frames: Frames,
     encoded: Mapping[tuple[str, str], Any],
+    origin: Origin,
 ) -> dict[str, Any]:
     """Everything that decides the outcome of a run: the scenario as it is written, and what was
     found where it says.
     """
-    digests, about = frames.digests(), frames.provenance()
-    looked_at = detector_laws.facts(*detector_laws.looked_at(frames))
+    digests, about = origin
+    looked_at = detector_laws.facts(*detector_laws.looked_at(about))
     decisive = {
         "format": provenance.RESULT_FORMAT,
         "genie_sim": VERSION,
@@ -200,12 +210,6 @@ def facts(
         decisive["features"] = features
     if looked_at is not None:
         decisive["laws"] = looked_at
-    if scenario.fleet is not None:
-        from genie_sim.worlds.town.source import TownDrives
-
-        if not isinstance(frames, TownDrives):  # the borders of a town follow from its settings
-            extent_m = [float(border_m) for border_m in frames.extent_m or ()]
-            decisive["map"] = {"extent_m": extent_m}
     return decisive
 
 
@@ -253,4 +257,4 @@ def _key(prepared: Prepared) -> str:
     """Names the frames that a scenario needs."""
     scenario = prepared.facts["scenario"]
     source = json.dumps({key: scenario[key] for key in ("perception", "origin")})
-    return f"{source} {sorted(prepared.frames.digests().items())}"
+    return f"{source} {sorted(prepared.origin.digests.items())}"

@@ -9,8 +9,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Protocol
 
-from genie_sim.base import plugins
-from genie_sim.base.errors import UserError, first_line
+from genie_sim.base.errors import UserError
 from genie_sim.base.parallel import max_memory_bytes
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S, duration_text
@@ -22,6 +21,7 @@ from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.method_processes import side_by_side
+from genie_sim.runs.own_classes import own_code_named
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
@@ -185,25 +185,6 @@ def simulate_method(
             observer.after(entry.name, world)
     note_power(tables["power"], entry.name, prepared, setup)
     return {car.name for car in setup.cars if car.name in world.network.graphs}
-
-
-@contextmanager
-def own_code_named(scenario: Scenario) -> Iterator[None]:
-    """An exception in the simulator names the classes of the user's own that take part, as a
-    ``UserError``: one of them may have returned what it should not. One in their own code stays.
-    """
-    try:
-        yield
-    except (UserError, OSError, MemoryError):
-        raise
-    except Exception as error:
-        names = ", ".join(scenario.own_code())
-        if not names or plugins.own_fault(error) is not None:
-            raise
-        what = f"{type(error).__name__}: {first_line(error)}"
-        raise UserError(
-            f"the run failed with {names}: {what}; the tests in tests/conformance say what is wrong"
-        ) from error
 
 
 def check_warm_up(scenario: Scenario, last_frame_ns: int) -> None:

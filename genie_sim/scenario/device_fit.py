@@ -25,12 +25,13 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import atomic_write
 from genie_sim.base.progress import Progress
-from genie_sim.base.tables import UNITS, FileColumn, FileTable, title_of, with_point
+from genie_sim.base.tables import UNITS, FileColumn, FileTable, is_number, title_of, with_point
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
 MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
+USUAL_MS = (0.3, 10_000.0)  # one detection, in the median
 LARGEST_S = 3600  # no detection takes longer; a stamp since 1970 does
 LARGE_GAP, FAR_MEAN = 0.2, 1.5  # of a law that is not like what was measured
 ASSUMED_CORES = 4
@@ -166,8 +167,24 @@ def from_table(
         report.choose("column", title, table.titles, "--column")
     report.read(f"latencies{f' of column {title!r}' if title else ''}", len(latencies))
     report.span("latency", (min(latencies), max(latencies)), unit)
+    to_ms = factor_ns / units.NS_PER_MS
+    middle_ms = sorted(latencies)[len(latencies) // 2] * to_ms
+    report.usual("latency: a median of", middle_ms, "ms", USUAL_MS, "of a detection")
+    report.sentinels("latency", [latency * to_ms for latency in latencies], "ms")
+    _tell_batches(table, report)
     source = f"{len(latencies)} latencies from {path.name}"
     return Measurement(model, np.array(latencies) * factor_ns, source, here=False, tag="S")
+
+
+def _tell_batches(table: FileTable, report: ImportReport) -> None:
+    """Warns of latencies of several pictures at once."""
+    for at, title in enumerate(table.titles):
+        if "batch" in _words(title):
+            sizes = [float(cell) for _, (cell,) in table.cells([at]) if is_number(cell)]
+            if max(sizes, default=0.0) > 1:
+                report.warn(
+                    f"column {title!r}: up to {max(sizes):g}: of how many pictures at once?"
+                )
 
 
 def _latencies(table: FileTable, index: int, largest: float) -> list[float]:

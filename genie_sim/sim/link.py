@@ -4,6 +4,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from genie_sim.base.contracts import whole
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
 from genie_sim.sim.bends import Border
@@ -208,7 +209,8 @@ class Link:
             self.lose(message, self.name)
         else:
             self.completed += 1
-            self._last_arrival_ns = max(now_ns + int(delay_ns), self._last_arrival_ns)
+            arrival_ns = now_ns + whole(self.sender, "delay_ns()", delay_ns)
+            self._last_arrival_ns = max(arrival_ns, self._last_arrival_ns)
             assert transfer.deliver is not None
             clock.after(
                 self._last_arrival_ns - now_ns,

@@ -6,6 +6,7 @@ here (or in a scenario as ``package.module:Class``). Its arguments are its setti
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from genie_sim.base.contracts import whole
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, Presets
 from genie_sim.sim.message_random import MessageRandom
@@ -98,7 +99,8 @@ class Sender:
 
     def sent(self, size_bytes: int) -> "simpy.Event":
         """Sends a message; happens when its last bit has left."""
-        return self.clock.timeout(int(self.occupied_ns(size_bytes, self.clock.now)))
+        occupied_ns = self.occupied_ns(size_bytes, self.clock.now)
+        return self.clock.timeout(whole(self, "occupied_ns()", occupied_ns))
 
     def set_up(self, is_up: bool) -> None:
         """The link goes down or comes back, by a fault or a hand-over. By itself nothing changes:

@@ -24,6 +24,7 @@ from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
+from genie_sim.sim.settings import EDGES
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink
@@ -235,8 +236,11 @@ class Network:
 
     def take_down(self, target: str, cause: str) -> None:
         """The links at ``target`` carry nothing from now on, those that are made later included;
-        they drop messages as ``LINK:cause``.
+        they drop messages as ``LINK:cause``. Raises ``UserError`` for an unknown host.
         """
+        for end in target.split("->"):
+            if end != EDGES:
+                self._check_host(end)
         self.outages.append((target, cause))
         for link in self.links_at(target):
             link.take_down(cause)

@@ -86,10 +86,10 @@ class SweepFigures:
                 for suffix, place, runs in self._places(crossed[2:]):
                     yield f"{crossed[0]}-{metric}{suffix}", self._lines(metric, runs, place)
             return
-        drawn = [column for name, column in columns.items() if name not in crossed]
+        sampled_columns = [column for name, column in columns.items() if name not in crossed]
         for name, axis in self.design.axes.items():
             remaining = [axis_name for axis_name in crossed if axis_name != name]
-            averaged = [] if axis.sampled else drawn
+            averaged = [] if axis.sampled else sampled_columns
             for suffix, place, runs in self._places(remaining[1:]):
                 beside = columns[remaining[0]] if remaining else None
                 figure = self.along(name, runs, beside=beside, averaged=averaged, place=place)
@@ -183,18 +183,25 @@ class SweepFigures:
         panels = [
             (metric, label, level) for metric, label in shown_metrics for level in shown_levels
         ]
-        for panel, (metric, label, level) in zip(grid.flat, panels, strict=False):
+        unused = grid.size - len(panels)
+        places = list(range(grid.size - unused))
+        if narrow and unused:  # in the first row, so that names of ticks stand below the last one
+            places = [*range(wide - unused), *range(wide, grid.size)]
+        for place_of_panel, (metric, label, level) in zip(places, panels, strict=True):
+            panel = grid.flat[place_of_panel]
             of_panel = means[means["metric"] == metric]
             if level is not None:
                 of_panel = of_panel[of_panel[beside] == level]
             _draw(panel, axis, column, _by_method(of_panel, self.titles))
+            _explain_filling(panel, of_panel)
             spot = panel.get_subplotspec()
             panel.set_ylabel(
                 _wrapped(label, narrow) if beside is None or spot.is_first_col() else ""
             )
-            if (beside is None and not narrow) or spot.is_last_row():
+            is_lowest = place_of_panel + wide not in places
+            if (beside is None and not narrow) or is_lowest:
                 panel.set_xlabel(column)
-            if level is not None and not spot.is_last_row():
+            if (level is not None or narrow) and not is_lowest:
                 panel.tick_params(labelbottom=False)
             if level is not None and spot.is_first_row():
                 panel.set_title(f"{beside} = {_shortened(level)}")
@@ -203,8 +210,8 @@ class SweepFigures:
                 panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
             elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
                 _scale_logarithmically(panel, min(values), max(values))
-        for panel in list(grid.flat)[len(panels) :]:
-            panel.remove()
+        for number in set(range(grid.size)) - set(places):
+            grid.flat[number].remove()
         # after all are drawn, for a row shares its limits
         for panel in figure.axes if beside is None else grid[:, 0]:
             if panel.get_yscale() == "log":
@@ -212,7 +219,7 @@ class SweepFigures:
             low, high = panel.get_ylim()
             low = min(0.0, low)
             panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-        _make_room(figure, 1 if beside is not None else rows)
+        _make_room(figure, 1 if beside is not None or narrow else rows)
         notes = []
         if len(shown_levels) < len(levels):
             notes.append(f"{len(shown_levels)} of {len(levels)} values of {beside}")
@@ -299,7 +306,7 @@ class SweepFigures:
             of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
             values = of_metric["value"].tolist()
             scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
-            drawn: list[Axes] = []
+            maps: list[Axes] = []
             for panel, method in zip(row, methods, strict=True):
                 cells = of_metric[of_metric["method"] == method].pivot_table(
                     index=first, columns=second, values="value", sort=False
@@ -311,10 +318,10 @@ class SweepFigures:
                 _heat_map(panel, cells, scale, percent=_is_share(metric))
                 panel.set_title(self.titles[str(method)])
                 panel.set_xlabel(second)
-                panel.set_ylabel("" if drawn else first)
-                drawn.append(panel)
+                panel.set_ylabel("" if maps else first)
+                maps.append(panel)
             shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
-            bar = figure.colorbar(shades, ax=drawn, label=_wrapped(_label(metric)), pad=0.01)
+            bar = figure.colorbar(shades, ax=maps, label=_wrapped(_label(metric)), pad=0.01)
             if isinstance(scale, LogNorm):
                 ticks = _round_ticks(min(values), max(values))
                 bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
@@ -453,17 +460,29 @@ def _look(method: str, placement: str, titles: Mapping[str, str], alone: bool) -
     marker = {"marker": style.method_marker(style_number)}
     if placement not in PLACEMENTS:
         return style.method_line(style_number) | marker | {"label": titles[method]}
-    line, where = style.PLACEMENT_LINES[placement], PLACEMENTS[placement]
+    line = style.PLACEMENT_LINES[placement] | _filling(placement)
     if alone:
         return line | {
-            "label": f"Genies {where}",
+            "label": f"Genies {PLACEMENTS[placement]}",
             "marker": style.MARKERS[list(PLACEMENTS).index(placement)],
         }
-    return (
-        line
-        | marker
-        | {"label": f"{titles[method]}, {where}", "color": style.method_colour(style_number)}
-    )
+    return line | marker | {"label": titles[method], "color": style.method_colour(style_number)}
+
+
+def _filling(placement: str) -> dict[str, Any]:
+    """Markers of Genies on cars are hollow."""
+    return {"markerfacecolor": "white"} if placement == "car" else {}
+
+
+def _explain_filling(panel: Axes, means: "pd.DataFrame") -> None:
+    """Puts what hollow and full markers mean into the legend, where methods have both."""
+    placements = set(means["placement"]) & set(PLACEMENTS)
+    if placements and means["method"].nunique() > 1:
+        for placement, where in PLACEMENTS.items():
+            look: dict[str, Any] = {"color": "0.4", "marker": "o", "linestyle": "none"}
+            panel.plot(
+                [], [], label=f"Genies {where}", markersize=3.5, **look, **_filling(placement)
+            )
 
 
 def _scale_logarithmically(panel: Axes, low: float, high: float) -> None:

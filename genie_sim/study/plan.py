@@ -8,6 +8,7 @@ from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
 from genie_sim.report.output import Output
+from genie_sim.runs.own_classes import origin_of, own_code_named
 from genie_sim.runs.prepare import SharedFrames, facts
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import FRAME_SOURCE, Scenario
@@ -74,8 +75,8 @@ def plan(
             f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True)
         )
         try:
-            named = base if point.scenario == design.scenario else None
-            scenario = _scenario(point, named, methods)
+            point_base = base if point.scenario == design.scenario else None
+            scenario = _scenario(point, point_base, methods)
             name = f"point {number} ({levels})" if levels else ""
             for run in runs_of(scenario, frames, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
@@ -91,12 +92,16 @@ def plan(
 
 def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) -> Scenario:
     """The scenario at a point. Raises ``UserError``."""
-    given = f"--methods {','.join(methods)}"
+    methods_from = f"--methods {','.join(methods)}"
     if base is None:
-        return load_scenario(point.scenario, point.overrides, methods=methods, methods_from=given)
+        return load_scenario(
+            point.scenario, point.overrides, methods=methods, methods_from=methods_from
+        )
     if not point.overrides and not methods:
         return base
-    return read_scenario(plain_data(base), point.overrides, methods=methods, methods_from=given)
+    return read_scenario(
+        plain_data(base), point.overrides, methods=methods, methods_from=methods_from
+    )
 
 
 def runs_of(
@@ -107,16 +112,18 @@ def runs_of(
     for seed in seeds:
         seeded = replace(scenario, seed=seed)
         if prepared.frames.seeded:
-            source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
-            known = facts(
-                seeded,
-                seeded.new_methods(),
-                devices=prepared.devices,
-                frames=source,
-                encoded=prepared.encoded,
-            )
+            with own_code_named(seeded):
+                source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
+                seed_facts = facts(
+                    seeded,
+                    seeded.new_methods(),
+                    devices=prepared.devices,
+                    frames=source,
+                    encoded=prepared.encoded,
+                    origin=origin_of(source, seeded.perception.name),
+                )
         else:  # nothing else differs
-            written = {**prepared.facts["scenario"], "seed": seed}
-            known = {**prepared.facts, "scenario": written}
+            seed_scenario = {**prepared.facts["scenario"], "seed": seed}
+            seed_facts = {**prepared.facts, "scenario": seed_scenario}
         place = ", ".join(filter(None, [point, f"seed {seed}"]))
-        yield PointRun(provenance.run_id(known), seeded, place)
+        yield PointRun(provenance.run_id(seed_facts), seeded, place)

@@ -318,5 +318,5 @@ def test_the_command_and_the_library_say_the_same(
     assert len(in_hand.table) == printed.count("\n") - 1 and in_hand.settings.empty
     assert (tmp_path / "page" / "compare.html").is_file()
     assert cli.main(["compare", str(made.folder), "--format", "html"]) == 1
-    assert "--format: unknown format 'html'" in capsys.readouterr().err
+    assert "format: unknown format 'html'" in capsys.readouterr().err
     assert cli.main(["compare", str(tmp_path)]) == 1

@@ -32,6 +32,12 @@ slow = Metric(
 plain = Metric("a number", "", formula=lambda frames: mean(frames, response_ms(frames, "first")))
 raises = replace(slow, formula=lambda frames: share(frames, frames["nothing"]))
 rowless = replace(slow, rows="nothing")
+exits = replace(slow, formula=lambda frames: exit(0))
+numbered = replace(slow, title=5)
+unitless = replace(slow, unit=5)
+best = replace(slow, better="best")
+unnamed = replace(slow, title=" ")
+twin = replace(slow, title="first answer, mean")
 returns = replace(slow, formula=lambda frames: 0.5)
 infinite = replace(slow, formula=lambda frames: Measured(math.inf))
 undefined = replace(slow, formula=lambda frames: Measured(1, low=math.nan))
@@ -99,6 +105,12 @@ def test_words_that_are_none_are_refused_in_one_line(told: object):
     ("name", "says"),
     [
         ("raises", r"own_metric:raises': KeyError: .*own_metric.py, line \d+, in "),
+        ("exits", "SystemExit: '0'"),
+        ("numbered", "title: must be of type str, not 5"),
+        ("unitless", "unit: must be of type str, not 5"),
+        ("best", "better: 'best'; known: lower, higher"),
+        ("unnamed", "title: is empty"),
+        ("twin", "title: 'first answer, mean' is that of first_answer_mean, too"),
         ("rowless", "rows: unknown kind 'nothing'; known: "),
         ("returns", "must return a Sample, Measured or None, not 0.5"),
         ("infinite", "value must be a finite number, or None where it is not defined, not inf"),

@@ -72,7 +72,7 @@ def test_a_terminal_shows_twelve_rows_at_most_and_all_or_some_on_request(found):
     chosen = screen.text(run, 100, ["first_answer_p99", "image_reuse"])
     assert chosen.index("first answer, p99") < chosen.index("image reuse on cars")
     assert "object reuse" not in chosen and "frames dropped" not in chosen
-    with pytest.raises(UserError, match="--metrics: unknown metric 'image_resue'"):
+    with pytest.raises(UserError, match="metrics: unknown metric 'image_resue'"):
         screen.text(run, 100, ["image_resue"])
 
 

@@ -119,14 +119,14 @@ def test_a_metric_is_found_by_its_title(name, near):
     with pytest.raises(UserError) as caught:
         registry.checked([name])
     said = str(caught.value)
-    assert f"--metrics: unknown metric {name!r} (did you mean {near}" in said
+    assert f"metrics: unknown metric {name!r} (did you mean {near}" in said
     assert said.endswith("; see 'genie-sim list metrics'") and len(said) < 200
 
 
 def test_what_is_like_no_metric_gets_a_short_line():
     with pytest.raises(UserError) as caught:
         registry.checked(["xyzzy"])
-    assert str(caught.value) == "--metrics: unknown metric 'xyzzy'; see 'genie-sim list metrics'"
+    assert str(caught.value) == "metrics: unknown metric 'xyzzy'; see 'genie-sim list metrics'"
 
 
 @pytest.mark.slow

@@ -84,9 +84,9 @@ def test_the_table_of_a_sweep_has_the_metrics_that_are_asked_for(line, capsys):
     assert main([*command, "--format", "latex"]) == 0
     assert "image reuse" in capsys.readouterr().out
     for name, message in (
-        ("nope", "--metrics: unknown metric 'nope'"),
+        ("nope", "metrics: unknown metric 'nope'"),
         ("utilization", "utilization: this sweep has no value of it"),
-        ("improvement_first_answer", "is not of a method as a whole; --format csv has it"),
+        ("improvement_first_answer", "is not of a method as a whole; format csv has it"),
     ):
         assert main(["table", line, "--metrics", name]) == 1
         said = capsys.readouterr().err

@@ -395,6 +395,14 @@ class Floods(Beside):
             yield network.clock.timeout(5_000_000)
 
 
+class Nowhere(Beside):
+    """It takes down what is not there."""
+
+    def strike(self, network):
+        yield network.clock.timeout(5)
+        network.take_down("edge99", "nowhere")
+
+
 class Yields(Beside):
     """It yields what is no event."""
 

@@ -36,23 +36,14 @@ def test_what_comes_out_wrong_in_the_middle_of_a_run_names_the_class(
 
 @pytest.mark.parametrize("returned", [None, "x", 7])
 def test_a_node_that_returns_no_effects_says_so(returned: object, monkeypatch: pytest.MonkeyPatch):
-    from genie_sim.recommended.paced_remote import PacedSender
-
-    monkeypatch.setattr(PacedSender, "on_message", lambda *_: returned)
-    setting = small.scenario(methods=["paced_remote"])
-    of_scenario = "genie_sim.scenario.scenario.Scenario"
-    monkeypatch.setattr(f"{of_scenario}.own_code", lambda _: {"method 'x:Y'": ("method", "x:Y")})
-    monkeypatch.setattr(f"{of_scenario}.own_code_digests", lambda _: {})
+    monkeypatch.setattr(own.Latest, "on_message", lambda *_: returned)
     with pytest.raises(UserError) as error:
-        run_in_memory(setting)
+        run_in_memory(small.scenario(methods=[f"{OWN}:Again"]))
     assert f"on_message() is {returned!r}, but must be a list of effects" in str(error.value)
 
 
-def test_what_an_own_class_raises_itself_is_not_renamed(monkeypatch: pytest.MonkeyPatch):
-    def broken(*_: object) -> None:
-        raise KeyError("mine")
-
-    monkeypatch.setattr(own.Again, "on_car", broken)
-    monkeypatch.setattr("genie_sim.base.plugins.own_fault", lambda error: "method 'x:Y'")
-    with pytest.raises(KeyError, match="mine"):
-        run_in_memory(small.scenario(methods=[f"{OWN}:Again"]))
+def test_a_fault_at_what_is_not_there_is_one_line():
+    fault = {"fault": f"{OWN}:Nowhere", "target": "edge1", "begin": "0.1 s", "end": "0.2 s"}
+    with pytest.raises(UserError) as error:
+        run_in_memory(small.scenario(methods=["remote"], faults=[fault]))
+    assert f"fault '{OWN}:Nowhere': unknown host 'edge99'" in str(error.value)

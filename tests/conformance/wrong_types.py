@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
-from tests.conformance import own
+from tests.conformance import own, small
 
 OWN = "tests.conformance.own"
 
@@ -19,6 +20,15 @@ METHOD = {"methods": [f"{OWN}:Again"]}
 def returns(value: Any) -> Any:
     return lambda *_: value
 
+
+STREET = {"methods": ["local"]}
+FEW = {"methods": ["genie"], "genie": {"eviction": f"{OWN}:OwnEviction", "capacity": "2 entries"}}
+ALIKE = {"methods": ["genie"], "genie": {"similarity": f"{OWN}:OwnSimilarity"}}
+RADIO = {
+    "methods": ["remote"],
+    "cars": [small.car(i, link={"model": f"{OWN}:Radio", "slot_ms": 0.5}) for i in (1, 2)],
+}
+STRUCK = {"methods": ["remote"], "faults": [{**FAULT, "begin": "0.1 s", "end": "0.2 s"}]}
 
 CASES = {
     "title": (METHOD, own.Again, "title", None, "title is None, but must be text"),
@@ -60,4 +70,46 @@ CASES = {
         "drive().frames['left'][0].pose is None, but must be a CameraPose",
     ),
     "digests": ({}, own.Street, "digests", returns(["x"]), "digests() is ['x'], but must be a"),
+    "digests later": (
+        {},
+        own.Street,
+        "digests",
+        lambda street: {"street": None},
+        "digests() is {'street': None}, but must be a mapping from name to text",
+    ),
+    "provenance": (
+        {},
+        own.Street,
+        "provenance",
+        returns({"street": {"by": object}}),
+        "provenance() is {'street': {'by': <class 'object'>}}, but must be a mapping from name",
+    ),
+    "text for a time": (
+        RADIO,
+        own.RadioSender,
+        "occupied_ns",
+        returns("5"),
+        "occupied_ns() is '5'",
+    ),
+    "true for a time": (RADIO, own.RadioSender, "occupied_ns", returns(True), "() is True, but"),
+    "half a nanosecond": (RADIO, own.RadioSender, "delay_ns", returns(1.5), "delay_ns() is 1.5"),
+    "ages": (RADIO, own.RadioSender, "delay_ns", returns(2**70), "delay_ns() is 1180591620717411"),
+    "before now": (FEW, own.OwnEviction, "expires_ns", returns(-1), "expires_ns() is -1, but must"),
+    "never": (FEW, own.OwnEviction, "expires_ns", returns(math.nan), "expires_ns() is nan"),
+    "a stranger": (FEW, own.OwnEviction, "victim", returns("x"), "victim() is 'x', but must be a"),
 }
+
+
+# What the simulator asks of each kind of own class: settings, class and the names asked for.
+HOOKS = (
+    (STREET, own.Street, "open drive digests provenance _frames _frame seeded truth_of extent_m"),
+    ({**STREET, "image_encoding": "jpeg80"}, own.Street, "encoded"),
+    (STREET, own.StreetDrive, "name position duration_ns frames"),
+    (FEW, own.OwnEviction, "stored used removed victim expires_ns"),
+    (ALIKE, own.OwnSimilarity, "key index"),
+    (STRUCK, own.Blackout, "strike check duration_ns dropped_by"),
+    (RADIO, own.Radio, "sender digests"),
+    (RADIO, own.RadioSender, "occupied_ns delay_ns sent"),
+    (METHOD, own.Again, "on_car on_edge title baseline feature wire"),
+    (METHOD, own.Latest, "on_message subscriptions publications void name"),
+)

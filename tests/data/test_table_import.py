@@ -310,6 +310,10 @@ def drive(speed_mps: float, count: int = 30, heading_deg: float = 0.0, factor: f
     return "\n".join(["time_s,east_m,north_m,heading_deg", *rows]) + "\n"
 
 
+ROUND = "time_s,east_m,north_m,heading_deg\n" + "".join(  # a circle, its headings in radians
+    f"{k / 10},{20 * math.sin(k / 20)},{20 - 20 * math.cos(k / 20)},{k / 20 % math.tau}\n"
+    for k in range(120)
+)
 AHEAD = "time_s,label,east_m,north_m,score\n0,{label},{east},0,0.9\n0.1,{label},{east},0,0.9\n"
 
 
@@ -338,6 +342,21 @@ AHEAD = "time_s,label,east_m,north_m,score\n0,{label},{east},0,0.9\n0.1,{label},
             "a row every 20 s; in between it drives straight",
         ),
         (
+            ROUND,
+            AHEAD.format(label="car", east=20),
+            "the heading fits the way driven as radians",
+        ),
+        (
+            drive(10),
+            AHEAD.format(label="car", east=0) + "0,person,0,0,0.9\n0.1,bus,0,0,0.9\n" * 7,
+            "14 of 16 detections are at the very place of another",
+        ),
+        (
+            drive(10, factor=1e-3),
+            AHEAD.format(label="car", east=0.02),
+            "all 2 detections are within 0.02 m of their cars",
+        ),
+        (
             drive(10) + "1700000000,0,0,0\n",
             AHEAD.format(label="car", east=20),
             "a gap of 1.7e.09 s",
@@ -353,6 +372,29 @@ def test_what_cannot_be_is_refused_unless_accepted(tmp_path, poses, detections, 
     report = ImportReport("x", accept=True)
     recordings(*files, report=report)
     assert any(re.search(message, line) for line in report.lines())
+
+
+def test_what_is_unusual_is_told(tmp_path):
+    """Kilometres under metres, kilobytes under bytes, and a column that nobody reads."""
+    files = tmp_path / "poses.csv", tmp_path / "detections.csv"
+    rows = drive(10, factor=1e-3).splitlines()
+    files[0].write_text("\n".join(["vehicle," + rows[0], *(f"a,{row}" for row in rows[1:])]))
+    files[1].write_text(AHEAD.format(label="car", east=20))
+    report = ImportReport("x")
+    recordings(*files, sensor=Sensor(size_bytes=960), report=report)
+    told = "\n".join(report.lines())
+    for text in ("never faster than 0.01 m/s", "a frame takes", "column 'vehicle' of poses.csv"):
+        assert text in told
+
+
+def test_a_title_with_what_is_no_text_is_refused(tmp_path):
+    """A column of another name would be left out: all cars would be one."""
+    for name in ("\0car", "ca\u202er"):
+        (tmp_path / "poses.csv").write_text(
+            f"{name},time_s,east_m,north_m,heading_deg\na,0,0,0,0\n"
+        )
+        with pytest.raises(UserError, match=r"poses.csv: title .*: has characters that are no"):
+            recordings(tmp_path / "poses.csv", tmp_path / "poses.csv")
 
 
 def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):

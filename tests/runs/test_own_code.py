@@ -16,6 +16,7 @@ from typing import Any
 import click
 import pytest
 
+import genie_sim as gs
 from genie_sim.base import plugins
 from genie_sim.base.contracts import Contract
 from genie_sim.base.errors import UserError
@@ -38,6 +39,11 @@ methods:
   - {name: tiny, method: genie, genie: {eviction: lru, capacity: 3 entries}}
   - {name: mine, method: "mod:Nothing", share: 3}
 """
+SHORT = {
+    "cars[0].route.window": ["0 s", "1 s"],
+    "methods": ["genie"],
+    "genie.capacity": "2 entries",
+}
 OWN = """
 from genie_sim.methods.local import Local
 
@@ -233,6 +239,8 @@ STRANGE = {  # what a hook raises, and what the line tells of it
     "raise EOFError": "EOFError: ''",
     "raise SystemExit(3)": "SystemExit: '3'",
     "raise MemoryError": "MemoryError: ''",
+    "raise GeneratorExit": "GeneratorExit: ''",
+    "raise RecursionError": "RecursionError: ''",
     "raise type('E', (Exception,), {'__str__': None})": "E: 'its text fails with TypeError'",
 }
 
@@ -252,6 +260,46 @@ def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
     assert main(["run", "street_1car_homo", *short, "--set", "genie.eviction=strange:Keep"]) == 1
     line = f"eviction 'strange:Keep': {STRANGE[raised]} (strange.py, line "
     assert capsys.readouterr().err.startswith(f"genie-sim: {line}")
+    assert not list(tmp_path.glob("results/*"))
+    with pytest.raises(UserError) as error:
+        gs.run("street_1car_homo", {**SHORT, "genie.eviction": "strange:Keep"}, out="results")
+    assert str(error.value).startswith(line) and not list(tmp_path.glob("results/*"))
+
+
+def test_what_code_of_ones_own_changes_in_the_process_changes_no_result(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """It goes to another folder, prints, and seeds the random numbers of everybody."""
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "restless.py").write_text(RESTLESS)
+    sys.modules.pop("restless", None)
+    monkeypatch.syspath_prepend(tmp_path)
+    quiet, restless = (
+        gs.run("street_1car_homo", {**SHORT, "genie.eviction": name}, out="results", report=False)
+        for name in ("lru", "restless:Keep")
+    )
+    assert Path.cwd() == tmp_path and not list((tmp_path / "elsewhere").iterdir())
+    assert restless.folder and (tmp_path / restless.folder / "summary.md").is_file()
+    assert restless.metrics.equals(quiet.metrics)
+
+
+def test_what_cannot_be_shown_is_named_by_its_class(tmp_path: Path):
+    (tmp_path / "unknown.py").write_text(UNKNOWN)
+    sys.modules.pop("unknown", None)
+    with pytest.raises(UserError) as error:
+        gs.run("street_1car_homo", {**SHORT, "genie.eviction": "unknown:Keep"})
+    shown = "<Unspeakable, whose repr() raises ValueError>"
+    assert str(error.value).startswith(f"eviction unknown:Keep: victim() is {shown}, but must be")
+
+
+def test_a_module_that_asks_for_an_end_is_taken_for_ctrl_c(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "stops.py").write_text(RAISING.replace('KeyError("why")', "KeyboardInterrupt"))
+    sys.modules.pop("stops", None)
+    line = ["run", "street_1car_homo", "--set", "genie.eviction=stops:Keep"]
+    assert main([*line, "--set", "cars[0].route.window=[0 s, 1 s]"]) == 130
+    assert capsys.readouterr().err == "genie-sim: interrupted; nothing was written\n"
     assert not list(tmp_path.glob("results/*"))
 
 
@@ -290,6 +338,42 @@ class Keep:
     removed = victim = expires_ns = used
     def stored(self, *_):
         raise KeyError("why")
+"""
+
+RESTLESS = """
+import os
+import random
+
+import numpy as np
+from genie_sim.core.eviction import LRU
+
+os.chdir("elsewhere")
+
+
+class Keep(LRU):
+    def __init__(self):
+        os.chdir("/")
+        super().__init__()
+
+    def stored(self, key, now_ns):
+        os.chdir("/")
+        print("stored")
+        random.seed(now_ns)
+        np.random.seed(now_ns % 2**32)
+        super().stored(key, now_ns)
+"""
+UNKNOWN = """
+from genie_sim.core.eviction import LRU
+
+
+class Unspeakable:
+    def __repr__(self):
+        raise ValueError
+
+
+class Keep(LRU):
+    def victim(self):
+        return Unspeakable()
 """
 
 

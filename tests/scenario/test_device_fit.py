@@ -259,6 +259,22 @@ def test_a_law_that_does_not_fit_is_told_in_words():
     assert "the law does not fit: its mean is" in report.lines()[0]
 
 
+@pytest.mark.parametrize(
+    ("titles", "row", "message"),
+    [
+        ("latency_ms", "0.02{k}", "latency: a median of 0.025 ms, unusual of a detection"),
+        ("latency_ms", "2{k}000", "latency: a median of 25,000 ms, unusual of a detection"),
+        ("batch,latency_ms", "8,2{k}", "column 'batch': up to 8: of how many pictures at once?"),
+    ],
+)
+def test_what_is_unusual_of_a_detector_is_told(tmp_path, titles, row, message):
+    path = tmp_path / "times.csv"
+    path.write_text("\n".join([titles, *(row.format(k=k % 10) for k in range(40))]))
+    report = ImportReport(path)
+    device_fit.from_table(path, "m", report)
+    assert any(message in line for line in report.lines()), report.lines()
+
+
 def test_a_device_of_a_mean_and_a_deviation_has_both(run_cli, tmp_path):
     figures = ("--mean", "45ms", "--sd", "5 ms", "--model", "yolo", "--cores", "8")
     done = run_cli("profile", *figures, "--out", "board.yaml")

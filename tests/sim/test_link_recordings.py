@@ -256,7 +256,12 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
     ("format", "text", "message"),
     [
         ("csv", "time,up_mbps\n0,1\n", "column 'time_s' is missing; 'time' has no unit"),
-        ("csv", "time_s\n0\n", "needs a column of up_mbps, down_mbps, rtt_ms"),
+        (
+            "csv",
+            "time_s\n0\n",
+            "needs a column of up_mbps, down_mbps, rtt_ms; the file has 'time_s'",
+        ),
+        ("csv", "time_s,up [MB/s]\n0,5\n", "the file has 'time_s', 'up [MB/s]'; rates are in bits"),
         (
             "csv",
             "time_s,up_mbps\n0,fast\n",
@@ -313,6 +318,31 @@ def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, me
     ran = run_cli("import", "link", "drive.txt", "--format", format, "--out", "drive.parquet")
     assert ran.returncode == 1 and message in ran.stderr and "drive.txt" in ran.stderr
     assert len(ran.stderr.splitlines()) == 1 and not (tmp_path / "drive.parquet").exists()
+
+
+@pytest.mark.parametrize(
+    ("titles", "row", "message"),
+    [
+        ("up_mbps", "40000", "up: at most 40,000 Mbit/s, unusual of a radio link"),
+        ("up_mbps", "0.02", "up: at most 0.02 Mbit/s, unusual"),
+        ("rtt_ms", "0.06", "rtt: a median of 0.06 ms, unusual of a radio link"),
+        ("rtt_ms", "20000", "rtt: a median of 20,000 ms, unusual"),
+        ("down_mbps", "50", "down: always 50 Mbit/s: does that stand for unknown?"),
+    ],
+)
+def test_what_is_unusual_of_a_link_is_told(run_cli, tmp_path, titles, row, message):
+    """A factor of a thousand in the unit, and numbers that stand for none."""
+    rows = "".join(f"{second},{row}\n" for second in range(20))
+    (tmp_path / "drive.csv").write_text(f"time_s,{titles}\n{rows}")
+    ran = run_cli("import", "link", "drive.csv", "--out", "drive.parquet")
+    assert ran.returncode == 0 and f"warning: {message}" in ran.stdout, ran
+
+
+def test_a_number_far_beyond_the_others_is_told(run_cli, tmp_path):
+    rows = "".join(f"{second},{9999 if second % 5 == 0 else 20 + second}\n" for second in range(20))
+    (tmp_path / "drive.csv").write_text(f"time_s,rtt_ms\n{rows}")
+    ran = run_cli("import", "link", "drive.csv", "--out", "drive.parquet")
+    assert "4 of 20 values are more than 100 times the median, up to 9,999 ms" in ran.stdout
 
 
 def test_an_imported_drive_is_replayed(run_cli, tmp_path):

@@ -123,6 +123,16 @@ def test_nothing_is_clipped_or_overlaps_at_any_width(width_in: float, many: bool
         assert figure.get_figwidth() == width_in
 
 
+def test_many_methods_leave_room_for_their_panels_in_a_column(monkeypatch):
+    for name in ("sim_lru", "rnd_lru", "potluck", "foggycache", "cachier", "central", "oracle"):
+        monkeypatch.setitem(TITLES, name, f"method {name}")
+    names = ["a_long_name", "exponential", "max"]
+    one_axis = design({"rule": RULE | {"list": names}})
+    table = runs({"rule": list(names)})
+    drawn = dict(SweepFigures(one_axis, table, TITLES, "made up", 3.5).drawn())
+    assert [faults(figure) for figure in drawn.values()] == [[]]
+
+
 def test_in_a_column_each_value_of_the_second_axis_is_a_line():
     crossed = design({"rate": RATE, "rule": RULE})
     table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})

@@ -324,4 +324,3 @@ def test_the_report_of_a_fleet_counts_the_cars_of_the_traffic(fcd, tmp_path):
     run = run_to_folder(scenario(fcd, equipped=["a", "b", "d"]), tmp_path / "results")
     page = (run.folder / "report.html").read_text(encoding="utf-8")
     assert ": 3 cars, " in page
-    assert run.facts["map"]["extent_m"] == [*prepare(scenario(fcd)).frames.extent_m]
