@@ -18,11 +18,12 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from genie_sim import kinds
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns
+from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
@@ -39,6 +40,7 @@ from genie_sim.scenario.scenario import Scenario
 
 if TYPE_CHECKING:
     from genie_sim.paper.reproduce import Reproduction
+    from genie_sim.study.design import Design
     from genie_sim.study.sweep import Sweep
     from genie_sim.study.work import Workers
 
@@ -156,25 +158,66 @@ def run_seeds(
         Called with how many runs are done, how many there are, and how many failed.
     """
     from genie_sim.study.seeds import design_of
-    from genie_sim.study.study import Study
 
     loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
-    label, workers = results.checked_label(label), _workers(jobs, plain_data(loaded))
-    output = _output(report and out is not None, figures and out is not None)
+    studied: Runs = _studied(
+        design_of(loaded, plain(seeds, "seeds")),
+        loaded.name,
+        out,
+        _workers(jobs, plain_data(loaded)),
+        _output(report and out is not None, figures and out is not None),
+        base=loaded,
+        label=label,
+        progress=progress,
+    )
+    return studied
+
+
+def _studied(
+    design: "Design",
+    where: str,
+    out: str | Path | None,
+    workers: "Workers",
+    output: Output,
+    *,
+    base: Scenario | None = None,
+    methods: Sequence[str] = (),
+    label: str = "",
+    shard: Sequence[int] = (1, 1),
+    described: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Runs a study; ``where`` it comes from begins errors, what was ``described``
+    without a file is kept beside the results as one. Raises ``UserError``.
+    """
+    from genie_sim.study.design import write_described
+    from genie_sim.study.study import AS_FILE, Study, UnfinishedError
+
+    if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
+        raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
     with tempfile.TemporaryDirectory() as scratch:
-        work = Study.of(
-            design_of(loaded, plain(seeds, "seeds")),
-            loaded.name,
+        study = Study.of(
+            design,
+            where,
             expanded(out or scratch),
-            base=loaded,
-            label=label,
+            progress if base is None else None,
+            base=base,
+            methods=methods,
+            label=results.checked_label(label),
             reports=output.page,
         )
-        work.run(workers, progress=progress)
-        runs = Runs.read(work.finish(output).folder)
-    if out is None:
-        return Runs([replace(run, folder=None) for run in runs.runs], None, label)
-    return runs
+        study.run(workers, (shard[0], shard[1]), progress)
+        if described:
+            write_described(study.folder / AS_FILE, described, methods)
+        status = study.finish(output)
+        if not status.complete:
+            raise UnfinishedError(status)
+        studied = kinds.load(status.folder)
+    if out is not None:
+        return studied
+    if isinstance(studied, Runs):
+        return Runs([replace(run, folder=None) for run in studied.runs], None, studied.label)
+    return replace(cast(Any, studied), folder=None)
 
 
 def _output(report: bool, figures: bool) -> Output:
@@ -226,14 +269,16 @@ def compare(
 @typed
 def sweep(
     scenario: str | Path,
-    axes: Mapping[str, Any],
+    axes: Mapping[str, Any] | None = None,
     settings: Settings = (),
     *,
-    seeds: int | Sequence[int] = 5,
+    seeds: int | Sequence[int] | None = None,
     methods: Sequence[str] | str = (),
     label: str = "",
     samples: int | None = None,
     jobs: int | None = None,
+    scheduler: str | None = None,
+    shard: Sequence[int] = (1, 1),
     out: str | Path | None = None,
     progress: Progress | None = None,
 ) -> "Sweep":
@@ -247,15 +292,16 @@ def sweep(
     Parameters
     ----------
     scenario : str or Path
-        A file, or the name of one that is shipped.
-    axes : mapping
+        A file, or the name of one that is shipped; without ``axes`` that of a sweep.
+    axes : mapping, optional
         By name, as in a sweep's file, or by the path of a setting with a list of its values:
         ``{"genie.object_map.gate": ["1 m", "2 m"], "link": {"set": "cars[0].link", "list": ["wifi",
         "lte"]}}``.
     settings : mapping or sequence of str
         Fields that are the same at every point.
-    seeds : int or sequence of int
-        Which seeds, or how many: 5 are the seeds 1 to 5.
+    seeds : int or sequence of int, optional
+        Which seeds, or how many: 5 are the seeds 1 to 5. By default those of the sweep's file, else
+        5.
     methods : sequence of str
         Only these, at every point; by default those of the scenario.
     label : str
@@ -264,42 +310,46 @@ def sweep(
         How many points are drawn where axes are random.
     jobs : int, optional
         Processes; by default one per core.
+    scheduler : str, optional
+        Many machines instead: the address of their Dask scheduler, ``tcp://host:8786``.
+    shard : pair of int
+        ``(i, n)``: only the i-th of n parts of the runs, for job arrays; ``UnfinishedError`` where
+        other parts are missing.
     out : str or Path, optional
         A folder that gets the sweep's folder, as ``genie-sim sweep`` names it. Finished runs in it
         are not run again; a sweep of other values has a folder of its own beside it.
     progress : callable, optional
         Called with how much is done, how much there is, and what is going on.
     """
-    from genie_sim.study.design import fixed_settings, read_design, sweep_of
-    from genie_sim.study.study import Study
-    from genie_sim.study.sweep import Sweep
+    from genie_sim.study.design import fixed_settings, load_design, read_design, sweep_of
 
     names = _names("methods", methods)
-    more = {
-        "set": (
-            plain(dict(settings), "settings")
-            if isinstance(settings, Mapping)
-            else fixed_settings(_overrides(settings))
-        ),
-        "samples": plain(samples, "samples"),
-        "seeds": plain(seeds, "seeds"),
-    }
-    given = sweep_of(str(scenario), plain(axes, "axes"), names, more)
-    design = read_design(given, "sweep")
-    with tempfile.TemporaryDirectory() as scratch:
-        work = Study.of(
-            design,
-            "sweep",
-            expanded(out or scratch),
-            progress,
-            methods=names,
-            label=results.checked_label(label),
-            reports=out is not None,
-        )
-        work.run(_workers(jobs, given, names), progress=progress)
-        status = work.finish(Output(page=out is not None))
-        swept = Sweep.read(status.folder)
-    return swept if out is not None else replace(swept, folder=None)
+    fixed = (
+        plain(dict(settings), "settings")
+        if isinstance(settings, Mapping)
+        else fixed_settings(_overrides(settings))
+    )
+    more = {"samples": plain(samples, "samples"), "seeds": plain(seeds, "seeds")}
+    given: dict[str, Any] = {}
+    if axes is None:
+        design = load_design(scenario, fixed, more)
+        where = str(files.find(files.SWEEP, scenario))
+    else:
+        given = sweep_of(str(scenario), plain(axes, "axes"), names, {"set": fixed, **more})
+        design, where = read_design(given, "axes"), "axes"
+    swept: Sweep = _studied(
+        design,
+        where,
+        out,
+        _workers(jobs, given, names, scheduler=scheduler),
+        Output(page=out is not None),
+        methods=names,
+        label=label,
+        shard=shard,
+        described=given,
+        progress=progress,
+    )
+    return swept
 
 
 @typed
@@ -394,7 +444,7 @@ def _check_jobs(jobs: int | None) -> None:
         raise UserError(f"jobs: {short_repr(jobs)}: expected a whole number from 1 on")
 
 
-def _workers(jobs: int | None, *given: Any) -> "Workers":
+def _workers(jobs: int | None, *given: Any, scheduler: str | None = None) -> "Workers":
     """So many processes, by default one a core. A class from a notebook or an interactive session
     is known in this process alone: where ``given`` names one, everything runs here. Raises
     ``UserError`` where several processes are asked for all the same.
@@ -412,4 +462,4 @@ def _workers(jobs: int | None, *given: Any) -> "Workers":
                 " put the class into a file of its own"
             )
         return Workers(1)
-    return Workers(jobs or parallel.workers_here())
+    return Workers(jobs or parallel.workers_here(), scheduler)

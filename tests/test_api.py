@@ -136,6 +136,18 @@ def test_seeds_in_a_folder_are_not_run_again_and_are_the_same(runs):
 
 
 @pytest.mark.slow
+def test_the_last_shard_of_a_sweep_makes_its_table():
+    axes, short = {"spread": ["isolated", "loaded"]}, {"cars[0].route.window": ["0 s", "0.3 s"]}
+    both = {"seeds": 1, "methods": "local", "jobs": 1, "out": "lab"}
+    with pytest.raises(gs.UserError, match="1 of 2 runs are in lab"):
+        gs.sweep("street_1car_homo", axes, short, shard=(1, 2), **both)
+    swept = gs.sweep("street_1car_homo", axes, short, shard=(2, 2), **both)
+    assert set(swept.metrics["spread"]) == {"isolated", "loaded"}
+    again = gs.sweep(swept.folder / "design.yaml", methods="local", jobs=1, out="lab")
+    assert again.metrics.equals(swept.metrics) and again.folder == swept.folder
+
+
+@pytest.mark.slow
 def test_a_sweep_takes_methods_and_a_label():
     axes = {"link": {"set": "cars[0].link", "list": ["wifi", "lte"]}}
     short = {"cars[0].route.window": ["0 s", "1 s"]}
@@ -352,6 +364,8 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
         (lambda: gs.run("3car_hetero", methods={"genie": {}}), "methods"),
         (lambda: gs.sweep("3car_hetero", 5), "axes"),
         (lambda: gs.sweep("3car_hetero", {}), "axes"),
+        (lambda: gs.sweep("3car_hetero"), "3car_hetero is a scenario"),
+        (lambda: gs.sweep("3car_hetero", {"genie.passes": [1]}, shard=(3, 2)), "shard"),
         (lambda: gs.load_scenario(b"x"), "source"),
     ],
 )

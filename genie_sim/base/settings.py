@@ -34,6 +34,7 @@ from typing import (
 )
 
 from genie_sim.base import plugins, units
+from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import UserError, as_user_error, short_repr, unknown
 from genie_sim.base.plugins import OWN_CLASS_PATTERN, Choice, Parameter
 from genie_sim.base.units import Quantity
@@ -321,7 +322,9 @@ def descriptions(cls: type) -> dict[str, str]:
     dataclass, or the entry of an argument in the section ``Parameters`` of any other class.
     """
     if not is_settings_class(cls):
-        _, _, section = (inspect.getdoc(cls) or "").partition("Parameters\n----------\n")
+        _, _, section = (docstring(cls) or inspect.getdoc(cls) or "").partition(
+            "Parameters\n----------\n"
+        )
         section, _, _ = section.partition("\n\n")
         found = re.findall(r"^(\w+) : .*\n((?:    .*\n?)+)", section, re.MULTILINE)
         return {name: " ".join(text.split()) for name, text in found}
@@ -938,7 +941,7 @@ def class_schema(cls: Callable[..., Any], classes: dict[str, Schema]) -> Schema:
         properties[setting.key] = {**text, **schema}
     mapping: Schema = {
         "type": "object",
-        "description": inspect.cleandoc(cls.__doc__ or ""),
+        "description": docstring(cls),
         "properties": properties,
         "additionalProperties": not closed,
     }

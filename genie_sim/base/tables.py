@@ -31,7 +31,9 @@ MAX_NUMBER = 1e15  # of a column that names no limits: products with units stay 
 FLAGS = {"true": True, "false": False, "1": True, "0": False}
 MAX_TEXT = 100
 MAX_LINE = 1_000_000  # characters of a text
-MAX_CHARACTERS = 2 * 10**9  # of a text that is packed, or not
+MAX_CHARACTERS = 2 * 10**9  # of a text
+# A packed one has at most so many, or so many times its size: each row takes far more memory.
+SMALL_CHARACTERS, MAX_EXPANSION = 2**24, 100
 BATCH_ROWS = 65_536  # of a Parquet file, in memory at once
 MARKS = "\t;,"  # separate columns wherever they stand
 BLANKS = " "  # separates columns: any number of spaces and tabs
@@ -346,13 +348,15 @@ def _lines(path: Path) -> Iterator[Iterator[str]]:
 
 def _bounded(text: io.TextIOBase, path: Path) -> Iterator[str]:
     """The lines of a text, as long as they are no attack on the memory."""
-    size = 0
+    size, limit = 0, MAX_CHARACTERS
+    if is_gzip(path):
+        limit = min(limit, max(SMALL_CHARACTERS, MAX_EXPANSION * path.stat().st_size))
     while line := text.readline(MAX_LINE):
         size += len(line)
         if len(line) == MAX_LINE:
             raise UserError(f"{path}: has a line of {MAX_LINE:,} characters or more")
-        if size > MAX_CHARACTERS:
-            raise UserError(f"{path}: has more than {MAX_CHARACTERS:,} characters")
+        if size > limit:
+            raise UserError(f"{path}: has more than {limit:,} characters")
         yield line
 
 

@@ -1,9 +1,9 @@
 """What can be named in a scenario, each with a line about it; the answers of ``genie-sim list``."""
 
-import inspect
 from collections.abc import Callable, Iterable, Mapping
 
 from genie_sim.base import files
+from genie_sim.base.docstrings import docstring
 from genie_sim.base.plugins import Choice, resolve
 from genie_sim.base.units import duration_text, rate_text
 from genie_sim.core.confidence import CONFIDENCE_RULES
@@ -59,9 +59,7 @@ def _metrics() -> Listing:
 def _first_lines(registry: Mapping[str, object]) -> Listing:
     """Each name of a registry with the first paragraph of its class's docstring, on one line."""
     for name in registry:
-        paragraph, _, _ = inspect.cleandoc(resolve("", name, registry).__doc__ or "").partition(
-            "\n\n"
-        )
+        paragraph, _, _ = docstring(resolve("", name, registry)).partition("\n\n")
         yield name, " ".join(paragraph.split())
 
 

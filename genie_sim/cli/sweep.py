@@ -20,8 +20,6 @@ from genie_sim.cli.arguments import (
 from genie_sim.cli.run import print_results
 from genie_sim.cli.terminal import ProgressBar
 
-WRITTEN = "design.yaml"  # beside the results: the sweep that the command line described
-
 
 @click.command()
 @click.argument(
@@ -74,57 +72,45 @@ def sweep(
         arguments.only("with --scheduler", *of_all)
     part = arguments.shard(shard)
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
-    from genie_sim import kinds
-    from genie_sim.base import files, parallel
+    from genie_sim import api
+    from genie_sim.analysis.seed_runs import SeedRuns
     from genie_sim.record.results import checked_label
-    from genie_sim.study.design import fixed_settings, load_design, read_design
-    from genie_sim.study.study import Study
-    from genie_sim.study.work import Workers
+    from genie_sim.study.study import UnfinishedError
 
-    label = checked_label(label, "--label")
-    settings = fixed_settings(set_)
-    if axes:
-        described = _described(what, axes, settings, numbers, names)
-        design, where = read_design(described, "--axis"), "--axis"
-    else:
-        _refuse_scenario(what)
-        design, where = load_design(what, numbers, settings), str(files.find(files.SWEEP, what))
-    with ProgressBar(unit="points") as progress:
-        work = Study.of(design, where, out, progress, methods=names, label=label)
-    workers = Workers(jobs or parallel.workers_here(), scheduler)
-    with (
-        ProgressBar(unit="runs") as progress,
-        terminal.resumable(work.folder),
-    ):
-        work.run(workers, part, progress)
-    if axes:
-        _write_design(work.folder / WRITTEN, described, methods)
-    done = work.finish()
-    if done.complete and not work.design.axes:
-        print_results(kinds.Runs.read(done.folder), page=True, figures=False)
-    elif done.complete:
-        click.echo(
-            f"{done.points:,} points, {done.runs:,} runs\n"
-            f"Table: {done.folder / 'table.csv'} (and .parquet)"
-        )
-        click.echo(f"Figures: {done.folder / 'figures'}")
-    else:
-        click.echo(
-            f"{done.done:,} of {done.runs:,} runs are in {done.folder}; "
-            "the last shard makes the table"
-        )
+    try:
+        with ProgressBar("") as progress, terminal.resumable(out):
+            result: Any = api.sweep(
+                what,
+                _levels(axes) if axes else None,
+                set_,
+                seeds=numbers,
+                methods=names,
+                label=checked_label(label, "--label"),
+                jobs=jobs,
+                scheduler=scheduler,
+                shard=part,
+                out=out,
+                progress=progress,
+            )
+    except UnfinishedError as rest:
+        click.echo(str(rest))
+        return
+    except UserError as error:
+        # in Python axes come from an argument, on the command line they do not
+        text = str(error)
+        is_of_axes = text.startswith("axes: ")
+        raise UserError(f"--axis: {text.removeprefix('axes: ')}" if is_of_axes else text) from error
+    if isinstance(result, SeedRuns):
+        print_results(result, page=True, figures=False)
+        return
+    click.echo(f"{result.about['points']:,} points, {result.about['runs']:,} runs")
+    click.echo(f"Table: {result.folder / 'table.csv'} (and .parquet)")
+    click.echo(f"Figures: {result.folder / 'figures'}")
 
 
-def _described(
-    scenario: str,
-    axes: Sequence[str],
-    settings: dict[str, Any],
-    seeds: int | list[int] | None,
-    methods: Sequence[str],
-) -> dict[str, Any]:
-    """The sweep that the command line describes, as in a file. Raises ``UserError``."""
+def _levels(axes: Sequence[str]) -> dict[str, Any]:
+    """The values of each setting that varies. Raises ``UserError``."""
     from genie_sim.scenario.yaml_input import parse
-    from genie_sim.study.design import sweep_of
 
     values: dict[str, Any] = {}
     for text in axes:
@@ -136,24 +122,4 @@ def _described(
         if setting in values:
             raise UserError(f"--axis {text}: {setting} is varied already")
         values[setting] = parse(f"[{listed}]", f"--axis {text}")
-    return sweep_of(scenario, values, methods, {"set": settings, "seeds": seeds})
-
-
-def _refuse_scenario(name: str) -> None:
-    """Raises ``UserError`` for a scenario without an axis."""
-    from genie_sim.base import files
-    from genie_sim.study.design import refuse_scenario
-
-    if name not in files.available(files.SWEEP) and name in files.available(files.SCENARIO):
-        refuse_scenario(name)
-
-
-def _write_design(path: Path, described: dict[str, Any], methods: str | None) -> None:
-    """Writes the sweep as a file, with the command that runs it again."""
-    from genie_sim.base.paths import atomic_write
-    from genie_sim.scenario.yaml_input import dump
-
-    again = f"genie-sim sweep {path}" + ("" if methods is None else f" --methods {methods}")
-    with atomic_write(path) as beside:
-        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
-        beside.write_text(text, encoding="utf-8")
+    return values

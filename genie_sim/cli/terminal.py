@@ -18,6 +18,7 @@ from typing import Any
 import click
 
 from genie_sim.base import add_ons
+from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.plugins import own_faults_told
@@ -89,6 +90,11 @@ class Commands(click.Group):
     """
 
     add_ons = ""  # the group of entry points through which packages add commands
+
+    def add_command(self, cmd: click.Command, name: str | None = None) -> None:
+        """One of them, with its help under ``python -OO``, too."""
+        cmd.help = cmd.help or docstring(cmd.callback)
+        super().add_command(cmd, name)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """In the order in which they are written."""

@@ -26,7 +26,7 @@ from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn,
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.trace import POSITION_DECIMALS, Trace, TraceFrame
+from genie_sim.data.trace import POSITION_DECIMALS, Trace
 from genie_sim.data.trace_import import (
     BEYOND_M,
     RANGE_M,
@@ -205,12 +205,14 @@ def recordings(
     first_ns = round(first_s * NS_PER_S)
     frames = {
         car: [
-            _frame(
-                row,
-                first_ns + _since_ns(row.time_s, first_s),
+            scan_frame(
+                camera=RECORDING,
+                stamp_ns=first_ns + _since_ns(row.time_s, first_s),
+                size_bytes=sensor.size_bytes,
                 key=f"{key}/{car}/{index}",
+                pose=row.pose,
+                horizontal_fov_rad=sensor.fov_rad,
                 detections=of_frame,
-                sensor=sensor,
             )
             for index, (row, of_frame) in enumerate(zip(rows, detected[car], strict=True))
         ]
@@ -350,21 +352,6 @@ def _since_ns(time_s: float, first_s: float) -> int:
     tells.
     """
     return round((time_s - first_s) * NS_PER_S / NS_PER_US) * NS_PER_US
-
-
-def _frame(
-    row: _Pose, stamp_ns: int, *, key: str, detections: Sequence[Detection], sensor: Sensor
-) -> TraceFrame:
-    """One frame of a trace; ``key`` tells it from every other."""
-    return scan_frame(
-        camera=RECORDING,
-        stamp_ns=stamp_ns,
-        size_bytes=sensor.size_bytes,
-        key=key,
-        pose=row.pose,
-        horizontal_fov_rad=sensor.fov_rad,
-        detections=detections,
-    )
 
 
 def _read_truth(

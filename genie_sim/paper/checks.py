@@ -130,8 +130,8 @@ def _c8(evidence: Evidence, claim: Claim) -> Finding:
         f"{step}, the server's car": effect
         for step, effect in _steps(evidence, HE, of_car1).items()
     }
-    shown = evidence.of(HE[2], of_car1) - evidence.of(HE[0], of_car1)
-    return all_positive(shown, _steps(evidence, HE, mean), served)
+    difference = evidence.of(HE[2], of_car1) - evidence.of(HE[0], of_car1)
+    return all_positive(difference, _steps(evidence, HE, mean), served)
 
 
 def _c9(evidence: Evidence, claim: Claim) -> Finding:
@@ -180,8 +180,8 @@ def _c16(evidence: Evidence, claim: Claim) -> Finding:
 
 def _c19(evidence: Evidence, claim: Claim) -> Finding:
     stored, reused = (
-        {f"{s} {what}": effect for s, effect in _more_on("edge", evidence, ALONE, name).items()}
-        for name, what in (("stored_images", "stored"), ("image_reuse", "reuse"))
+        {f"{s} {label}": effect for s, effect in _more_on("edge", evidence, ALONE, name).items()}
+        for name, label in (("stored_images", "stored"), ("image_reuse", "reuse"))
     )
     return all_positive(_mean_effect(reused), stored, reused)
 
@@ -207,9 +207,9 @@ def _c20(evidence: Evidence, claim: Claim) -> Finding:
 def _c21(evidence: Evidence, claim: Claim) -> Finding:
     legs = [
         {
-            f"{he} {place} {what}": more(evidence.of(he, number), evidence.of(ho, number))
+            f"{he} {place} {label}": more(evidence.of(he, number), evidence.of(ho, number))
             for ho, he in PAIRS
-            for what, number in (
+            for label, number in (
                 ("mean", placed("image_reuse", place)),
                 ("highest", placed("image_reuse_highest", place)),
             )
@@ -246,18 +246,20 @@ def _c26(evidence: Evidence, claim: Claim) -> Finding:
         for place in PLACEMENTS
     }
     on_edges = [effect for name, effect in effects.items() if name.endswith("edge")]
-    return all_positive(np.mean([one.effect / one.value for one in on_edges], axis=0), effects)
+    return all_positive(
+        np.mean([boost.effect / boost.value for boost in on_edges], axis=0), effects
+    )
 
 
 def _c28(evidence: Evidence, claim: Claim) -> Finding:
     legs = [
         {
-            f"{s} {what}": more(
+            f"{s} {label}": more(
                 evidence.mean_of([s], names), evidence.mean_of([s], names, "no_edge_sharing")
             )
             for s in SHARED
         }
-        for what, names in (
+        for label, names in (
             ("images", BOTH_IMAGES),
             ("objects", BOTH_OBJECTS),
             ("boost", BOTH_BOOSTS),
@@ -329,9 +331,9 @@ def _c39(evidence: Evidence, claim: Claim) -> Finding:
         for cell in cells
         if cell.misprinted
     ]
-    same = sum(cell.printed_ms == cell.ours_ms for cell in cells)
+    equal_cells = sum(cell.printed_ms == cell.ours_ms for cell in cells)
     note = f"{len(misprints)} misprints: {', '.join(misprints)}"
-    return arithmetic(same == 24 and len(misprints) == claim.expect, same, note)
+    return arithmetic(equal_cells == 24 and len(misprints) == claim.expect, equal_cells, note)
 
 
 Check = Callable[[Evidence, Claim], Finding]

@@ -137,13 +137,13 @@ def all_positive(shown: Values, *legs: Effects, note: str = "") -> Finding:
     held = sum(state == HELD for state in states.values())
     if held == len(effects):
         return Finding(HOLDS, shown, note)
-    missing = _missing({name: state for name, state in states.items() if state != HELD})
-    note = "; ".join(filter(None, [note, f"{held} of {len(effects)} hold, not {missing}"]))
-    whole = (all(states[name] == HELD for name in leg) for leg in legs)
+    failures = _missing({name: state for name, state in states.items() if state != HELD})
+    note = "; ".join(filter(None, [note, f"{held} of {len(effects)} hold, not {failures}"]))
+    legs_held = (all(states[name] == HELD for name in leg) for leg in legs)
     relative = [effect.effect / effect.scale for effect in effects.values()]
     _, low, _ = interval(np.mean(relative, axis=0))
     most = low > NEGLIGIBLE or 2 * held > len(effects)
-    partly = (len(legs) > 1 and any(whole)) or (most and CONTRARY not in states.values())
+    partly = (len(legs) > 1 and any(legs_held)) or (most and CONTRARY not in states.values())
     return Finding(PARTLY if partly else NO, shown, note)
 
 
@@ -217,8 +217,8 @@ def _rounded(value: float) -> float:
 def sentences(rows: Sequence[Row]) -> list[str]:
     """What of the paper holds, in three sentences."""
     return [
-        f"{name}: {_counts(chosen)}{more}."
-        for name, chosen, more in (
+        f"{name}: {_counts(section_rows)}{more}."
+        for name, section_rows, more in (
             ("Latency", [row for row in rows if row["section"] == "latency"], _of_inputs(rows)),
             ("Levels of reuse and confidence", _about(rows, "level"), _average(rows)),
             (
@@ -230,8 +230,8 @@ def sentences(rows: Sequence[Row]) -> list[str]:
     ]
 
 
-def _about(rows: Sequence[Row], what: str) -> list[Row]:
-    return [row for row in rows if row["about"] == what]
+def _about(rows: Sequence[Row], subject: str) -> list[Row]:
+    return [row for row in rows if row["about"] == subject]
 
 
 def _counts(rows: Sequence[Row]) -> str:

@@ -56,8 +56,8 @@ def of_run(scenario: str, columns: Mapping[str, Columns]) -> dict[Key, Points]:
             curves["boost", placement] = _thinned(boost["events"], boost["boost"])
     if scenario == CASE:
         images = columns["lookups"].where(kind="image", genie="car1/genie")
-        for car, asked in (("car2", maps.where(genie="car2/genie")), ("car1", images)):
-            ratios = genie_metrics.running_reuse(asked)["ratio"]
+        for car, lookups in (("car2", maps.where(genie="car2/genie")), ("car1", images)):
+            ratios = genie_metrics.running_reuse(lookups)["ratio"]
             if len(ratios):
                 curves["reuse", car] = _thinned(np.arange(1, len(ratios) + 1), ratios)
     return {Key(scenario, what, of): points for (what, of), points in curves.items()}
@@ -83,18 +83,22 @@ def pooled(of_seeds: Sequence[Curves]) -> dict[Key, Points]:
     """The curves over all seeds: distributions of all frames together, else means, as far as all
     seeds go.
     """
-    found = {}
+    pooled_curves = {}
     for key in dict.fromkeys(key for curves in of_seeds for key in curves):
         curves = [curves[key] for curves in of_seeds if key in curves]
         if key.what == "time":
             times_ms = np.concatenate([points.y for points in curves])
-            found[key] = Points(SHARES, np.quantile(times_ms, SHARES, method="inverted_cdf"))
+            pooled_curves[key] = Points(
+                SHARES, np.quantile(times_ms, SHARES, method="inverted_cdf")
+            )
         else:
             first = max(points.x[0] for points in curves)
             last = max(min(points.x[-1] for points in curves), first)
             x = np.unique(np.linspace(first, last, POINTS).astype(np.int64)).astype(float)
-            found[key] = Points(x, np.mean([np.interp(x, *points) for points in curves], axis=0))
-    return found
+            pooled_curves[key] = Points(
+                x, np.mean([np.interp(x, *points) for points in curves], axis=0)
+            )
+    return pooled_curves
 
 
 def write(path: Path, curves: Curves) -> None:

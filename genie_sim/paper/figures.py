@@ -56,7 +56,7 @@ def of_numbers(
     evidence = Evidence(table)
     seeds = len(evidence.seeds)
     footer = f"genie-sim reproduce, {seeds} seed{'s' * (seeds > 1)}"
-    return Shown(drawn, evidence, (*ALL, CASE), footer, width_in or PAGE_IN).figures()
+    return EvaluationFigures(drawn, evidence, (*ALL, CASE), footer, width_in or PAGE_IN).figures()
 
 
 def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figure]:
@@ -76,18 +76,18 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
         for number, value in numbers.of_run(of_seed).items()
     ]
     columns = [column.name for column in numbers.SCHEMA.columns]
-    shown = Shown(
+    evaluation = EvaluationFigures(
         curves.pooled([curves.of_run(name, of_seed.tables) for of_seed in run.runs]),
         Evidence(pd.DataFrame(rows, columns=["variant", "scenario", "seed", *columns[3:]])),
         (name,),
         run.footer,
         width_in or PAGE_IN / 2,
     )
-    return {f"{PREFIX}{figure}": drawn for figure, drawn in shown.figures().items()}
+    return {f"{PREFIX}{figure}": drawn for figure, drawn in evaluation.figures().items()}
 
 
 @dataclass(frozen=True)
-class Shown:
+class EvaluationFigures:
     """What figures draw.
 
     Parameters
@@ -112,16 +112,16 @@ class Shown:
 
     def figures(self) -> dict[str, Figure]:
         """Each figure that there is something for."""
-        drawn = {}
+        figures = {}
         with drawing.in_style():
             if self.scenarios != (CASE,):
-                drawn["latency_cdf"] = self._latency()
-                drawn["image_reuse"] = self._reuse("image reuse")
-                drawn["object_reuse"] = self._reuse("object reuse")
-                drawn["confidence_boost"] = self._boosts()
+                figures["latency_cdf"] = self._latency()
+                figures["image_reuse"] = self._reuse("image reuse")
+                figures["object_reuse"] = self._reuse("object reuse")
+                figures["confidence_boost"] = self._boosts()
             if CASE in self.scenarios:
-                drawn["case_study"] = self._case_study()
-        return drawn
+                figures["case_study"] = self._case_study()
+        return figures
 
     @property
     def clusters(self) -> dict[str, list[str]]:
@@ -150,8 +150,8 @@ class Shown:
         columns = max(map(len, clusters.values()))
         figure, grid = self._panels(len(clusters), columns, 1.18, sharex=True, sharey=True)
         styles = style.method_styles([method.name for method in METHODS])
-        drawn = [self.curves[key].y for key in self.curves if key.what == "time"]
-        low, high = 0.8 * min(y.min() for y in drawn), 1.25 * max(y.max() for y in drawn)
+        times = [self.curves[key].y for key in self.curves if key.what == "time"]
+        low, high = 0.8 * min(y.min() for y in times), 1.25 * max(y.max() for y in times)
         for row, (cluster, scenarios) in zip(grid, clusters.items(), strict=True):
             for axis, scenario in zip(row, scenarios, strict=True):
                 for number, method in zip(styles, METHODS, strict=True):
@@ -214,10 +214,9 @@ class Shown:
         grid[0, 0].set_ylim(0, min(1.12 * top, 1.12))
         grid[0, 0].set_ylabel(what)
         grid[0, 0].yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
-        asked = "clients and other Genies" if what == "image reuse" else "the object map"
-        note = (
-            f"hits / requests of {asked}; whiskers: lowest and highest running ratio of any Genie"
-        )
+        requesters = "clients and other Genies" if what == "image reuse" else "the object map"
+        whiskers = "lowest and highest running ratio of any Genie"
+        note = f"hits / requests of {requesters}; whiskers: {whiskers}"
         return self._finish(figure, f"{what.capitalize()} of local and remote Genies", note)
 
     def _lines(self, axes: Any, label: str, y: float, dashes: str) -> None:

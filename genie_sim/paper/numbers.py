@@ -77,14 +77,14 @@ def of_run(run: Run) -> Numbers:
 
 def of_metrics(measured: Iterable[MetricValue]) -> Numbers:
     """Each metric's value by its own name, and the ends of the range of a reuse."""
-    found: Numbers = {}
+    numbers: Numbers = {}
     for row in measured:
         number = Number(row.metric, row.method, row.placement, row.component)
-        found[number] = math.nan if row.value is None else row.value
+        numbers[number] = math.nan if row.value is None else row.value
         if row.range_low is not None and row.range_high is not None:
-            found[number._replace(metric=f"{row.metric}_lowest")] = row.range_low
-            found[number._replace(metric=f"{row.metric}_highest")] = row.range_high
-    return found
+            numbers[number._replace(metric=f"{row.metric}_lowest")] = row.range_low
+            numbers[number._replace(metric=f"{row.metric}_highest")] = row.range_high
+    return numbers
 
 
 def of_tables(columns: Mapping[str, Columns]) -> Numbers:
@@ -115,21 +115,23 @@ def read(folder: Path) -> "pd.DataFrame":
     return tables.read(folder / FILE, SCHEMA).to_frame()
 
 
-def differences(known: Mapping[Number, float], found: Mapping[Number, float]) -> list[str]:
+def differences(
+    kept_numbers: Mapping[Number, float], new_numbers: Mapping[Number, float]
+) -> list[str]:
     """The numbers that one has and the other has not, or that differ."""
-    lines = [str(number) for number in sorted(known.keys() ^ found.keys())]
-    for number in sorted(known.keys() & found.keys()):
-        before, now = known[number], found[number]
-        same = math.isclose(before, now, rel_tol=RELATIVE, abs_tol=1e-12)
-        if not (same or (math.isnan(before) and math.isnan(now))):
+    lines = [str(number) for number in sorted(kept_numbers.keys() ^ new_numbers.keys())]
+    for number in sorted(kept_numbers.keys() & new_numbers.keys()):
+        before, now = kept_numbers[number], new_numbers[number]
+        is_close = math.isclose(before, now, rel_tol=RELATIVE, abs_tol=1e-12)
+        if not (is_close or (math.isnan(before) and math.isnan(now))):
             lines.append(f"{number}: {before:g} is now {now:g}")
     return lines
 
 
-def table_differences(known: "pd.DataFrame", found: "pd.DataFrame") -> list[str]:
+def table_differences(kept_table: "pd.DataFrame", new_table: "pd.DataFrame") -> list[str]:
     """The same of two evaluations' tables, with the run that each number is of."""
     lines = []
-    sides = [_by_run(table) for table in (known, found)]
+    sides = [_by_run(table) for table in (kept_table, new_table)]
     for place in sorted({*sides[0], *sides[1]}):
         before, now = (side.get(place, {}) for side in sides)
         variant, scenario, seed = place
@@ -152,17 +154,17 @@ def _of_answers(frames: Columns) -> Numbers:
     or a cached answer of this very frame; each car's times; and what the last third of the frames
     gets.
     """
-    found: Numbers = {}
+    numbers: Numbers = {}
     for method, rows in frames.groups("method"):
         first_ms, result_ms = (
             frame_metrics.response_ms(rows, answer) for answer in ("first", "result")
         )
         early = _percentiles(first_ms, EARLY_PERCENTILES)
-        found |= {
+        numbers |= {
             Number(f"first_answer_p{percent}", method): time_ms
             for percent, time_ms in zip(EARLY_PERCENTILES, early, strict=True)
         }
-        found |= {
+        numbers |= {
             Number("result_answer_mean", method): _mean(result_ms),
             Number("result_under_deadline_share", method): float(np.mean(result_ms < DEADLINE_MS)),
             Number("result_answered_share", method): float(np.mean(~np.isnan(result_ms))),
@@ -170,7 +172,7 @@ def _of_answers(frames: Columns) -> Numbers:
         for car in rows["car"].unique():
             of_car = first_ms[rows["car"] == car]
             median, late, latest = _percentiles(of_car, [50, 99, 100])
-            found |= {
+            numbers |= {
                 Number("first_answer_mean", method, component=car): _mean(of_car),
                 Number("first_answer_p50", method, component=car): median,
                 Number("first_answer_p99", method, component=car): late,
@@ -179,8 +181,8 @@ def _of_answers(frames: Columns) -> Numbers:
         stamp_ns = rows["stamp_ns"]
         last = stamp_ns > stamp_ns.min() + 2 / 3 * (stamp_ns.max() - stamp_ns.min())
         for metric, times_ms in (("late_result", result_ms), ("late_answered", first_ms)):
-            found[Number(f"{metric}_share", method)] = float(np.mean(~np.isnan(times_ms[last])))
-    return found
+            numbers[Number(f"{metric}_share", method)] = float(np.mean(~np.isnan(times_ms[last])))
+    return numbers
 
 
 def _of_bytes(frames: Columns) -> Numbers:
@@ -196,9 +198,11 @@ def _of_bytes(frames: Columns) -> Numbers:
 def _of_lookups(lookups: Columns, frames: Columns) -> Numbers:
     """Object reuse of each Genie, and when the image reuse of cars was highest."""
     of_genies = genie_metrics.reuse(genie_metrics.objects(lookups))
-    found = {Number("object_reuse", component=genie): reused for genie, reused in of_genies.items()}
+    numbers = {
+        Number("object_reuse", component=genie): reused for genie, reused in of_genies.items()
+    }
     running = genie_metrics.running_reuse(genie_metrics.images(lookups).where(placement="car"))
-    return found | {placed("image_peak_at", "car"): _peak_at(running, frames)}
+    return numbers | {placed("image_peak_at", "car"): _peak_at(running, frames)}
 
 
 def _of_resources(resources: Columns, lap_ns: int) -> Numbers:
@@ -208,21 +212,21 @@ def _of_resources(resources: Columns, lap_ns: int) -> Numbers:
     for _, samples in resources.where(method="genie", kind="cpu").groups("resource"):
         busy_ns += int(samples["busy_ns"][-1])
         handled += int(samples["completed"][-1])
-    found = {Number("handling_ms"): ratio(busy_ns / NS_PER_MS, handled)}
+    numbers = {Number("handling_ms"): ratio(busy_ns / NS_PER_MS, handled)}
     runs = in_lap1 = 0
     for method, of_method in resources.where(kind="accelerator").groups("method"):
         for resource, samples in of_method.groups("resource"):
             host, completed = resource.removesuffix(".accelerator"), samples["completed"]
             rate = ratio(completed[-1], samples["busy_ns"][-1] / NS_PER_S)
-            found[Number("accelerator_rate", method, component=host)] = rate
+            numbers[Number("accelerator_rate", method, component=host)] = rate
             if method == "genie":
                 runs += int(completed[-1])
                 in_lap1 += int(completed[samples["t_ns"] <= lap_ns].max(initial=0))
-    found[Number("detector_runs")] = float(runs)
+    numbers[Number("detector_runs")] = float(runs)
     if lap_ns < FOR_EVER_NS:
-        found[Number("detector_runs", component="lap1")] = float(in_lap1)
-        found[Number("detector_runs", component="lap2")] = float(runs - in_lap1)
-    return found
+        numbers[Number("detector_runs", component="lap1")] = float(in_lap1)
+        numbers[Number("detector_runs", component="lap2")] = float(runs - in_lap1)
+    return numbers
 
 
 def _peak_at(ratios: Columns, frames: Columns) -> float:

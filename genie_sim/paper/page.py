@@ -44,18 +44,18 @@ ACCURACY = (
 )
 
 
-def page(made: "Reproduction", drawn: "Mapping[str, Figure] | None" = None) -> str:
-    """The page about an evaluation; figures that were ``drawn`` are not drawn again. Raises
+def page(reproduction: "Reproduction", figures: "Mapping[str, Figure] | None" = None) -> str:
+    """The page about an evaluation; ``figures`` that are given are not drawn again. Raises
     ``UserError``.
     """
-    about, rows, evidence = made.about, made.rows, Evidence(made.numbers)
-    with provenance.of_this_version(made.folder):
+    about, rows, evidence = reproduction.about, reproduction.rows, Evidence(reproduction.numbers)
+    with provenance.of_this_version(reproduction.folder):
         seeds = len(about["seeds"])
         return Page(
             kind="an evaluation",
             name=TITLE,
             about=[f"{'Quick' if about['quick'] else 'Full'} evaluation: {seeds} seeds."],
-            warning=provenance.warning(made.changed),
+            warning=provenance.warning(reproduction.changed),
             sections=[
                 Section(
                     "What of the paper holds",
@@ -67,7 +67,7 @@ def page(made: "Reproduction", drawn: "Mapping[str, Figure] | None" = None) -> s
                 ),
                 Section(
                     "The paper's figures",
-                    [template.figures(made.figures() if drawn is None else drawn)],
+                    [template.figures(reproduction.figures() if figures is None else figures)],
                 ),
                 Section(
                     "How accurate the answers are",

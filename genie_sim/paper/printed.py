@@ -84,9 +84,9 @@ def in_markdown(rows: Sequence[Row]) -> str:
     """The three sentences, and the table section by section."""
     parts = [*(f"- {sentence}" for sentence in sentences(rows)), ""]
     for section in SECTIONS:
-        chosen = [row for row in rows if row["section"] == section]
-        if chosen:
-            parts += [f"### {section[0].upper()}{section[1:]}", "", _markdown(chosen), ""]
+        section_rows = [row for row in rows if row["section"] == section]
+        if section_rows:
+            parts += [f"### {section[0].upper()}{section[1:]}", "", _markdown(section_rows), ""]
     return "\n".join([*parts, *notes(rows)]).rstrip()
 
 
@@ -122,15 +122,15 @@ def in_short(rows: Sequence[Row]) -> str:
 def notes(rows: Sequence[Row]) -> list[str]:
     """What so few seeds cannot decide, and what is different from the full run."""
     seeds = max(row["n"] for row in rows)
-    found = []
+    lines = []
     if seeds < MIN_SEEDS:
-        found.append(
+        lines.append(
             f"{seeds} seed{'s' * (seeds > 1)}: no intervals; genie-sim reproduce runs ten."
         )
     differ = [*differing(rows)]
     if differ and all(row["full_run"] for row in rows):
-        found.append(f"Other verdicts than in the full run: {', '.join(differ)}.")
-    return found
+        lines.append(f"Other verdicts than in the full run: {', '.join(differ)}.")
+    return lines
 
 
 def table(rows: Sequence[Row], format: str) -> str:
@@ -157,9 +157,9 @@ def _text_lines(rows: Sequence[Row], width: int) -> Iterator[str]:
             width,
             subsequent_indent=" " * 12,
         )
-        found = f"paper {row['paper']}; here {number(row)}, {row['ours']}. {reason(row)}"
+        text = f"paper {row['paper']}; here {number(row)}, {row['ours']}. {reason(row)}"
         indent = " " * 12
-        yield from textwrap.wrap(found, width, initial_indent=indent, subsequent_indent=indent)
+        yield from textwrap.wrap(text, width, initial_indent=indent, subsequent_indent=indent)
     yield ""
     for sentence in (*notes(rows), *sentences(rows)):
         yield from textwrap.wrap(sentence, width, subsequent_indent="  ")

@@ -79,8 +79,8 @@ class Reproduction(Suggesting, Result):
             about = printed.read_about(folder)
             changed = provenance.changed_files(folder, about.get("digests"), FILES)
             provenance.refuse_changed(folder, changed, allow_changed)
-            drawn = curves.read(folder / curves.FILE)
-            return cls(rows, numbers.read(folder), drawn, about, folder, changed)
+            curve_points = curves.read(folder / curves.FILE)
+            return cls(rows, numbers.read(folder), curve_points, about, folder, changed)
 
     def __repr__(self) -> str:
         where = self.folder if self.folder is not None else "not written to a folder"
@@ -114,8 +114,8 @@ class Reproduction(Suggesting, Result):
         """Itself: its figures and its table are of claims. Raises ``UserError`` for anything
         else.
         """
-        for option, given in (("methods", methods), ("label", label)):
-            if given:
+        for option, names in (("methods", methods), ("label", label)):
+            if names:
                 where = self.folder or "an evaluation"
                 raise UserError(
                     f"{option}: {where} is an evaluation: its figures and its table are of claims"
@@ -145,12 +145,12 @@ class Reproduction(Suggesting, Result):
             raise UserError("rerun: the result has no folder")
         planned = runs.planned(self.about["seeds"])
         with tempfile.TemporaryDirectory() as scratch:
-            again, _ = runs.simulate(planned, Path(scratch), workers_here(), progress)
-        different = numbers.table_differences(self.numbers, again)
+            fresh_numbers, _ = runs.simulate(planned, Path(scratch), workers_here(), progress)
+        different = numbers.table_differences(self.numbers, fresh_numbers)
         yield from different
         if different:
             raise UserError(f"{self.folder}: {len(different)} numbers do not reproduce")
-        yield f"{self.folder}: reproduced, {len(again):,} numbers of {len(planned):,} runs"
+        yield f"{self.folder}: reproduced, {len(fresh_numbers):,} numbers of {len(planned):,} runs"
 
     @property
     def sentences(self) -> list[str]:
@@ -204,50 +204,50 @@ def reproduce(
     UserError
         If ``out`` cannot be written.
     """
-    used = declared_seeds()[: QUICK_SEEDS if quick else None]
+    seed_numbers = declared_seeds()[: QUICK_SEEDS if quick else None]
     if seeds is not None:
-        used = tuple(range(1, seeds + 1))
+        seed_numbers = tuple(range(1, seeds + 1))
     if out is not None:
         provenance.check_writable(out.parent)
         provenance.check_replaceable(out)
-        check_kept(out, used)
+        check_kept(out, seed_numbers)
     edited = sources.edited_set_ups()
     for line in edited:
         log.warning("%s", line)
-    planned = runs.planned(used)
+    planned = runs.planned(seed_numbers)
     with tempfile.TemporaryDirectory() as scratch:
         store = Path(scratch) if out is None else out.with_name(f"{out.name}.runs")
-        measured, drawn = runs.simulate(planned, store, workers or workers_here(), progress)
+        measured, curve_points = runs.simulate(planned, store, workers or workers_here(), progress)
     about = {
         "format": printed.FORMAT,
         "quick": quick,
-        "seeds": list(used),
+        "seeds": list(seed_numbers),
         "edited": edited,
         "sources": sources.digests(),
         # the sources say which code it was; a commit is lost where it is rewritten
-        **{name: one for name, one in provenance.environment().items() if name != "commit"},
+        **{name: version for name, version in provenance.environment().items() if name != "commit"},
     }
-    made = Reproduction(judge(Evidence(measured)), measured, drawn, about)
+    evaluation = Reproduction(judge(Evidence(measured)), measured, curve_points, about)
     if out is not None:
         with provenance.result_folder(out, SHOWN) as folder:
-            write(folder, made)
-        show(out, made)
-    return replace(made, folder=out)
+            write(folder, evaluation)
+        show(out, evaluation)
+    return replace(evaluation, folder=out)
 
 
-def check_kept(out: Path, used: Collection[int]) -> None:
+def check_kept(out: Path, seed_numbers: Collection[int]) -> None:
     """Raises ``UserError`` where a result would be lost: a run's, or that of an evaluation with
-    seeds that are not ``used`` now.
+    seeds that are not in ``seed_numbers``.
     """
     path = provenance.contained(out, "run.json")
     if not path.is_file():
         return
     before = provenance.read_mapping(path).get("seeds")
-    if not isinstance(before, list) or not all(seed in used for seed in before):
-        what = "another result"
+    if not isinstance(before, list) or not all(seed in seed_numbers for seed in before):
+        subject = "another result"
         if isinstance(before, list):
-            what = f"the evaluation of {len(before)} seeds"
-        raise UserError(f"{out}: holds {what}, which is kept; choose another --out")
+            subject = f"the evaluation of {len(before)} seeds"
+        raise UserError(f"{out}: holds {subject}, which is kept; choose another --out")
 
 
 def declared_seeds() -> tuple[int, ...]:
@@ -255,28 +255,30 @@ def declared_seeds() -> tuple[int, ...]:
     return tuple(read_mapping(ASSUMPTIONS)["evaluation"]["seeds"])
 
 
-def write(folder: Path, made: Reproduction) -> None:
+def write(folder: Path, evaluation: Reproduction) -> None:
     """Writes the numbers. Raises ``UserError``."""
-    numbers.write(folder, made.numbers)
-    curves.write(folder / curves.FILE, made.curves)
-    provenance.write_json(folder / printed.VERDICTS, made.rows)
+    numbers.write(folder, evaluation.numbers)
+    curves.write(folder / curves.FILE, evaluation.curves)
+    provenance.write_json(folder / printed.VERDICTS, evaluation.rows)
     inputs = {path.name: sha256_of(path) for path in sources.INPUTS}
     digests = provenance.digests(folder, FILES)
-    provenance.write_json(folder / "run.json", {**made.about, "inputs": inputs, "digests": digests})
+    provenance.write_json(
+        folder / "run.json", {**evaluation.about, "inputs": inputs, "digests": digests}
+    )
 
 
-def show(folder: Path, made: Reproduction) -> None:
+def show(folder: Path, evaluation: Reproduction) -> None:
     """Writes what is derived from the numbers in the folder. Raises ``NotDerivedError``."""
     from genie_sim.analysis.figures import save_all
 
-    drawn = None
+    drawn_figures = None
     with provenance.derived(folder) as attempt:
         with attempt(printed.DOCUMENT):
-            accuracy = page.accuracy(Evidence(made.numbers))
-            document = printed.document(made.rows, accuracy, made.about["edited"])
+            accuracy = page.accuracy(Evidence(evaluation.numbers))
+            document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
             template.write(folder / printed.DOCUMENT, document)
         with attempt("figures"):
-            drawn = made.figures()
-            save_all(drawn, provenance.contained(folder, "figures"), ["svg"])
+            drawn_figures = evaluation.figures()
+            save_all(drawn_figures, provenance.contained(folder, "figures"), ["svg"])
         with attempt(template.NAME):
-            template.write(folder / template.NAME, page.page(made, drawn))
+            template.write(folder / template.NAME, page.page(evaluation, drawn_figures))

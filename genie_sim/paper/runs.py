@@ -62,10 +62,10 @@ class EvaluationRun(PointRun):
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path) as beside:
                 curves.write(beside, curves.of_run(self.scenario.name, run.tables))
-        found = numbers.of_run(run) | observer.numbers()
+        run_numbers = numbers.of_run(run) | observer.numbers()
         return [
             MetricValue(*number, None if math.isnan(value) else float(value), "")
-            for number, value in found.items()
+            for number, value in run_numbers.items()
         ]
 
     def curves(self, study: Path) -> Path:
@@ -84,14 +84,14 @@ class EvaluationRun(PointRun):
 
 def planned(seeds: Sequence[int]) -> list[EvaluationRun]:
     """Every run that the claims need. Raises ``UserError``."""
-    known = sources.digests()
+    digests = sources.digests()
     runs = []
     for variant, (names, settings, methods) in VARIANTS.items():
         for name in names:
             for seed in seeds:
                 scenario = load_scenario(name, settings, seed=seed, methods=methods)
-                what = json.dumps([plain_data(scenario), known], sort_keys=True, default=str)
-                run_id = hashlib.sha256(what.encode()).hexdigest()[:12]
+                identity = json.dumps([plain_data(scenario), digests], sort_keys=True, default=str)
+                run_id = hashlib.sha256(identity.encode()).hexdigest()[:12]
                 place = f"{name}, {variant}, seed {seed}"
                 runs.append(EvaluationRun(run_id, scenario, place, variant=variant))
     return runs
@@ -106,8 +106,8 @@ def simulate(
     import pandas as pd
 
     parts = Parts(store)
-    lost = [run.run_id for run in runs if not run.is_kept(store)]
-    parts.run(runs, Workers(workers), progress, lost)
+    incomplete = [run.run_id for run in runs if not run.is_kept(store)]
+    parts.run(runs, Workers(workers), progress, incomplete)
     about = pd.DataFrame(
         [(run.run_id, run.variant, run.scenario.name, run.scenario.seed) for run in runs],
         columns=["run_id", "variant", "scenario", "seed"],

@@ -37,19 +37,19 @@ def digests() -> dict[str, str]:
     """
     traces = files.find(files.TRACE, TRACE).parent.glob(f"{TRACE}*.parquet")
     package = [path for room in ROOMS for path in (PACKAGE_FOLDER / room).rglob("*.py")]
-    found = {
+    paths_by_kind = {
         "package": [*package, *(HERE / name for name in MEASURING)],
         "scenarios": [files.find(files.SCENARIO, name) for name in SET_UPS],
         "device_profiles": files.available(files.DEVICE).values(),
         "traces": traces,
     }
-    return {kind: _digest(paths) for kind, paths in found.items()}
+    return {kind: _digest(paths) for kind, paths in paths_by_kind.items()}
 
 
 def _digest(paths: Iterable[Path]) -> str:
     """Of files with their names, whatever their order."""
-    named = sorted((path.name, sha256_of(path)) for path in paths)
-    return hashlib.sha256(json.dumps(named).encode()).hexdigest()
+    file_digests = sorted((path.name, sha256_of(path)) for path in paths)
+    return hashlib.sha256(json.dumps(file_digests).encode()).hexdigest()
 
 
 def edited_set_ups() -> list[str]:
@@ -80,7 +80,9 @@ def changed_setting(scenario: Mapping[str, Any]) -> str | None:
     shipped = plain_data(load_scenario(str(scenario["name"])))
     keys: set[str] = {*scenario, *shipped} - {*NO_SET_UP}
     for key in sorted(keys):
-        ours, theirs = (json.dumps(of.get(key), default=str) for of in (scenario, shipped))
+        ours, theirs = (
+            json.dumps(settings.get(key), default=str) for settings in (scenario, shipped)
+        )
         if ours != theirs:
             return key
     return None

@@ -44,8 +44,8 @@ class WorldObserver:
                 if node.name.endswith(DETECTOR):
                     self.detectors.add((node.name, _fingerprint(node)))
                     if method == "genie":
-                        own = node.subscribes, node.publishes
-                        self.behind_genie &= graph.topics_of(node.name) != own
+                        topics = node.subscribes, node.publishes
+                        self.behind_genie &= graph.topics_of(node.name) != topics
                 elif node.name.endswith(GENIE):
                     if self.is_fixed:
                         self._threshold = node.pure.object_map.threshold
@@ -74,9 +74,9 @@ class WorldObserver:
 
     def numbers(self) -> Numbers:
         """What was seen in all worlds together."""
-        same = len(self.detectors) == len({name for name, _ in self.detectors})
-        found = {
-            Number("detector_untouched"): float(same and self.behind_genie),
+        is_untouched = len(self.detectors) == len({name for name, _ in self.detectors})
+        numbers = {
+            Number("detector_untouched"): float(is_untouched and self.behind_genie),
             Number("objects_shared"): float(self.shared),
             Number("unconfident_objects_shared"): (
                 float(self.unconfident) if self.is_fixed else math.nan
@@ -84,14 +84,18 @@ class WorldObserver:
         }
         for placement, confidences in self.stored.items():
             mean = math.fsum(confidences) / len(confidences) if confidences else math.nan
-            found[placed("stored_confidence", placement)] = mean
-        return found
+            numbers[placed("stored_confidence", placement)] = mean
+        return numbers
 
 
 def _fingerprint(node: Any) -> tuple[object, ...]:
     """The node itself, whatever the master calls its topics: its class, what it has of its own,
     such as a method that was exchanged, and what of that is plain.
     """
-    own = vars(node)
-    plain = [(name, own[name]) for name in own if isinstance(own[name], str | int | tuple | None)]
-    return (type(node), tuple(own), tuple(sorted(plain)))
+    attributes = vars(node)
+    plain = [
+        (name, attributes[name])
+        for name in attributes
+        if isinstance(attributes[name], str | int | tuple | None)
+    ]
+    return (type(node), tuple(attributes), tuple(sorted(plain)))

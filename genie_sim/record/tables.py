@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, get_args, get_origin
 import numpy as np
 
 from genie_sim.base import parquet
+from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import usable
 from genie_sim.record.columns import NO_TEXT, Array, Codes, Columns, Text
@@ -82,7 +83,7 @@ class Schema:
         columns = [
             _column(field, hint) for field, hint in hints.items() if get_origin(hint) is Annotated
         ]
-        meaning = " ".join((row.__doc__ or "").split())
+        meaning = " ".join(docstring(row).split())
         return cls(name, meaning, tuple(columns), sorted_by=sorted_by, instant=instant)
 
     def arrow(self) -> "pa.Schema":

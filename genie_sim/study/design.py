@@ -17,10 +17,10 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar
 
 from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.paths import read_text
+from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.base.seeds import stream
 from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
-from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 from genie_sim.version import VERSION
 
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
@@ -176,9 +176,9 @@ class Axis:
 
     def __post_init__(self) -> None:
         ways = {"grid": self.grid, "list": self.cases, "latin_hypercube": self.latin_hypercube}
-        given = [name for name, way in ways.items() if way is not None]
-        if len(given) != 1:
-            has = " and ".join(given) or "none"
+        kinds = [name for name, way in ways.items() if way is not None]
+        if len(kinds) != 1:
+            has = " and ".join(kinds) or "none"
             raise SettingError("", f"must have exactly one of {', '.join(ways)}, has {has}")
         check_paths(self.paths, self.cases, "missing; say which setting is varied")
         if self.cases is not None and not self.cases:
@@ -186,7 +186,7 @@ class Axis:
         if not self.sampled:
             twice = _twice(level for level, _ in self.levels())
             if twice is not None:
-                raise SettingError(given[0], f"the value {short_repr(twice)} comes twice")
+                raise SettingError(kinds[0], f"the value {short_repr(twice)} comes twice")
 
     @property
     def span(self) -> NumberRange | None:
@@ -209,8 +209,8 @@ class Axis:
     @property
     def settings_paths(self) -> set[str]:
         """Every path that it sets."""
-        named = self.cases.values() if isinstance(self.cases, dict) else ()
-        return {*self.paths, *(path for settings in named for path in settings)}
+        cases = self.cases.values() if isinstance(self.cases, dict) else ()
+        return {*self.paths, *(path for settings in cases for path in settings)}
 
     def levels(self) -> list[tuple[Level, dict[str, Any]]]:
         """The values of a crossed axis and the settings of each."""
@@ -250,8 +250,8 @@ class Axis:
             return None
         values = [Amount.in_value(value) for value in self.cases]
         quantities = [quantity for quantity in values if quantity is not None]
-        same = len(quantities) == len(values) and len({item.unit for item in quantities}) == 1
-        return quantities if same else None
+        is_uniform = len(quantities) == len(values) and len({item.unit for item in quantities}) == 1
+        return quantities if is_uniform else None
 
 
 def check_paths(paths: Sequence[str], cases: Sequence[Any] | Cases | None, if_missing: str) -> None:
@@ -327,11 +327,11 @@ class Design:
                 text = "is a column of the table already; call the axis otherwise"
                 raise SettingError(f"axes.{name}", text)
             for path in sorted(axis.settings_paths):
-                for earlier, who in set_by.items():
-                    if who != f"axis {name!r}" and (
+                for earlier, owner in set_by.items():
+                    if owner != f"axis {name!r}" and (
                         earlier == path or earlier.startswith((f"{path}.", f"{path}["))
                     ):
-                        text = f"{path} would undo {earlier}, set by {who}"
+                        text = f"{path} would undo {earlier}, set by {owner}"
                         raise SettingError(f"axes.{name}.set", text)
                 set_by[path] = f"axis {name!r}"
         if "seed" in set_by:
@@ -363,20 +363,20 @@ class Design:
         fixed = dict(self.settings)
         crossed = {name: axis.levels() for name, axis in self.axes.items() if not axis.sampled}
         sampled = {name: axis for name, axis in self.axes.items() if axis.sampled}
-        drawn = {
+        samples = {
             name: axis.samples(name, self.samples or 0, self.sample_seed)
             for name, axis in sampled.items()
         }
         for combination in itertools.product(*crossed.values()):
-            for sample in zip(*drawn.values(), strict=True) if drawn else [()]:
-                chosen = dict(zip((*crossed, *drawn), (*combination, *sample), strict=True))
+            for sample in zip(*samples.values(), strict=True) if samples else [()]:
+                values = dict(zip((*crossed, *samples), (*combination, *sample), strict=True))
                 settings = fixed | {
-                    path: value for name in self.axes for path, value in chosen[name][1].items()
+                    path: value for name in self.axes for path, value in values[name][1].items()
                 }
                 scenario = settings.pop(SCENARIO, self.scenario)
                 overrides = tuple(f"{path}={_text(value)}" for path, value in settings.items())
                 yield SweepPoint(
-                    tuple(chosen[name][0] for name in self.axes), str(scenario), overrides
+                    tuple(values[name][0] for name in self.axes), str(scenario), overrides
                 )
 
 
@@ -402,17 +402,17 @@ def named_axes(axes: Mapping[str, Any]) -> dict[str, Any]:
     """
     words = {path: re.findall(r"\w+", path) for path, axis in axes.items() if _is_list(axis)}
     lasts = [of_path[-1] for of_path in words.values() if of_path]
-    taken = {*COLUMNS, *(axes.keys() - words.keys())}
-    named = {}
+    reserved = {*COLUMNS, *(axes.keys() - words.keys())}
+    axes_by_name = {}
     for path, axis in axes.items():
         if not words.get(path):
-            named[path] = axis
+            axes_by_name[path] = axis
             continue
         last = words[path][-1]
-        is_free = last not in taken and lasts.count(last) == 1
+        is_free = last not in reserved and lasts.count(last) == 1
         name = last if is_free else "_".join(words[path])
-        named[name] = {"set": path, "list": list(axis)}
-    return named
+        axes_by_name[name] = {"set": path, "list": list(axis)}
+    return axes_by_name
 
 
 def sweep_of(
@@ -425,12 +425,14 @@ def sweep_of(
     path = files.find(files.SCENARIO, scenario)
     if not axes:
         raise UserError("axes: expected at least one, such as {'genie.passes': [1, 2]}")
-    named = named_axes(axes)
-    paths = [axis.get("set") if isinstance(axis, Mapping) else axis for axis in named.values()]
-    what = [read_text(path), paths, dict(more.get("set", {})), list(methods), VERSION]
-    digest = hashlib.sha256(json.dumps(what, default=str).encode()).hexdigest()[:8]
-    name = "-".join((path.stem, *named))[:MAX_NAME]
-    described = {"name": f"{name}-{digest}", "scenario": scenario, **more, "axes": named}
+    axes_by_name = named_axes(axes)
+    paths = [
+        axis.get("set") if isinstance(axis, Mapping) else axis for axis in axes_by_name.values()
+    ]
+    identity = [read_text(path), paths, dict(more.get("set", {})), list(methods), VERSION]
+    digest = hashlib.sha256(json.dumps(identity, default=str).encode()).hexdigest()[:8]
+    name = "-".join((path.stem, *axes_by_name))[:MAX_NAME]
+    described = {"name": f"{name}-{digest}", "scenario": scenario, **more, "axes": axes_by_name}
     return {key: value for key, value in described.items() if value}
 
 
@@ -459,22 +461,32 @@ def refuse_scenario(name: str | Path) -> NoReturn:
 
 def load_design(
     path_or_name: str | Path,
-    seeds: int | Sequence[int] | None = None,
     settings: Mapping[str, Any] | None = None,
+    more: Mapping[str, Any] | None = None,
 ) -> Design:
-    """A sweep file, by path or by name, with its own seeds or with ``seeds``, and with further
-    fixed ``settings``. Raises ``UserError``.
+    """A sweep file, by path or by name, with further fixed ``settings``, and with ``more`` of its
+    fields otherwise, where they are not ``None``. Raises ``UserError``.
     """
+    is_sweep = path_or_name in files.available(files.SWEEP)
+    if not is_sweep and path_or_name in files.available(files.SCENARIO):
+        refuse_scenario(path_or_name)
     path = files.find(files.SWEEP, path_or_name)
     data = {"name": path.stem, **read_mapping(path)}
     if data.keys() & {"cars", "fleet"}:
         refuse_scenario(path_or_name)
-    if seeds is not None:
-        data["seeds"] = seeds if isinstance(seeds, int) else list(seeds)
+    data.update({key: value for key, value in (more or {}).items() if value is not None})
     fixed = data.get("set") or {}
     if settings and isinstance(fixed, Mapping):
         data["set"] = {**fixed, **settings}
     return read_design(data, str(path))
+
+
+def write_described(path: Path, described: Mapping[str, Any], methods: Sequence[str]) -> None:
+    """Writes a sweep as a file, with the command that runs it again."""
+    again = f"genie-sim sweep {path}" + (f" --methods {','.join(methods)}" if methods else "")
+    with atomic_write(path) as beside:
+        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
+        beside.write_text(text, encoding="utf-8")
 
 
 def read_design(data: Mapping[str, Any], where: str) -> Design:

@@ -86,10 +86,10 @@ class SweepFigures:
                 for suffix, place, runs in self._places(crossed[2:]):
                     yield f"{crossed[0]}-{metric}{suffix}", self._lines(metric, runs, place)
             return
-        drawn = [column for name, column in columns.items() if name not in crossed]
+        sampled_columns = [column for name, column in columns.items() if name not in crossed]
         for name, axis in self.design.axes.items():
             remaining = [axis_name for axis_name in crossed if axis_name != name]
-            averaged = [] if axis.sampled else drawn
+            averaged = [] if axis.sampled else sampled_columns
             for suffix, place, runs in self._places(remaining[1:]):
                 beside = columns[remaining[0]] if remaining else None
                 figure = self.along(name, runs, beside=beside, averaged=averaged, place=place)
@@ -306,7 +306,7 @@ class SweepFigures:
             of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
             values = of_metric["value"].tolist()
             scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
-            drawn: list[Axes] = []
+            maps: list[Axes] = []
             for panel, method in zip(row, methods, strict=True):
                 cells = of_metric[of_metric["method"] == method].pivot_table(
                     index=first, columns=second, values="value", sort=False
@@ -318,10 +318,10 @@ class SweepFigures:
                 _heat_map(panel, cells, scale, percent=_is_share(metric))
                 panel.set_title(self.titles[str(method)])
                 panel.set_xlabel(second)
-                panel.set_ylabel("" if drawn else first)
-                drawn.append(panel)
+                panel.set_ylabel("" if maps else first)
+                maps.append(panel)
             shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
-            bar = figure.colorbar(shades, ax=drawn, label=_wrapped(_label(metric)), pad=0.01)
+            bar = figure.colorbar(shades, ax=maps, label=_wrapped(_label(metric)), pad=0.01)
             if isinstance(scale, LogNorm):
                 ticks = _round_ticks(min(values), max(values))
                 bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])

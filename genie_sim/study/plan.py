@@ -75,8 +75,8 @@ def plan(
             f"{name} = {level}" for name, level in zip(design.axes, point.levels, strict=True)
         )
         try:
-            named = base if point.scenario == design.scenario else None
-            scenario = _scenario(point, named, methods)
+            point_base = base if point.scenario == design.scenario else None
+            scenario = _scenario(point, point_base, methods)
             name = f"point {number} ({levels})" if levels else ""
             for run in runs_of(scenario, frames, design.seeds, name):
                 run = replace(run, keep=not design.axes, output=Output(page=reports))
@@ -92,12 +92,16 @@ def plan(
 
 def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) -> Scenario:
     """The scenario at a point. Raises ``UserError``."""
-    given = f"--methods {','.join(methods)}"
+    methods_from = f"--methods {','.join(methods)}"
     if base is None:
-        return load_scenario(point.scenario, point.overrides, methods=methods, methods_from=given)
+        return load_scenario(
+            point.scenario, point.overrides, methods=methods, methods_from=methods_from
+        )
     if not point.overrides and not methods:
         return base
-    return read_scenario(plain_data(base), point.overrides, methods=methods, methods_from=given)
+    return read_scenario(
+        plain_data(base), point.overrides, methods=methods, methods_from=methods_from
+    )
 
 
 def runs_of(
@@ -110,7 +114,7 @@ def runs_of(
         if prepared.frames.seeded:
             with own_code_named(seeded):
                 source = FRAME_SOURCE.make(seeded.perception).open(seed, seeded.origin)
-                known = facts(
+                seed_facts = facts(
                     seeded,
                     seeded.new_methods(),
                     devices=prepared.devices,
@@ -119,7 +123,7 @@ def runs_of(
                     origin=origin_of(source, seeded.perception.name),
                 )
         else:  # nothing else differs
-            written = {**prepared.facts["scenario"], "seed": seed}
-            known = {**prepared.facts, "scenario": written}
+            seed_scenario = {**prepared.facts["scenario"], "seed": seed}
+            seed_facts = {**prepared.facts, "scenario": seed_scenario}
         place = ", ".join(filter(None, [point, f"seed {seed}"]))
-        yield PointRun(provenance.run_id(known), seeded, place)
+        yield PointRun(provenance.run_id(seed_facts), seeded, place)

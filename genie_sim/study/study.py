@@ -35,6 +35,8 @@ TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
 
+AS_FILE = "design.yaml"  # beside the results: a sweep that was described without a file
+
 
 @dataclass(frozen=True)
 class StudyStatus:
@@ -52,6 +54,16 @@ class StudyStatus:
     @property
     def complete(self) -> bool:
         return self.done == self.runs
+
+
+class UnfinishedError(UserError):
+    """Other shards of a study have not run yet."""
+
+    def __init__(self, status: StudyStatus) -> None:
+        super().__init__(
+            f"{status.done:,} of {status.runs:,} runs are in {status.folder}; the last shard makes "
+            "the table"
+        )
 
 
 @dataclass
@@ -128,23 +140,23 @@ class Study:
         number, shards = shard
         of_shard = set(sorted(self.plan.runs)[number - 1 :: shards])
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
-        lost = [run.run_id for run in runs if not run.is_kept(self.folder)]
+        incomplete = [run.run_id for run in runs if not run.is_kept(self.folder)]
         self._parts.done(self.plan.runs)  # parts that cannot be read are refused before tables go
         with usable(self.folder):
             (self.folder / "parts").mkdir(parents=True, exist_ok=True)
-            is_same = not lost and self._is_as_written()
+            is_same = not incomplete and self._is_as_written()
             self._write_about()
         for name in (*RESULTS, *(() if is_same else SHOWN)):  # of fewer points or seeds
             provenance.contained(self.folder, name).unlink(missing_ok=True)
-        self._parts.run(runs, workers, progress, lost)
+        self._parts.run(runs, workers, progress, incomplete)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
         """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
         self._find_place()  # another sweep of this name may have ended in the meantime
-        kept = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
-        done = len(self._parts.done(kept))
+        kept_ids = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
+        done_count = len(self._parts.done(kept_ids))
         status = StudyStatus(
-            self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done
+            self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done_count
         )
         if status.complete:
             runs = self._write()
@@ -174,11 +186,11 @@ class Study:
         """
         try:
             about = read_about(self.folder)
-            known = provenance.digests(self.folder, TABLES)
+            digests = provenance.digests(self.folder, TABLES)
         except UserError:
             return False
-        told = about.get("digests"), about.get("label", "")
-        return told == (known, self.label) and {*about["run_ids"]} == self.plan.runs.keys()
+        state = about.get("digests"), about.get("label", "")
+        return state == (digests, self.label) and {*about["run_ids"]} == self.plan.runs.keys()
 
     def _write(self) -> "pd.DataFrame":
         """The tables; returns that of all runs."""
@@ -203,9 +215,9 @@ class Study:
         titles = unique_titles(self._titles())
         footer = footer_of(self.design, self.label)
         with provenance.derived(self.folder) as attempt, attempt("figures"):
-            drawn = dict(SweepFigures(self.design, runs, titles, footer).drawn())
+            figures = dict(SweepFigures(self.design, runs, titles, footer).drawn())
             folder = provenance.contained(self.folder, "figures")
-            of_runs.save_all(drawn, folder, ("svg", "png"))
+            of_runs.save_all(figures, folder, ("svg", "png"))
 
     def _settings(self) -> dict[str, object]:
         plain: dict[str, object] = plain_data(self.design)
@@ -224,8 +236,10 @@ class Study:
         }
 
     def _write_about(self) -> None:
-        written = [name for name in TABLES if (self.folder / name).is_file()]
-        own = {name: None for run in self.plan.runs.values() for name in run.scenario.metrics}
+        table_names = [name for name in TABLES if (self.folder / name).is_file()]
+        own_metrics = {
+            name: None for run in self.plan.runs.values() for name in run.scenario.metrics
+        }
         about = {
             "format": FORMAT,
             **({"label": self.label} if self.label else {}),
@@ -235,8 +249,8 @@ class Study:
             "run_ids": sorted(self.plan.runs),
             "methods": list(self.methods),
             "titles": self._titles(),
-            "metrics": registry.words(registry.with_formulas(own)),
-            "digests": provenance.digests(self.folder, written),
+            "metrics": registry.words(registry.with_formulas(own_metrics)),
+            "digests": provenance.digests(self.folder, table_names),
             **provenance.environment(),
         }
         with atomic_write(self.folder / ABOUT) as beside:

@@ -45,9 +45,9 @@ def footer_of(design: Design, label: str = "") -> str:
     numbers = design.seeds
     few = len(numbers) <= 5
     seeds = f"seeds {', '.join(map(str, numbers))}" if few else f"{len(numbers)} seeds"
-    what = f"sweep {design.name} of {design.scenario}"
+    subject = f"sweep {design.name} of {design.scenario}"
     points = f"{design.runs // len(numbers)} points"
-    return ", ".join(filter(None, [label, what, points, seeds]))
+    return ", ".join(filter(None, [label, subject, points, seeds]))
 
 
 def unique_titles(titles: Mapping[str, str]) -> dict[str, str]:
@@ -134,9 +134,9 @@ class Sweep(Suggesting, Result):
     @property
     def titles(self) -> dict[str, str]:
         """What people read for each method, in the order in which they ran."""
-        told = self.about.get("titles", {})
+        titles = self.about.get("titles", {})
         names = dict.fromkeys(self.means["method"].dropna())
-        return unique_titles({name: str(told.get(name, name)) for name in names})
+        return unique_titles({name: str(titles.get(name, name)) for name in names})
 
     @property
     def axes(self) -> list[str]:
@@ -242,13 +242,13 @@ class Sweep(Suggesting, Result):
         these in each placement. Raises ``UserError`` for a metric of components alone.
         """
         points = self.means
-        whole = points[points["component"] == ""]
-        there = dict.fromkeys(zip(whole["metric"], whole["placement"], strict=True))
+        method_rows = points[points["component"] == ""]
+        places = dict.fromkeys(zip(method_rows["metric"], method_rows["placement"], strict=True))
         columns = [
-            (name, "all") for name in shown(SHORT, whole["metric"]) if (name, "all") in there
+            (name, "all") for name in shown(SHORT, method_rows["metric"]) if (name, "all") in places
         ]
         if metrics:
-            columns = [place for name in metrics for place in there if place[0] == name]
+            columns = [place for name in metrics for place in places if place[0] == name]
         for name in metrics:
             if name not in (of for of, _ in columns):
                 is_of_parts = (points["metric"] == name).any()
@@ -256,7 +256,7 @@ class Sweep(Suggesting, Result):
                 why = why if is_of_parts else "this sweep has no value of it"
                 raise UserError(f"metrics: {name}: {why}")
         rows = []
-        for (_, method), of_row in whole.groupby(["point", "method"], sort=False):
+        for (_, method), of_row in method_rows.groupby(["point", "method"], sort=False):
             by_place = of_row.set_index(["metric", "placement"])
             place = ", ".join(level_text(of_row.iloc[0][axis]) for axis in self.axes)
             cells = [
@@ -290,19 +290,19 @@ class Sweep(Suggesting, Result):
         with provenance.of_this_version(self.folder):
             methods = self.about["methods"]
         planned = plan(self.design, str(self.folder / ABOUT), methods=methods)
-        known = Parts(self.folder)
-        if unknown_runs := planned.runs.keys() - known.done(planned.runs):
+        parts = Parts(self.folder)
+        if unknown_runs := planned.runs.keys() - parts.done(planned.runs):
             place = planned.runs[min(unknown_runs)].place
             why = "another version or another file than when it was made"
             raise UserError(f"{self.folder}: {place}: not there: {why}")
         runs = [replace(run, keep=False) for run in planned.runs.values()]
         with tempfile.TemporaryDirectory() as scratch:
-            again = Parts(Path(scratch))
-            again.run(runs, Workers(workers_here()), progress)
+            scratch_parts = Parts(Path(scratch))
+            scratch_parts.run(runs, Workers(workers_here()), progress)
             different = [
                 f"{number}. {run.place}: DIFFERENT"
                 for number, run in enumerate(runs, 1)
-                if again.metrics(run.run_id) != known.metrics(run.run_id)
+                if scratch_parts.metrics(run.run_id) != parts.metrics(run.run_id)
             ]
         yield from different
         if different:
@@ -344,12 +344,12 @@ class SweepPlots(Suggesting):
 
     def _first_of(self, name: str) -> "Figure":
         """The figure of that name; where the sweep has more axes, at their first values."""
-        drawn = self._sweep.figures()
-        if name not in drawn and f"{name}-1" in drawn:
-            return drawn[f"{name}-1"]
-        if name not in drawn:
-            raise UserError(unknown("figure", name, drawn))
-        return drawn[name]
+        figures = self._sweep.figures()
+        if name not in figures and f"{name}-1" in figures:
+            return figures[f"{name}-1"]
+        if name not in figures:
+            raise UserError(unknown("figure", name, figures))
+        return figures[name]
 
 
 def _table(path: Path) -> "pd.DataFrame":
@@ -386,8 +386,8 @@ def _check_numbers(path: Path, table: "pd.DataFrame", key: list[str], count: int
     twice, or one that cannot be.
     """
     if len(table[key].drop_duplicates()) != count:
-        found = len(table[key].drop_duplicates())
-        raise UserError(f"{path}: holds {found:,} of {' and '.join(key)}, not {count:,}")
+        row_count = len(table[key].drop_duplicates())
+        raise UserError(f"{path}: holds {row_count:,} of {' and '.join(key)}, not {count:,}")
     for text, rows in {
         "is there in an earlier row": table.duplicated([*key, *METRIC_FIELDS[:PLACE]]),
         "holds an infinite number": table[list(NUMBERS)].abs().max(axis=1) > MAX_NUMBER,

@@ -108,8 +108,10 @@ def measured(prepared: Prepared) -> Sequence[MetricValue]:
 
 
 def _metrics_of(prepared: Prepared, tables: Mapping[str, Columns]) -> Sequence[MetricValue]:
-    used = {name: tables[name] for name in MEASURED}
-    return metrics.compute(run_folder.methods_of(prepared), used, own=prepared.scenario.metrics)
+    measured_tables = {name: tables[name] for name in MEASURED}
+    return metrics.compute(
+        run_folder.methods_of(prepared), measured_tables, own=prepared.scenario.metrics
+    )
 
 
 @dataclass(frozen=True)
@@ -165,8 +167,8 @@ def _work(run: PointRun, study: Path) -> tuple[str, str]:
             parts.write(run.run_id, run.measure(study))
     except (Exception, SystemExit) as error:
         parts.write_failure(run, traceback.format_exc())
-        what = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
-        return run.run_id, what
+        message = str(error) if isinstance(error, UserError) else f"{type(error).__name__}: {error}"
+        return run.run_id, message
     return run.run_id, ""
 
 
@@ -219,7 +221,7 @@ class Parts:
         runs: Collection[PointRun],
         workers: Workers,
         progress: Progress | None = None,
-        lost: Collection[str] = (),
+        incomplete: Collection[str] = (),
     ) -> None:
         """Runs what is missing of ``runs``, those with many cars first.
 
@@ -231,7 +233,7 @@ class Parts:
             Where they are simulated.
         progress : callable, optional
             Told how many runs are done, of how many, and how many failed.
-        lost : collection of str
+        incomplete : collection of str
             The ids of runs whose metrics are there but not all else that they give.
 
         Raises
@@ -239,17 +241,17 @@ class Parts:
         UserError
             If a run failed, when all others are done, or if the workers wrote elsewhere.
         """
-        done = self.done([run.run_id for run in runs]) - set(lost)
-        missing = [run for run in runs if run.run_id not in done]
+        done_ids = self.done([run.run_id for run in runs]) - set(incomplete)
+        pending = [run for run in runs if run.run_id not in done_ids]
         tell = progress or (lambda *_: None)
-        tell(len(done), len(runs), "")
-        missing.sort(key=lambda run: -len(run.scenario.cars) * len(run.scenario.methods))
-        for run in missing:
+        tell(len(done_ids), len(runs), "")
+        pending.sort(key=lambda run: -len(run.scenario.cars) * len(run.scenario.methods))
+        for run in pending:
             self._failure(run.run_id).unlink(missing_ok=True)
         failed: dict[str, str] = {}
         try:
-            with contextlib.closing(workers.results(missing, self.folder)) as results:
-                for count, (run_id, error) in enumerate(results, len(done) + 1):
+            with contextlib.closing(workers.results(pending, self.folder)) as results:
+                for count, (run_id, error) in enumerate(results, len(done_ids) + 1):
                     if error:
                         failed[run_id] = error
                     tell(count - len(failed), len(runs), f"{len(failed)} failed" if failed else "")
@@ -264,7 +266,7 @@ class Parts:
                 f"{self.folder}: {len(failed):,} of {len(runs):,} runs failed, the others are done;"
                 f" {first.place}: {failed[first.run_id]}; see {self._failure(first.run_id)}"
             )
-        if {run.run_id for run in missing} - self.done([run.run_id for run in missing]):
+        if {run.run_id for run in pending} - self.done([run.run_id for run in pending]):
             raise UserError(
                 f"{self.parts}: the workers' files are not there; they must write to the same file"
                 " system"
@@ -286,11 +288,14 @@ class Parts:
         """Removes what killed workers left, and reasons of failures that are mended. A line tells
         of files that are somebody's.
         """
-        others = self._clear_parts()
-        if others:
-            more = f" and {len(others) - 3:,} more" if len(others) > 3 else ""
+        foreign_names = self._clear_parts()
+        if foreign_names:
+            more = f" and {len(foreign_names) - 3:,} more" if len(foreign_names) > 3 else ""
             log.warning(
-                "%s: not of a sweep, left alone: %s%s", self.parts, ", ".join(others[:3]), more
+                "%s: not of a sweep, left alone: %s%s",
+                self.parts,
+                ", ".join(foreign_names[:3]),
+                more,
             )
         for reason in self.failures.glob("*.txt"):
             if RUN_ID.fullmatch(reason.stem):
@@ -302,13 +307,13 @@ class Parts:
         """Removes what killed workers left among the parts; returns the names of files that are
         somebody's.
         """
-        others = []
+        foreign_names = []
         for path in sorted(self.parts.glob("*")):
             if BESIDE.fullmatch(path.name):
                 path.unlink(missing_ok=True)
             elif not PART.fullmatch(path.name):
-                others.append(one_line(path.name))
-        return others
+                foreign_names.append(one_line(path.name))
+        return foreign_names
 
     def metrics(self, run_id: str) -> list[list[Any]] | None:
         """The metrics of a run; ``None`` where they are not there, or not as they were written.

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 from hypothesis import given
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base import files
 from genie_sim.base.errors import UserError, as_user_error
-from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, read_text, remembered
+from genie_sim.base.paths import MAX_TEXT_BYTES, atomic_write, locked, read_text, remembered
 from genie_sim.record.provenance import result_folder
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 
@@ -344,3 +345,23 @@ def test_a_file_that_is_as_it_was_is_not_read_again(tmp_path: Path) -> None:
     second.unlink()
     with pytest.raises(FileNotFoundError):
         length(second)
+
+
+@pytest.mark.unix
+def test_a_folder_is_held_by_one_and_others_wait(tmp_path):
+    order, begun = [], Event()
+
+    def second() -> None:
+        begun.set()
+        with locked(tmp_path):
+            order.append("second")
+
+    with locked(tmp_path):
+        waiting = Thread(target=second)
+        waiting.start()
+        begun.wait()
+        with pytest.raises(OSError), locked(tmp_path, wait=False):
+            pass
+        order.append("first")
+    waiting.join()
+    assert order == ["first", "second"]

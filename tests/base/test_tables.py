@@ -82,11 +82,13 @@ def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
     assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
 
 
-def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(tables, "MAX_CHARACTERS", 10**6)
+@pytest.mark.parametrize("bound", ["MAX_CHARACTERS", "SMALL_CHARACTERS"])
+def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, bound):
+    """Of any text, and of a packed one of a few bytes."""
+    monkeypatch.setattr(tables, bound, 10**5)
     path = tmp_path / "a.csv.gz"
-    path.write_bytes(gzip.compress(b"time_s,up_mbps\n" + b"0,1\n" * 300_000, mtime=0))
-    with pytest.raises(UserError, match=r"a.csv.gz: has more than 1,000,000 characters"):
+    path.write_bytes(gzip.compress(b"time_s,up_mbps\n" + b"0,1\n" * 30_000, mtime=0))
+    with pytest.raises(UserError, match=r"a.csv.gz: has more than 100,000 characters"):
         for _ in read_rows(path, COLUMNS[:2]):
             pass
 

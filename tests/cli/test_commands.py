@@ -276,6 +276,61 @@ def test_an_interrupted_command_leaves_nothing_and_exits_with_130(asked):
     assert not list(Path().glob("results/*"))
 
 
+@pytest.mark.process
+@pytest.mark.parametrize("line", [["list"], ["list", "methods"], ["--help"], ["import", "--help"]])
+def test_what_people_read_is_there_without_docstrings(line: list[str]):
+    """``python -OO`` throws them away."""
+    usual, optimized = (
+        subprocess.run(
+            [sys.executable, *options, "-m", "genie_sim", *line],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+            check=True,
+        )
+        for options in ([], ["-OO"])
+    )
+    assert optimized.stdout == usual.stdout
+
+
+@pytest.mark.process
+@pytest.mark.unix
+def test_interrupted_seeds_leave_nothing_half_done():
+    Path("own.py").write_text(HANGS)
+    Path("s.yaml").write_text(GOOD)
+    line = ["s.yaml", "--seeds", "2", "--jobs", "2", "--methods", "genie"]
+    line += ["--set", "genie.capacity=2 entries", "--set", "genie.eviction=own:Hangs"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "genie_sim", "run", *line],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    while not Path("hangs").exists():
+        assert run.poll() is None
+        time.sleep(0.05)
+    os.killpg(run.pid, signal.SIGINT)
+    _, error = run.communicate(timeout=60)
+    assert run.returncode == 130 and "Traceback" not in error
+    assert not list(Path("results").rglob(".*.partial"))
+
+
+HANGS = """
+from pathlib import Path
+
+from genie_sim.core.eviction import LRU
+
+
+class Hangs(LRU):
+    def stored(self, *about):
+        Path("hangs").touch()
+        while True:
+            pass
+"""
+
+
 def test_interrupted_seeds_go_on_with_the_same_command(monkeypatch, capsys):
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt

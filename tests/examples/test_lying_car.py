@@ -43,12 +43,12 @@ def test_a_picture_leaves_with_a_phantom_ahead_of_its_camera():
     border, fault = Border(), LyingCar("car1", ahead_m=20.0, label="truck", score=0.9)
     lie = fault.strike(border)
     next(lie)
-    pose = CameraPose(100.0, 50.0, 1.6, math.pi / 2)  # north
+    pose = CameraPose(100.0, 50.0, 1.6, math.atan2(4.0, 3.0))
     image = Image(Header(0, "02", "car1"), 100, "", 0, pose, 1.2, Picture())
     (bend,) = border.bends
     true, phantom = bend.outward(image, "edge1").content.detections
     assert true == SEEN and (phantom.label, phantom.score) == ("truck", 0.9)
-    assert phantom.location == pytest.approx((100.0, 70.0, 1.6))
+    assert phantom.location == pytest.approx((112.0, 66.0, 1.6))
     answer = Detections(image.header, (SEEN,))
     assert bend.inward(answer, "edge1") is answer and bend.outward(answer, "edge1") is answer
     next(lie, None)

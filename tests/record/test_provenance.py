@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -125,6 +127,35 @@ def test_an_interrupted_run_leaves_the_earlier_result_as_it_was(tmp_path):
         raise KeyboardInterrupt
     assert everything_in(tmp_path) == before
     assert (final / "frames.parquet").read_text() == "earlier"
+
+
+@pytest.mark.unix
+def test_ctrl_c_waits_until_a_result_is_in_its_place(tmp_path, monkeypatch):
+    """And until what is half done is cleared away; the line says whether results are kept."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    rename, rmtree = Path.rename, shutil.rmtree
+
+    def interrupting(call):
+        def interrupted(*given, **more):
+            signal.raise_signal(signal.SIGINT)
+            return call(*given, **more)
+
+        return interrupted
+
+    try:
+        monkeypatch.setattr(Path, "rename", interrupting(rename))
+        with pytest.raises(KeyboardInterrupt, match="the results are kept in"):
+            write_whole_result(tmp_path / "run", "whole")
+        monkeypatch.setattr(Path, "rename", rename)
+        monkeypatch.setattr(shutil, "rmtree", interrupting(rmtree))
+        with pytest.raises(KeyboardInterrupt), result_folder(tmp_path / "half") as partial:
+            (partial / "frames.parquet").write_text("half")
+            raise RuntimeError
+    finally:
+        signal.signal(signal.SIGINT, before)
+        monkeypatch.undo()
+    files = ["figures", "figures/latency_cdf.svg", "frames.parquet", "run.json"]
+    assert everything_in(tmp_path) == ["run", *(f"run/{name}" for name in files)]
 
 
 def test_a_result_of_the_same_run_is_replaced(tmp_path):

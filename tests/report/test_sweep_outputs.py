@@ -78,7 +78,7 @@ def test_a_sweep_has_a_table_and_figures_for_a_paper(crossed, tmp_path, capsys):
     latex = capsys.readouterr().out
     points = pd.read_parquet(crossed / "table.parquet")
     mean = points[(points["metric"] == "first_answer_mean")].iloc[0]
-    assert f"{mean['value']:.3g}" in latex and r"\caption{crossed: " in latex
+    assert f"{mean['value']:.3g}" in latex and r"\caption{Sweep crossed of " in latex
     assert main(["table", str(crossed), "--format", "csv"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == len(points) + 1
     assert main(["table", str(crossed), "--methods", "genie"]) == 0

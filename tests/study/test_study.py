@@ -40,7 +40,7 @@ from genie_sim.study import tables, work
 from genie_sim.study.design import load_design
 from genie_sim.study.figures import SweepFigures
 from genie_sim.study.plan import plan
-from genie_sim.study.study import Study
+from genie_sim.study.study import Study, check_folder
 from genie_sim.study.work import Parts, PointRun, Workers
 from genie_sim.worlds.town import town
 from tests.checkout import REPOSITORY
@@ -821,6 +821,13 @@ def test_a_town_is_laid_out_once_a_point_and_each_seed_has_its_own_id(monkeypatc
     for entry, seed in zip(planned.entries[5:], range(1, 6), strict=True):
         scenario = load_scenario("fleet_30", ["perception.duration=1 s", "fleet.cars=3"], seed)
         assert entry.run_id == provenance.run_id(prepare(scenario).facts)
+
+
+def test_an_empty_folder_is_free_for_a_sweep(tmp_path):
+    check_folder(tmp_path)
+    (tmp_path / "thesis.tex").touch()
+    with pytest.raises(UserError):
+        check_folder(tmp_path)
 
 
 def test_a_folder_of_something_else_is_left_alone(capsys):

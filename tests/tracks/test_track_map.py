@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.core.messages import CameraPose, Header
 from genie_sim.tracks.coverage import Viewer
-from genie_sim.tracks.track import NEAR_M, PERSON, VEHICLE, sigma_of
+from genie_sim.tracks.track import NEAR_M, VEHICLE, sigma_of
 from tests.core.worlds import S, seen
 from tests.tracks.looks import FOV, MS, after, car, look, tracks
 
@@ -76,12 +76,14 @@ def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m
     assert [detection.location[0] for detection in objects] == pytest.approx([20.0, away_m])
 
 
-def test_no_track_is_faster_than_twice_its_kinds_highest_speed():
-    """A person who seems to have gone 8 m in half a second is believed to go at 6 m/s."""
-    (track,) = after(tracks(), look(0.0, seen("person", 0.9, at=(10.0, 0.0))))
-    jump = seen("person", 0.9, at=(10.0, 8.0))
-    track.update(jump, sigma_of(10.0), Header(S // 2, "02", "car1"))
-    assert track.velocity_mps == pytest.approx((0.0, 2 * PERSON.v_max_mps))
+@pytest.mark.parametrize(
+    ("label", "most_mps"), [("person", 6.0), ("bicycle", 16.0), ("motorcycle", 16.0), ("car", 34.0)]
+)
+def test_no_track_is_faster_than_twice_its_kinds_highest_speed(label: str, most_mps: float):
+    """Also where it seems to have gone 40 m in half a second."""
+    (track,) = after(tracks(), look(0.0, seen(label, 0.9, at=(10.0, 0.0))))
+    track.update(seen(label, 0.9, at=(10.0, 40.0)), sigma_of(10.0), Header(S // 2, "02", "car1"))
+    assert track.velocity_mps == pytest.approx((0.0, most_mps))
 
 
 @pytest.mark.parametrize(("seen_at_m", "count"), [(0.0, 2), (0.55, 1)])

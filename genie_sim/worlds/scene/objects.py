@@ -93,7 +93,7 @@ def scene_object(
     Parameters
     ----------
     laws : how a detector sees it
-    seed_key : of the town
+    seed_key : of the scene
     number : the object's own
     label : its class
     place : east and north [m]; of what moves, ``SceneObject.at`` gives it

@@ -38,7 +38,7 @@ LAWS = {"hsv": Law(0.0966, 0.525, 9.84, True), "yolox_gap": Law(0.138, 0.350, 9.
 
 
 class Surrogate:
-    """The features of one name in the town of one seed."""
+    """The features of one name in the scene of one seed."""
 
     def __init__(self, seed: int, name: str) -> None:
         self._law = law = LAWS[name]

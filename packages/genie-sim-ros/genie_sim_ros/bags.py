@@ -11,7 +11,7 @@ import contextlib
 import hashlib
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -55,6 +55,7 @@ DEPTH = ("16UC1", "16SC1", "32FC1", "mono16")  # encodings of distances, at whic
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
+STEEPEST = 0.7  # the sine of the steepest angle at which a camera of a car looks up or down
 MAX_REASON = 200  # characters of what rosbags says about a broken file, which may be the file
 
 Topics = Mapping[str, str]
@@ -209,6 +210,7 @@ class _Perception:
     place_of: PlaceOf
     detector: "ImageDetector | None"
     report: ImportReport
+    steep: set[str] = field(default_factory=set)  # cameras that look up or down
     first_ns: int = 0
     last_ns: int = 0
 
@@ -222,6 +224,12 @@ class _Perception:
         world_SE3_camera = self.place_of(image.header.frame_id, stamp_ns)
         if world_SE3_camera is None:
             return None
+        if abs(world_SE3_camera[2, 2]) > STEEPEST and camera not in self.steep:
+            self.steep.add(camera)
+            self.report.refuse(
+                f"{camera}: looks up or down: is its frame {image.header.frame_id!r} optical, z "
+                "ahead and x to the right?"
+            )
         pixels = _picture(self.path, topic, image)
         size = (pixels.shape[1], pixels.shape[0])
         bag_camera = self.around.cameras[_info_topic(topic)]

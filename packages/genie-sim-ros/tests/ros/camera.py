@@ -53,6 +53,8 @@ def main(places, pause_s, listen_s, topic=None):
     while places and not (images.get_num_connections() and listening.get_num_connections()):
         time.sleep(0.01)
     for index, place in enumerate(places):
+        if rospy.is_shutdown():
+            break
         place, at, east = place.partition("@")
         image = image_of(index, int(place))
         if at:

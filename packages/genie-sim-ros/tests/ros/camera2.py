@@ -42,6 +42,8 @@ def main(places, pause_s, listen_s):
         time.sleep(0.05)
     time.sleep(1.0)
     for index, place in enumerate(places):
+        if not rclpy.ok():
+            break
         place, at, east = place.partition("@")
         data = bytes([int(place)]) * (64 * 48)
         image = Image(height=48, width=64, encoding="mono8", step=64, data=data)

@@ -179,20 +179,22 @@ class Master:
             env=self.env,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE_S,
         )
         assert done.returncode == 1
         return done.stderr.strip()
 
     def detach(self, node: str = DETECTOR) -> None:
-        subprocess.run([self._python, "-c", DETACH, node], env=self.env, check=True, timeout=60)
+        subprocess.run(
+            [self._python, "-c", DETACH, node], env=self.env, check=True, timeout=PATIENCE_S
+        )
 
     def play(
         self, places: str, pause_s: float = 0.15, listen_s: float = 0.5, answers: str = OBJECTS
     ) -> list[dict[str, Any]]:
         """Shows places to the camera, and returns the answers in the order in which they came."""
         camera = self.camera(places, pause_s, listen_s, *([] if answers == OBJECTS else [answers]))
-        output, _ = camera.communicate("go\n", timeout=60)
+        output, _ = camera.communicate("go\n", timeout=PATIENCE_S)
         return [json.loads(line) for line in output.splitlines()]
 
     def camera(self, *arguments: object) -> subprocess.Popen[str]:
@@ -264,7 +266,7 @@ class Master:
 def end(process: subprocess.Popen[str]) -> None:
     process.terminate()
     try:
-        process.communicate(timeout=20)
+        process.communicate(timeout=PATIENCE_S)
     except subprocess.TimeoutExpired:
         process.kill()
 

@@ -30,7 +30,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 from tests.checkout import REPOSITORY
-from tests.ros.conftest import DETECTOR, Master, until
+from tests.ros.conftest import DETECTOR, PATIENCE_S, Master, until
 
 NS, MS = 10**9, 10**6
 TRACE = REPOSITORY / "scenarios/traces/kitti_0005.parquet"
@@ -159,8 +159,8 @@ def measure_hops(master: Master, count: int = 60) -> dict[int, list[int]]:
     receiver = master.start("reality_nodes.py", "receiver", count * len(sizes))
     until(lambda: master.subscribers("/probe"), "the receiver listens")
     sender = master.start("reality_nodes.py", "sender", ",".join(map(str, sizes)), count)
-    output, _ = receiver.communicate(timeout=60)
-    sender.wait(10)
+    output, _ = receiver.communicate(timeout=PATIENCE_S)
+    sender.wait(PATIENCE_S)
     taken: dict[int, list[int]] = {size: [] for size in sizes}
     for line in output.splitlines():
         size, took_ns = map(int, line.split())
@@ -185,10 +185,10 @@ def drive(master: Master, plan: dict[str, Any]) -> Drive:
         settings=GENIE, pose_topic="/current_pose", horizontal_fov_rad=FOV_RAD, record=str(record)
     )
     camera = master.start("reality_nodes.py", "camera", path)
-    output, _ = camera.communicate(timeout=120)
+    output, _ = camera.communicate(timeout=PATIENCE_S)
     master.detach()
-    attached.wait(20)
-    detector.wait(20)
+    attached.wait(PATIENCE_S)
+    detector.wait(PATIENCE_S)
     until(
         lambda: "/image_raw" in master.topics_of(DETECTOR)[0], "detaching has started it as it was"
     )

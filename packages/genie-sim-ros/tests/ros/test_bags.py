@@ -467,6 +467,19 @@ def of_bag(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
     perceive_bag(bag.write(), detections=OBJECTS, report=report)
 
 
+def test_a_frame_that_is_not_optical_is_refused(tmp_path: Path):
+    """Its x looks ahead and its z up, as frames of bodies do."""
+    bag = street(tmp_path / "a.mcap")
+    bag.messages[:] = [message for message in bag.messages if "tf" not in message[1]]
+    bag.transform(START_NS, "imu_link", CAMERA, rigid(np.eye(3), (1.0, 0.06, 0.8)))
+    bag.transform(START_NS, "imu_link", "velo_link", rigid(np.eye(3), (0.0, 0.0, 0.8)))
+    path, report = bag.write(), ImportReport("a", accept=True)
+    with pytest.raises(UserError, match=r"looks up or down: is its frame .* optical"):
+        perceive_bag(path, detections=OBJECTS)
+    perceive_bag(path, detections=OBJECTS, report=report)
+    assert sum("optical" in line for line in report.warnings) == 1
+
+
 @pytest.mark.parametrize("check", [name for _, name in cases("bag")])
 def test_what_is_wrong_is_refused_or_told_as_by_every_reader(tmp_path: Path, check: str):
     drive, message, is_refused, _ = CHECKS[check]

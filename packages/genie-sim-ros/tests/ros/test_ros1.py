@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ros.conftest import DETECTOR, HERE, IMAGES, OBJECTS, Master, until
+from tests.ros.conftest import DETECTOR, HERE, IMAGES, OBJECTS, PATIENCE_S, Master, until
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +56,7 @@ def test_the_second_time_at_a_place_is_a_hit(master: Master):
     assert (master.folder / "seen").read_text().split() == ["1", "2", "3"]
 
     master.detach()
-    assert attached.wait(10) == 0
+    assert attached.wait(PATIENCE_S) == 0
     until(lambda: back_as_it_was(master, original), "the node has its own topics again")
     assert [answer["objects"][0][1] for answer in master.play("1,1", pause_s=0.4)] == [1, 1]
     assert len(master.outcomes()) == 6, "the Genie is gone"
@@ -101,7 +101,7 @@ def test_a_killed_genie_leaves_the_robot_with_its_node(master: Master):
     original = command_line(detector.pid)
     attached = master.attach()
     os.kill(master.pid_of(GENIE) or 0, signal.SIGKILL)
-    assert attached.wait(20) == 1
+    assert attached.wait(PATIENCE_S) == 1
     assert "its Genie ended" in master.errors_of("attach")
     until(lambda: back_as_it_was(master, original), "the watchdog has restored the node")
     assert len(master.play("1,2")) == 2
@@ -136,7 +136,7 @@ def test_a_node_that_its_user_stops_stays_stopped(master: Master):
     master.start_node(DETECTOR, "detector.py")
     attached = master.attach()
     os.kill(master.pid_of(DETECTOR) or 0, signal.SIGINT)
-    assert attached.wait(20) == 1
+    assert attached.wait(PATIENCE_S) == 1
     assert "it was not started again" in master.errors_of("attach")
     assert master.topics_of(DETECTOR) == ([], [])
 
@@ -163,7 +163,7 @@ def test_a_bag_played_at_it(master: Master, ros1_python: Path):
     """Ten places, twice, at 10 Hz out of a bag: ten runs of the detector and ten hits, in order."""
     bag, places = master.folder / "drive.bag", [*range(1, 11)] * 2
     make = [ros1_python, HERE / "make_bag.py", bag, ",".join(map(str, places)), "0.1"]
-    subprocess.run(make, env=master.env, check=True, timeout=60)
+    subprocess.run(make, env=master.env, check=True, timeout=PATIENCE_S)
     master.start_node(DETECTOR, "detector.py")
     master.attach()
     listener = master.camera("-", 0, 5.0)
@@ -173,10 +173,12 @@ def test_a_bag_played_at_it(master: Master, ros1_python: Path):
         ["rosbag", "play", "-q", bag],
         env=master.env,
         check=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         stdin=subprocess.DEVNULL,
     )
-    answers = [json.loads(line) for line in listener.communicate(timeout=30)[0].splitlines()]
+    answers = [
+        json.loads(line) for line in listener.communicate(timeout=PATIENCE_S)[0].splitlines()
+    ]
     assert master.outcomes() == ["miss"] * 10 + ["hit"] * 10
     assert [answer["objects"][0][1] for answer in answers] == places
     assert [answer["stamp_ns"] for answer in answers] == [
@@ -202,7 +204,7 @@ def test_a_cpp_node_with_an_anonymous_name_and_remappings_of_its_own(master: Mas
     assert [answer["stamp_ns"] // 10**9 for answer in answers] == [1, 2, 3, 4]
     assert master.outcomes() == ["miss", "miss", "hit", "hit"]
     master.detach(name)
-    assert attached.wait(10) == 0
+    assert attached.wait(PATIENCE_S) == 0
     back = until(
         lambda: [one for one in master.subscribers(IMAGES) if "republish" in one],
         "it has its topics again",
