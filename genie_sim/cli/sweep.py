@@ -74,6 +74,7 @@ def sweep(
     names, numbers = arguments.listed("--methods", methods), arguments.seeds(seeds)
     from genie_sim import api
     from genie_sim.analysis.seed_runs import SeedRuns
+    from genie_sim.record.results import checked_label
     from genie_sim.study.study import UnfinishedError
 
     try:
@@ -84,7 +85,7 @@ def sweep(
                 set_,
                 seeds=numbers,
                 methods=names,
-                label=label,
+                label=checked_label(label, "--label"),
                 jobs=jobs,
                 scheduler=scheduler,
                 shard=part,
@@ -94,6 +95,11 @@ def sweep(
     except UnfinishedError as rest:
         click.echo(str(rest))
         return
+    except UserError as error:
+        # in Python axes come from an argument, on the command line they do not
+        text = str(error)
+        is_of_axes = text.startswith("axes: ")
+        raise UserError(f"--axis: {text.removeprefix('axes: ')}" if is_of_axes else text) from error
     if isinstance(result, SeedRuns):
         print_results(result, page=True, figures=False)
         return
