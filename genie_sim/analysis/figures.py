@@ -55,7 +55,7 @@ from genie_sim.analysis.style import (
     TITLE_CHARACTERS,
     percent_tick,
 )
-from genie_sim.base.paths import atomic_write, usable
+from genie_sim.base.paths import OutputKind, atomic_write, usable
 from genie_sim.base.text import natural_key, percent_text
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
@@ -68,6 +68,11 @@ FORMATS: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "svg": ("Title", "Description", ("Date", "Creator")),
     "png": ("Title", "Description", ("Software",)),
     "pdf": ("Title", "Subject", ("CreationDate", "Creator", "Producer")),
+}
+OUTPUTS = {
+    "svg": OutputKind("picture in SVG", rb".*<svg"),
+    "png": OutputKind("picture in PNG", rb"\x89PNG"),
+    "pdf": OutputKind("PDF", rb"%PDF"),
 }
 ALWAYS = "latency_cdf"  # the figure of every run
 FEW_EVENTS = 50
@@ -131,7 +136,8 @@ def save(
     with in_style():
         _settle(figure)
         for path, format in zip(paths, formats, strict=True):
-            with atomic_write(path) as beside:  # takes the place of a link, and never follows it
+            # takes the place of a link, and never follows it
+            with atomic_write(path, OUTPUTS[format]) as beside:
                 figure.savefig(beside, format=format, metadata=_metadata(figure, format))
     return paths
 

@@ -144,11 +144,6 @@ def _boost_per_sighting(lookups: Columns) -> Sample:
     return Sample(of_genies, events["boost_sum"], events["updates"])
 
 
-def _coalesced(lookups: Columns) -> Measured:
-    asked = of_clients(lookups)
-    return quotient(int((asked["outcome"] == "coalesced").sum()), len(asked))
-
-
 def _of_lookups(
     title: str, unit: str, meaning: str, formula: Callable[[Columns], Any], **words: Any
 ) -> Metric:
@@ -182,12 +177,6 @@ METRICS = {
         "same.",
         _pooled,
         better=HIGHER,
-    ),
-    "coalesced_share": _of_lookups(
-        "coalesced requests",
-        "%",
-        "Share of the clients' requests that wait for the answer to an equal pending one.",
-        _coalesced,
     ),
     "object_reuse": _of_lookups(
         "object reuse",

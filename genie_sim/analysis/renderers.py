@@ -13,10 +13,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from html import escape
 from itertools import chain, pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.base.errors import UserError, unknown
+from genie_sim.base.paths import OutputKind, atomic_write, usable
 from genie_sim.base.text import one_line, significant
 from genie_sim.record.results import TIDY_FIELDS
 from genie_sim.record.tables import harmless
@@ -25,6 +27,11 @@ if TYPE_CHECKING:
     import pandas as pd
 
 FORMATS = {"markdown": ".md", "csv": ".csv", "latex": ".tex"}
+OUTPUTS = {
+    "markdown": OutputKind("table in Markdown", rb"(## [^\n]*\n\n)?\|[^\n]*\n\|---"),
+    "csv": OutputKind("table of metrics", rb"([^\n]*,)?metric,"),
+    "latex": OutputKind("table in LaTeX", rb"% needs "),
+}
 GAP = 2  # characters between columns on a terminal
 MIN_TITLE_WIDTH, LEGIBLE_TITLE_WIDTH = 8, 24  # characters
 NOTE_WIDTH = 120  # characters in a line of Markdown
@@ -61,6 +68,16 @@ def checked(format: str) -> str:
     if format not in FORMATS:
         raise UserError(f"format: {unknown('format', format, FORMATS)}")
     return format
+
+
+def write(path: Path, text: str, format: str) -> None:
+    """Writes a table. Raises ``UserError``, also where a sweep has its own table of that name."""
+    if path.exists() and (path.parent / "sweep.json").exists():
+        raise UserError(f"{path}: belongs to the result in that folder; say where else")
+    with usable(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path, OUTPUTS[format]) as beside:
+        beside.write_text(text, encoding="utf-8")
 
 
 def markdown(table: ResultTable, intervals: bool = True) -> str:

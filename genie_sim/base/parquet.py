@@ -4,8 +4,8 @@ or not at all.
 
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -36,7 +36,7 @@ def write(
     """Writes rows, and what the file says of itself; the same give the same bytes with the same
     pyarrow.
 
-    Raises UserError where the folder cannot be written.
+    Raises UserError where the folder cannot be written, or holds another kind of file of that name.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -44,10 +44,24 @@ def write(
     table = pa.Table.from_pylist(
         list(rows), schema.with_metadata({METADATA_KEY: json.dumps(about, sort_keys=True)})
     )
+    check_replaceable(path, about)
     with atomic_write(path) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as file:  # pyarrow would take a path for a URI
             pq.write_table(table, file, compression="zstd")
+
+
+def check_replaceable(path: Path, about: Collection[str]) -> None:
+    """Raises ``UserError`` for a file that is there, unless it is empty, a link, or tells the same
+    of itself: what is named in ``about``.
+    """
+    if path.is_symlink() or not path.is_file() or not path.stat().st_size:
+        return
+    told = {""}  # of a file of others
+    with suppress(UserError):
+        told = {*described(path, "file")[1]}
+    if not (told <= {*about} or told >= {*about}):
+        raise UserError(f"{path}: is there already, and holds something else; say where else")
 
 
 def read(

@@ -3,6 +3,7 @@
 import functools
 import hashlib
 import os
+import re
 import secrets
 import signal
 import stat
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from io import BufferedReader
 from pathlib import Path
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from genie_sim.base.add_ons import INSTALL_ROS
 from genie_sim.base.errors import UserError, as_user_error
@@ -20,8 +21,30 @@ from genie_sim.base.errors import UserError, as_user_error
 PARTIAL = ".partial"
 BAGS = (".bag", ".mcap", ".db3")  # files of ROS; a ROS 2 bag is a folder with a metadata.yaml
 REMEMBERED_FILES = 16  # of each kind
+MARKED_BYTES = 1024  # within which a file tells its kind
 MAX_TEXT_BYTES = 2**26  # of a text or JSON, which is read as a whole
 Content = TypeVar("Content")
+
+
+class OutputKind(NamedTuple):
+    """A kind of file that users ask for by its path: what it is, and how each such file begins, as
+    a regular expression. Of a kind without one people edit the files: none is ever replaced.
+    """
+
+    what: str
+    begin: bytes = b""
+
+    def check(self, path: Path) -> None:
+        """Raises ``UserError`` where a file of this kind may not be written: what is there already,
+        such as an input, is replaced by its own kind alone, or if it is empty or a link.
+        """
+        if not self.begin and os.path.lexists(path):
+            raise UserError(f"{path}: is there already; say where else")
+        if path.is_file() and not path.is_symlink() and path.stat().st_size:
+            with regular(path) as file:
+                begin = file.read(MARKED_BYTES)
+            if not re.match(self.begin, begin, re.DOTALL):
+                raise UserError(f"{path}: is there already, and is no {self.what}; say where else")
 
 
 def expanded(path: str | Path) -> Path:
@@ -152,10 +175,10 @@ def read_text(path: Path) -> str:
 
 
 @contextmanager
-def atomic_write(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path, kind: OutputKind | None = None) -> Iterator[Path]:
     """A temporary path in the folder of ``path``: the file written there replaces ``path`` when it
     is complete and on the disk, and is deleted if that fails. Raises ``UserError``, before anything
-    is written if ``path`` is a folder or a device.
+    is written if ``path`` is a folder or a device, or if this ``kind`` of file may not replace it.
     """
     with usable(path):
         if path.exists() and not path.is_file():
@@ -163,6 +186,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
                 f"{path}: cannot be written: {'a folder' if path.is_dir() else 'no file'} of that"
                 " name"
             )
+        if kind is not None:
+            kind.check(path)
         beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
         try:
             yield beside

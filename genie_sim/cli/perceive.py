@@ -79,6 +79,7 @@ def perceive(
     """Run a detector over a drive; write its trace."""
     from genie_sim.base.import_report import ImportReport
     from genie_sim.data import perceive as perception
+    from genie_sim.data.trace import check_replaceable
     from genie_sim.data.trace_import import write_told
 
     if (drive is None) == (check is None):
@@ -100,6 +101,8 @@ def perceive(
     if evaluate:  # weak detections count for average precision; they need no place
         lowest = min(min_score, perception.LOWEST_SCORE)
         settings = replace(settings, min_score=lowest, place_from=min_score)
+    if out is not None:
+        check_replaceable(out)  # before the detector runs
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
     report = ImportReport(root, accept)
     selection = perception.FrameSelection(

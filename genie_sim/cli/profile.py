@@ -82,6 +82,7 @@ def profile(
         arguments.only("with --csv", *OF_ALL, "csv", "column", "unit")
     else:
         arguments.only("with --mean", *OF_ALL, "mean", "sd")
+    device_fit.PROFILE.check(out)  # before anything is measured
     report = ImportReport(csv or "profile")
     given = None
     if mean is not None:

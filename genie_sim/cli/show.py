@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.paths import atomic_write, read_text
+from genie_sim.base.paths import OutputKind, atomic_write, read_text
 from genie_sim.cli import completion
 from genie_sim.cli.arguments import PATH, only
 
@@ -46,9 +46,7 @@ def show(name: str, kind: str | None, copy_to: Path | None, schema: bool) -> Non
         return
     if copy_to.is_dir():
         copy_to = copy_to / (f"{name}.schema.json" if path is None else path.name)
-    if copy_to.exists() or copy_to.is_symlink():
-        raise UserError(f"{copy_to}: is there already; say where else")
-    with atomic_write(copy_to) as beside:
+    with atomic_write(copy_to, OutputKind("file to edit")) as beside:
         beside.write_text(text, encoding="utf-8")
     click.echo(f"{copy_to}" if path is None else f"{copy_to} (from {path})")
 

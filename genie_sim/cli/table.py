@@ -45,7 +45,6 @@ def table(
     """
     from genie_sim import kinds
     from genie_sim.analysis import renderers
-    from genie_sim.base.paths import atomic_write, usable
 
     renderers.checked(format)
     result = kinds.shown(folders, listed("--methods", methods), labels, allow_changed)
@@ -53,8 +52,5 @@ def table(
     if out is None:
         click.echo(text, nl=False)
         return
-    with usable(out):
-        out.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(out) as beside:
-            beside.write_text(text, encoding="utf-8")
+    renderers.write(out, text, format)
     click.echo(f"Table: {out}")

@@ -167,6 +167,12 @@ def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[
     }
 
 
+def check_replaceable(path: Path) -> None:
+    """Raises ``UserError`` where a trace may not be written: what is there is none."""
+    of_all = ("format_version", "origin", "digest", "provenance")
+    parquet.check_replaceable(path, (*of_all, "name", "sequence"))
+
+
 def write_trace(path: str | Path, trace: Trace) -> None:
     """Writes a trace, whole or not at all; the same one gives the same bytes with the same pyarrow.
     Raises UserError where the folder cannot be written.

@@ -20,11 +20,11 @@ class Partition(Fault):
     dropped_by = "partition"
 
     def strike(self, network: Network) -> Strike:
-        def passed(message: Message, other: str) -> Message | None:
+        def inside(message: Message, other: str) -> Message | None:
             """The message, if the host at the other end is in the same part."""
             return message if other in self.target else None
 
-        bend = Bend(passed, passed, self.dropped_by)
+        bend = Bend(inside, inside, self.dropped_by)
         for host in self.target:
             network.bend(host, bend)
         yield

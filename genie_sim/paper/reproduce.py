@@ -276,7 +276,7 @@ def show(folder: Path, evaluation: Reproduction) -> None:
         with attempt(printed.DOCUMENT):
             accuracy = page.accuracy(Evidence(evaluation.numbers))
             document = printed.document(evaluation.rows, accuracy, evaluation.about["edited"])
-            template.write(folder / printed.DOCUMENT, document)
+            provenance.write_summary(folder / printed.DOCUMENT, document)
         with attempt("figures"):
             drawn_figures = evaluation.figures()
             save_all(drawn_figures, provenance.contained(folder, "figures"), ["svg"])

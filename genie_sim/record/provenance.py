@@ -19,7 +19,9 @@ from typing import Any
 from genie_sim.base.errors import UserError, as_user_error, first_line, short_repr
 from genie_sim.base.paths import (
     PARTIAL,
+    atomic_write,
     locked,
+    read_bytes,
     read_text,
     sha256_of,
     sync_file,
@@ -51,6 +53,7 @@ EARLIER = ".earlier"  # the name of a result while another takes its place
 _LEFTOVER = re.compile(
     rf"\.(?P<name>.+)\.[0-9a-f]{{8}}{re.escape(PARTIAL)}(?P<earlier>{re.escape(EARLIER)})?"
 )
+_SIGNED = re.compile(rb"(.*)\n<!-- as genie-sim wrote it: ([0-9a-f]{16}) -->\n", re.DOTALL)
 PACKAGES = ("simpy", "numpy", "pandas", "pyarrow", "matplotlib", "onnxruntime")
 
 
@@ -254,6 +257,8 @@ def _take_over(earlier: Path, folder: Path, shown: Collection[str]) -> None:
     """Files of an earlier result that are not its own come into the folder, too."""
     if earlier.is_symlink() or not earlier.is_dir():
         return
+    for summary in shown:
+        keep_edited(earlier / summary)
     before, now = _about(earlier), _about(folder)
     keys = ("run_id", "label", "digests")
     is_same = bool(now) and all(before.get(key) == now.get(key) for key in keys)
@@ -341,6 +346,39 @@ def write_text(path: Path, text: str) -> None:
     """A text in a new folder, in UTF-8. Raises ``UserError``."""
     with usable(path):
         path.write_text(text, encoding="utf-8")
+
+
+def write_summary(path: Path, text: str) -> None:
+    """Writes a text that people may edit, with its digest in the last line. Raises
+    ``UserError``.
+    """
+    keep_edited(path)
+    signature = hashlib.sha256(text.encode()).hexdigest()[:16]
+    with atomic_write(path) as beside:
+        beside.write_text(
+            f"{text}\n<!-- as genie-sim wrote it: {signature} -->\n", encoding="utf-8"
+        )
+
+
+def keep_edited(path: Path) -> None:
+    """Gives a summary that was edited since it was written another name, before it is replaced or
+    removed, and says so. Raises ``UserError``.
+    """
+    if path.is_symlink() or not path.is_file() or path.suffix != ".md":
+        return
+    try:
+        content = read_bytes(path)
+    except UserError:
+        if path.exists():
+            raise
+        return  # another process has removed it
+    signed = _SIGNED.fullmatch(content)
+    if signed is None or hashlib.sha256(signed[1]).hexdigest()[:16] != signed[2].decode():
+        digest = hashlib.sha256(content).hexdigest()[:8]
+        kept = path.with_name(f"{path.stem}.edited-{digest}{path.suffix}")
+        with usable(path, "was edited, and cannot be renamed"), suppress(FileNotFoundError):
+            path.replace(kept)
+        log.warning("%s: was edited; that is kept as %s", path, kept.name)
 
 
 def read_json(path: Path) -> Any:

@@ -149,7 +149,7 @@ def write(comparison: ComparedRuns, folder: Path) -> Path:
     with usable(folder):
         folder.mkdir(parents=True, exist_ok=True)
     for name, suffix in renderers.FORMATS.items():
-        template.write(folder / f"table{suffix}", compare_tables.text(comparison, name))
+        renderers.write(folder / f"table{suffix}", compare_tables.text(comparison, name), name)
     drawn: dict[str, Figure] = {}
     with provenance.derived(folder) as attempt:
         with attempt("figures"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.style import RUN_FIGURES
-from genie_sim.record.provenance import Attempt, contained, derived
+from genie_sim.record.provenance import Attempt, contained, derived, write_summary
 
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
@@ -41,7 +41,7 @@ class Output:
         from genie_sim.report import comparison, html_page, template
 
         with attempt("summary.md"):
-            template.write(folder / "summary.md", summary.markdown(results))
+            write_summary(folder / "summary.md", summary.markdown(results))
         drawn = None
         if self.figures:
             from genie_sim.analysis import figures  # imports matplotlib

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.text import natural_key
 from genie_sim.record import provenance
 
@@ -33,6 +33,7 @@ LANES = {  # the thread of each part of an answer's way that is service
     "edges": "edges",
 }
 Event = dict[str, Any]
+TRACE = OutputKind("trace for Perfetto", rb'\{"displayTimeUnit": "ns"')
 
 
 def export(run: "Run", out: Path) -> int:
@@ -47,7 +48,7 @@ def export(run: "Run", out: Path) -> int:
         trace = _Trace()
         events = [*_slices(run, trace), *_counters(run, trace)]
     events.sort(key=lambda event: event.pop("ns"))
-    with atomic_write(out) as beside, beside.open("w", encoding="utf-8") as file:
+    with atomic_write(out, TRACE) as beside, beside.open("w", encoding="utf-8") as file:
         file.write('{"displayTimeUnit": "ns", "traceEvents": [\n')
         file.write(",\n".join(map(json.dumps, [*trace.names(), *events])))
         file.write("\n]}\n")

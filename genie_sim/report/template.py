@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers, style
 from genie_sim.analysis.result_table import ResultTable
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.report.replay import LINES
 from genie_sim.version import VERSION
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "report.html"
+PAGE = OutputKind("page of genie-sim", rb"<!DOCTYPE html>.*default-src 'none'; script-src 'sha256-")
 REPLAY = (
     "replay_elements.js",
     "replay_model.js",
@@ -141,7 +142,7 @@ class Page:
 
 def write(path: Path, text: str) -> None:
     """Writes a page, beside and renamed. Raises ``UserError``."""
-    with atomic_write(path) as beside:
+    with atomic_write(path, PAGE) as beside:
         beside.write_text(text, encoding="utf-8")
 
 

@@ -23,12 +23,13 @@ import yaml
 from genie_sim.base import units
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.progress import Progress
 from genie_sim.base.tables import UNITS, FileColumn, FileTable, is_number, title_of, with_point
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
+PROFILE = OutputKind("device profile")  # people edit it
 MIN_LATENCIES = 20  # latencies; fewer say nothing about a tail
 WARM_UP = 10
 USUAL_MS = (0.3, 10_000.0)  # one detection, in the median
@@ -417,7 +418,7 @@ def write(
         "Written by genie-sim profile.\n"
     )
     text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
-    with atomic_write(path) as partial:
+    with atomic_write(path, PROFILE) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_text(text, encoding="utf-8")
         return load_profile(partial)

@@ -7,6 +7,7 @@ joint sample of the ``latin_hypercube`` axes; and each point is run with every s
 import hashlib
 import itertools
 import json
+import logging
 import math
 import re
 from collections import Counter
@@ -23,6 +24,7 @@ from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 from genie_sim.version import VERSION
 
+log = logging.getLogger(__name__)
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
 # the one path of an axis that is no setting of a scenario but names another one
 SCENARIO = "scenario"
@@ -482,11 +484,15 @@ def load_design(
 
 
 def write_described(path: Path, described: Mapping[str, Any], methods: Sequence[str]) -> None:
-    """Writes a sweep as a file, with the command that runs it again."""
+    """Writes a sweep as a file, with the command that runs it again. One that was edited stays."""
+    text = dump(described)
+    if path.is_file() and read_text(path).partition("\n")[2] != text:
+        log.warning("%s: is not as it was written, and is left alone", path)
+        return
     again = f"genie-sim sweep {path}" + (f" --methods {','.join(methods)}" if methods else "")
     with atomic_write(path) as beside:
-        text = f"# To run it again: {again} --out {path.parent.parent}\n{dump(described)}"
-        beside.write_text(text, encoding="utf-8")
+        head = f"# To run it again: {again} --out {path.parent.parent}"
+        beside.write_text(f"{head}\n{text}", encoding="utf-8")
 
 
 def read_design(data: Mapping[str, Any], where: str) -> Design:

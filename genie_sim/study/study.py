@@ -147,7 +147,9 @@ class Study:
             is_same = not incomplete and self._is_as_written()
             self._write_about()
         for name in (*RESULTS, *(() if is_same else SHOWN)):  # of fewer points or seeds
-            provenance.contained(self.folder, name).unlink(missing_ok=True)
+            path = provenance.contained(self.folder, name)
+            provenance.keep_edited(path)
+            path.unlink(missing_ok=True)
         self._parts.run(runs, workers, progress, incomplete)
 
     def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
@@ -202,7 +204,8 @@ class Study:
         compared = tables.all_differences(runs, columns, crossed)
         for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
             tables.write_parquet(table, self.folder / f"{name}.parquet", about)
-            template.write(self.folder / f"{name}.csv", renderers.csv_of_table(table))
+            with atomic_write(self.folder / f"{name}.csv") as beside:
+                beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
         return runs

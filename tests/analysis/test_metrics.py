@@ -478,18 +478,6 @@ def test_a_deadline_is_met_before_it_and_not_at_it():
     assert result["fresh_under_deadline_share", "genie"].value == 0.0
 
 
-def test_requests_of_neighbours_are_not_coalesced_requests():
-    """Two of the client's four requests wait for an equal one; three of a neighbour's do not
-    count.
-    """
-    rows = events("edge1", "image", [0] * 4)
-    rows += events("edge1", "image", [0] * 4, requester="neighbour")
-    table = lookup_table(*rows)
-    table["outcome"] = ["coalesced"] * 2 + ["miss"] * 2 + ["coalesced"] * 3 + ["miss"]
-    coalesced = of_tables(lookups=table)["coalesced_share", "edge"]
-    assert (coalesced.value, coalesced.n) == (0.5, 4)
-
-
 def test_the_use_of_a_cpu_is_that_of_each_of_its_cores():
     """Four cores that work 6 s in 2 s: each is busy for 1.5 s."""
     table = Table(RESOURCES)

@@ -336,3 +336,86 @@ def test_ctrl_c_while_the_program_is_imported_ends_in_one_line(monkeypatch, caps
     monkeypatch.setattr(sys, "meta_path", [Interrupting(), *sys.meta_path])
     assert program.main() == 130
     assert capsys.readouterr().err == "genie-sim: interrupted; nothing was written\n"
+
+
+# Outputs and the files that are there
+
+
+def latencies(path: Path) -> Path:
+    path.write_text("latency_ms\n" + "".join(f"{20 + place % 7}.5\n" for place in range(40)))
+    return path
+
+
+def link_rates(path: Path) -> Path:
+    path.write_text("time_s,up_mbps\n0,5\n1,6\n")
+    return path
+
+
+OUTPUTS = {
+    "table": ("table", "result", "--out"),
+    "table --format csv": ("table", "result", "--format", "csv", "--out"),
+    "table --format latex": ("table", "result", "--format", "latex", "--out"),
+    "report": ("report", "result", "--out"),
+    "export": ("export", "result", "--out"),
+    "figures": ("figures", "result", "--only", "latency_cdf", "--out"),
+    "import link": ("import", "link", "link.csv", "--out"),
+    "profile": ("profile", "--csv", "latencies.csv", "--cores", "4", "--model", "mine", "--out"),
+}
+
+
+@pytest.mark.parametrize("command", OUTPUTS)
+def test_an_output_replaces_nothing_but_its_own_kind(command, folder, capsys):
+    """Neither an input, nor a file of a result, nor a text of the user's."""
+    latencies(Path("latencies.csv")), link_rates(Path("link.csv"))
+    Path("mine.txt").write_text("mine\n")
+    kept = [*map(Path, ("latencies.csv", "link.csv", "mine.txt")), *folder.iterdir()]
+    before = {path: path.read_bytes() for path in kept if path.name != "report.html"}
+    for path in before:
+        if command == "figures":  # it is told its format by the ending
+            path = Path(shutil.copy(path, f"{path.name}.svg"))
+        assert main([*OUTPUTS[command], str(path)]) == 1
+        one_line(capsys.readouterr().err, f"{path}: is there already")
+    assert {path: path.read_bytes() for path in before} == before
+
+
+@pytest.mark.parametrize("command", sorted(OUTPUTS.keys() - {"profile"}))
+def test_an_output_replaces_its_own_kind_and_an_empty_file(command, folder):
+    link_rates(Path("link.csv"))
+    Path("out.svg").touch()
+    for _ in range(2):
+        assert main([*OUTPUTS[command], "out.svg"]) == 0
+
+
+def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys):
+    latencies(Path("latencies.csv"))
+    assert main([*OUTPUTS["profile"], "mine.yaml"]) == 0
+    before = Path("mine.yaml").read_bytes()
+    assert main([*OUTPUTS["profile"], "mine.yaml"]) == 1
+    assert "mine.yaml: is there already" in capsys.readouterr().err
+    assert Path("mine.yaml").read_bytes() == before
+
+
+def test_a_comparison_leaves_the_tables_of_others_alone(capsys):
+    settings = SHORT | {"methods": ["local", "genie"]}
+    folder = gs.run("street_1car_homo", settings, out="results", report=False).folder
+    Path("out").mkdir()
+    Path("out/table.csv").write_text("what,who\nmine,me\n")
+    assert main(["compare", str(folder), "--out", "out"]) == 1
+    assert "out/table.csv: is there already" in capsys.readouterr().err
+    assert Path("out/table.csv").read_text() == "what,who\nmine,me\n"
+
+
+@pytest.mark.parametrize("label", ["", "another"])
+def test_a_summary_that_was_edited_is_kept_when_its_run_is_made_again(label, caplog):
+    run = gs.run("street_1car_homo", SHORT, out="results", report=False)
+    assert run.folder is not None
+    summary = run.folder / "summary.md"
+    as_written = summary.read_text(encoding="utf-8")
+    summary.write_text(f"Mine.\n{as_written}", encoding="utf-8")
+    gs.run("street_1car_homo", SHORT, out="results", report=False, label=label)
+    (kept,) = run.folder.glob("summary.edited-*.md")
+    assert kept.read_text(encoding="utf-8") == f"Mine.\n{as_written}"
+    assert kept.name in caplog.text and "Mine." not in summary.read_text(encoding="utf-8")
+    caplog.clear()
+    gs.run("street_1car_homo", SHORT, out="results", report=False)
+    assert [*run.folder.glob("summary.edited-*.md")] == [kept] and not caplog.text

@@ -169,10 +169,12 @@ def of_published(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
     (folder / "detections/pointrcnn_Pedestrian").mkdir()
     (folder / "training/oxts/0003.txt").write_text("\n".join(_oxts(drive)) + "\n")
     (folder / "training/calib/0003.txt").write_text(CALIBRATION)
-    ahead_m = [
-        object_m * math.cos(drive.course_rad - drive.heading_rad) for object_m in drive.objects_m
+    off_rad = drive.course_rad - drive.heading_rad
+    across, ahead = -math.sin(off_rad), math.cos(off_rad)
+    cars = [
+        f"{k},2,500,170,600,230,9,1.5,1.6,3.9,{across * m!r},1.6,{ahead * m!r},0,0\n"
+        for k, m in enumerate(drive.objects_m)
     ]
-    cars = [f"{k},2,500,170,600,230,9,1.5,1.6,3.9,0,1.6,{z!r},0,0\n" for k, z in enumerate(ahead_m)]
     (folder / "detections/pointrcnn_Car/0003.txt").write_text("".join(cars))
     (folder / "detections/pointrcnn_Pedestrian/0003.txt").write_text("")
     tracking_trace(folder, "0003", report=report)

@@ -37,7 +37,7 @@ import numpy as np
 
 from genie_sim.base.classes import SIZES, Size
 from genie_sim.base.errors import UserError
-from genie_sim.base.paths import atomic_write
+from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record import provenance
 from genie_sim_ros.codec import ADD, CUBE, MARKERS
@@ -61,6 +61,7 @@ COLOURS = {"hit": (0.0, 0.45, 0.2), "miss": (0.85, 0.2, 0.1), "coalesced": (1.0,
 COLOUR_STOPS = (0.0, 0.5, 1.0)  # confidences of violet, green-blue and yellow
 OTHER_SIZE = Size(1.0, 1.0, 1.0)  # of objects whose class has no usual size
 CAR_BELOW_CAMERA_M = -0.8  # a KITTI car's camera is mounted 1.65 m above the ground
+RECORDING = OutputKind("recording")  # one of others looks the same
 LOOKUP_SHOWN_NS = NS_PER_S
 RIGHT, MISSED = "right", "missed"  # in the column ``judged``
 FALSE_COLOUR, MISSED_COLOUR = (0.85, 0.2, 0.1, 0.6), (1.0, 0.85, 0.2, 0.6)
@@ -88,6 +89,7 @@ def bag(run: "Run", out: Path) -> int:
 
 
 def _export(run: "Run", out: Path, ros: int) -> int:
+    RECORDING.check(out)
     if run.poses.empty:
         raise UserError(
             f"{run.folder or run.name}: holds no poses, so there is nothing to show; 'record' them"
@@ -103,7 +105,7 @@ def _export(run: "Run", out: Path, ros: int) -> int:
             *_resources(run),
         ]
     entries.sort(key=lambda entry: entry.t_ns)
-    with atomic_write(out) as beside:
+    with atomic_write(out, RECORDING) as beside:
         out.parent.mkdir(parents=True, exist_ok=True)
         write(beside, ros, entries)
     return len(entries)
