@@ -46,6 +46,7 @@ from genie_sim.data.truth import (
     write_truth,
 )
 from genie_sim.record import provenance
+from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -241,6 +242,7 @@ ODD = (
 )
 USUAL = {"perception": {"source": f"{own.__name__}:Street", "speed_mps": 1.0, "seconds": 0.3}}
 CASES = [(street, cls, name) for street, cls, names in HOOKS for name in names.split()]
+TABLES_ALONE = Output(page=False)
 ANSWERS = st.tuples(st.sampled_from((*VALUES, *ODD)), st.integers(0, 3))
 
 
@@ -252,7 +254,9 @@ def test_a_class_of_ones_own_may_return_anything(tmp_path: Path, answers: list[t
         usual = getattr(cls, name, None)
         replaced = answering(usual, value, after) if callable(usual) else value
         with mock.patch.object(cls, name, replaced, create=True), works_or_is_refused():
-            run_to_folder(small.scenario(**{**USUAL, **street}), tmp_path / "results")
+            run_to_folder(
+                small.scenario(**{**USUAL, **street}), tmp_path / "results", output=TABLES_ALONE
+            )
         assert not list(tmp_path.glob("results/.*")), (cls, name)
         shutil.rmtree(tmp_path / "results", ignore_errors=True)
 
