@@ -1,8 +1,8 @@
 """Frame sources: where the frames of a scenario come from. The ``perception:`` section names one
 and its arguments.
 
-To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SOURCES`` (or in a scenario
-as ``source: package.module:Class``). Its arguments are its settings in YAML.
+To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SOURCES`` (or in a
+scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
 import os
