@@ -1,3 +1,4 @@
 """Strangers' files and frames: KITTI, detectors, placement, traces, importers, and the interface of
-a source of frames. It may import ``base`` and ``core``; heavy libraries are imported late.
+a source of frames. It may import ``base``, ``core`` and ``tracks``; heavy libraries are imported
+late.
 """

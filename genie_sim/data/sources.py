@@ -1,8 +1,8 @@
 """Frame sources: where the frames of a scenario come from. The ``perception:`` section names one
 and its arguments.
 
-To add one, write a subclass of ``source.FrameSource`` and name it in ``SOURCES`` (or in a scenario
-as ``source: package.module:Class``). Its arguments are its settings in YAML.
+To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SOURCES`` (or in a
+scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
 import os
@@ -64,7 +64,7 @@ class Live(FrameSource):
     """KITTI's numbers of the recorded cameras."""
 
     detector: str = "yolox_nano"
-    """A detector's name, or an ONNX file."""
+    """A detector's name, or the class of one of your own, as `package.module:Class`."""
 
     min_score: float = 0.3
     """Detections with a lower score are left out."""

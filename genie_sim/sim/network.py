@@ -24,7 +24,7 @@ from genie_sim.sim.link_model import LinkEnds, LinkModel, Sender
 from genie_sim.sim.monitor import Monitor, Part, Resource
 from genie_sim.sim.places import Place, Point
 from genie_sim.sim.ros_graph import Dropped, Graph
-from genie_sim.sim.settings import EDGES
+from genie_sim.sim.settings import ALL, EDGES
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink
@@ -239,7 +239,7 @@ class Network:
         they drop messages as ``LINK:cause``. Raises ``UserError`` for an unknown host.
         """
         for end in target.split("->"):
-            if end != EDGES:
+            if end not in (ALL, EDGES):
                 self._check_host(end)
         self.outages.append((target, cause))
         for link in self.links_at(target):

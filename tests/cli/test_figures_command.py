@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 
@@ -112,9 +113,10 @@ def test_methods_labels_and_metrics_choose_in_every_command_that_shows(folders, 
     line = ["--methods", "genie,remote", "--metrics", "first_answer_p99", "--format", "csv"]
     for command in ("table", "compare"):
         assert main([command, folders[0], *line]) == 0
-        rows = capsys.readouterr().out.splitlines()
-        of_metrics = [row for row in rows if row.startswith("first_answer_p99")]
-        assert len(of_metrics) == 2 == sum("genie" in row or "remote" in row for row in of_metrics)
+        rows = csv.DictReader(capsys.readouterr().out.splitlines())
+        values = [row for row in rows if not row.get("against")]
+        assert {row["metric"] for row in values} == {"first_answer_p99"}
+        assert sorted(row["method"] for row in values) == ["genie", "remote"]
     assert main(["table", folders[0], "--label", "mine"]) == 0
     assert main(["table", folders[0], "--metrics", "nope"]) == 1
     assert main(["compare", folders[0], "--metrics", "nope"]) == 1
