@@ -21,7 +21,7 @@ from genie_sim.cli.main import main
 from genie_sim.record import provenance
 from tests.checkout import REPOSITORY, copied
 
-LABEL = r"[a](b) $\frac *c _d_ `e` <img src=f>&lt;|~~g~~ \% #1 {h}"
+LABEL = r"[a](b) $\frac$ *c _d_ `e` <img src=f>&lt;|~~g~~ \% #1 {h}"
 CONTROL = "\u202e\n\x1b[31m"
 SETTINGS = {
     "cars[0].route.window": ["0 s", "1 s"],
