@@ -8,6 +8,7 @@ around one origin for all drives, every camera has its own stamps in nanoseconds
 found by frame number. pykitti would wait for a pipe for ever, so files are looked at first.
 """
 
+import contextlib
 import hashlib
 import logging
 import re
@@ -246,7 +247,10 @@ def decode_image(path: Path, data: bytes) -> np.ndarray:
 
     # Some versions of OpenCV show the upper half of half a file, so its end is looked at first.
     whole = data.endswith(LAST_BYTES[path.suffix])
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) if whole else None
+    image = None
+    if whole:
+        with contextlib.suppress(cv2.error):  # of a picture of more pixels than OpenCV takes
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise UserError(f"{path}: not a readable image, or cut short ({len(data)} bytes)")
     return image

@@ -3,6 +3,7 @@ KITTI's labels.
 """
 
 import os
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.data import pipeline, placement
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.encoding import difference_hash
+from genie_sim.data.kitti import read_image
 from genie_sim.data.perceive import FrameSelection, perceive
 from genie_sim.data.placement import HALF_DEPTH_M
 from genie_sim.data.sources import encoded_beside
@@ -105,6 +107,18 @@ def test_a_drive_becomes_a_trace(street):
     (car,) = frame.detections
     assert (car.label, car.placed_by, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
+
+
+def test_a_picture_of_too_many_pixels_is_refused(tmp_path):
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        check = zlib.crc32(kind + content).to_bytes(4)
+        return len(content).to_bytes(4) + kind + content + check
+
+    size = 2 * (60_000).to_bytes(4) + bytes([8, 2, 0, 0, 0])
+    content = chunk(b"IHDR", size) + chunk(b"IDAT", zlib.compress(b"")) + chunk(b"IEND", b"")
+    (tmp_path / "large.png").write_bytes(b"\x89PNG\r\n\x1a\n" + content)
+    with pytest.raises(UserError, match=r"large\.png: not a readable image"):
+        read_image(tmp_path / "large.png")
 
 
 BOX = (1, 2, 3, 4)
