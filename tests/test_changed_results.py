@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
+from genie_sim.analysis.seed_runs import read_about
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.record import provenance, results
@@ -193,6 +194,28 @@ def test_methods_that_no_run_has_are_named_by_their_field(methods, folder):
     path.write_text(json.dumps(about))
     with pytest.raises(UserError, match=r"run\.json: facts\.methods"):
         gs.load(folder)
+
+
+@pytest.mark.parametrize("command", [*READERS[:4], *READERS[6:]], ids=" ".join)
+@pytest.mark.parametrize("text", ["[]", "null", '"x"', "{}"])
+def test_what_is_no_mapping_is_one_line_with_the_file(text, command, tmp_path, capsys):
+    (tmp_path / "run.json").write_text(text)
+    assert main([command[0], str(tmp_path), *command[1:]]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("genie-sim: ") and "run.json" in said and said.count("\n") == 1
+
+
+@pytest.mark.parametrize("wrong", [None, True, 5, "x", [], {}], ids=repr)
+@pytest.mark.parametrize(
+    ("name", "kind"), [("titles", dict), ("methods", list), ("run_ids", list), ("metrics", dict)]
+)
+def test_what_a_sweep_says_of_itself_is_of_its_kind(name, kind, wrong, tmp_path):
+    (tmp_path / "sweep.json").write_text(json.dumps({"sweep": {}, name: wrong}))
+    if isinstance(wrong, kind):
+        assert read_about(tmp_path)[name] == wrong
+    else:
+        with pytest.raises(UserError, match=rf"sweep\.json: {name}: not a"):
+            read_about(tmp_path)
 
 
 @pytest.mark.slow

@@ -18,6 +18,13 @@ from genie_sim.record.results import MethodInfo, MetricValue, Run
 
 ABOUT = "sweep.json"  # what a study says of itself
 RUNS = "runs"  # the folder of whole results
+KINDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itself
+    "run_ids": (list, "a list"),
+    "methods": (list, "a list"),
+    "titles": (dict, "a mapping"),
+    "metrics": (dict, "a mapping"),
+    "genie_sim": (str, "text"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,6 +203,7 @@ def read_about(folder: Path) -> dict[str, Any]:
     about = provenance.read_json(path)
     if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
         raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
-    if not isinstance(about.setdefault("run_ids", []), list):
-        raise UserError(f"{path}: run_ids: not a list")
+    for name, (kind, what) in KINDS.items():
+        if type(about.setdefault(name, kind())) is not kind:
+            raise UserError(f"{path}: {name}: not {what}")
     return about

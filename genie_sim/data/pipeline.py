@@ -10,11 +10,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
+from numbers import Real
 from typing import Any, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.features import packed
 from genie_sim.base.geometry import Array, transform
 from genie_sim.base.paths import read_bytes
@@ -30,6 +32,7 @@ from genie_sim.data.trace_import import detection, picture_frame
 
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
 MAX_WORKERS = 3  # read and place; more than the fastest networks here can use
+MAX_PIXELS = 1e6  # that a box may lie from the corner of its picture
 
 Result = TypeVar("Result")
 
@@ -54,10 +57,19 @@ class _InOneStep:
     threads = 1
 
     def __init__(self, detector: ImageDetector) -> None:
-        self._detect = detector.detect
+        self._detect, self._class = detector.detect, type(detector).__name__
 
     def infer(self, image_bgr: np.ndarray) -> list[DetectedBox]:
-        return self._detect(image_bgr)
+        boxes = self._detect(image_bgr)
+        wrong: list[Any] = [boxes]
+        if isinstance(boxes, list | tuple):
+            wrong = [box for box in boxes if not _is_detected_box(box)]
+        if wrong:
+            raise UserError(
+                f"detector {self._class}: detect() gave {short_repr(wrong[0])}; it must give a "
+                "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+            )
+        return list(boxes)
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         return image_bgr, 1.0
@@ -67,6 +79,22 @@ class _InOneStep:
 
     def features(self, outputs: Any) -> dict[str, bytes]:
         return {}
+
+
+def _is_detected_box(found: Any) -> bool:
+    """Whether it is what a trace can hold: a label, a score, and a box whose ends are in order."""
+    if not isinstance(found, tuple) or len(found) != 3:
+        return False
+    label, score, box = found
+    if not isinstance(label, str) or not label:
+        return False
+    if not isinstance(box, list | tuple | np.ndarray) or len(box) != 4:
+        return False
+    for value in (score, *box):
+        number: Any = value  # a Real, whose comparisons have no types
+        if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < MAX_PIXELS:
+            return False
+    return bool(0 <= score <= 1 and box[0] <= box[2] and box[1] <= box[3])
 
 
 def trace_frames(

@@ -12,7 +12,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data import placement
+from genie_sim.data import pipeline, placement
 from genie_sim.data.detector import DetectorSettings
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.perceive import FrameSelection, perceive
@@ -105,6 +105,30 @@ def test_a_drive_becomes_a_trace(street):
     (car,) = frame.detections
     assert (car.label, car.placed_by, car.confidence) == ("car", "scan", car.score)
     assert car.location == pytest.approx((2.0 + 15.0 + HALF_DEPTH_M["car"], 0.0, 0.0), abs=0.2)
+
+
+BOX = (1, 2, 3, 4)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *(None, "car", {}, 5, ["car"], [("car", 0.9)], [("car", 0.9, None)]),
+        *([("", 0.9, BOX)], [(5, 0.9, BOX)], [("car", "0.9", BOX)], [("car", True, BOX)]),
+        *([("car", 95.0, BOX)], [("car", float("nan"), BOX)], [("car", 0.9, (1, 2, 3))]),
+        *([("car", 0.9, (3, 2, 1, 4))], [("car", 0.9, (1, 2, 10**400, 4))]),
+        *([("car", 0.9, BOX), ("car", 0.9, (1, 2, float("inf"), 4))],),
+    ],
+    ids=str,
+)
+def test_what_is_no_list_of_boxes_is_refused_with_the_class_of_the_detector(wrong):
+    class Mine:
+        def detect(self, _: np.ndarray) -> object:
+            return wrong
+
+    with pytest.raises(UserError, match=r"detector Mine: detect\(\)") as caught:
+        pipeline._InOneStep(Mine()).infer(np.zeros((2, 2, 3), np.uint8))
+    assert "\n" not in str(caught.value)
 
 
 def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street, tmp_path):
