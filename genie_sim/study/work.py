@@ -259,7 +259,7 @@ class Parts:
             with uninterrupted():  # its workers were killed in the middle of something
                 provenance.clear_away(provenance.contained(self.folder, RUNS))
                 self._clear_parts()
-            raise
+            raise KeyboardInterrupt(f"finished runs are kept in {self.folder}") from None
         if failed:
             first = next(run for run in runs if run.run_id in failed)
             raise UserError(
