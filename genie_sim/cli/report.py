@@ -33,6 +33,8 @@ def report(
     from genie_sim import kinds
     from genie_sim.report import template
 
+    path = out if out is not None else folder / template.NAME
+    template.PAGE.check(path)  # before anything is drawn
     result = kinds.load(folder, allow_changed=allow_changed)
     if isinstance(result, kinds.Run):
         page = result.page(start_ns)
@@ -42,6 +44,5 @@ def report(
         )
     else:
         page = result.page()
-    path = out if out is not None else folder / template.NAME
     template.write(path, page)
     click.echo(f"Report: {path}")

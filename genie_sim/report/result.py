@@ -87,6 +87,7 @@ class Result(ABC):
                 "report: a result without a folder needs a path, such as .report('report.html')"
             )
         where = (self.folder or Path()) / template.NAME if path is None else expanded(path)
+        template.PAGE.check(where)  # before anything is drawn
         template.write(where, self.page())
         return where
 
