@@ -5,7 +5,6 @@ The only module that touches the network. pooch comes with the extra ``fetch``.
 """
 
 import logging
-import lzma
 import re
 import shutil
 import stat
@@ -26,6 +25,8 @@ CHUNK_BYTES = 1 << 18
 MAX_REASON = 300  # characters of what the network says
 MAX_UNPACKED_BYTES = 20 * 10**9  # KITTI's longest raw drives unpack to about 8 GB
 MAX_ENTRIES = 200_000  # KITTI's longest raw drive has about 31,000 files
+# Python unpacks others whole, however much an entry says that it holds.
+METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 MAX_RATIO = 100  # of an archive; scans and pictures shrink by a fifth at most, text to a tenth
 
 
@@ -170,7 +171,6 @@ def unpack(archive: Path, folder: Path) -> list[Path]:
         NotImplementedError,
         RuntimeError,
         ValueError,
-        lzma.LZMAError,
         struct.error,
         zlib.error,
     )
@@ -232,6 +232,7 @@ def _check(archive: Path, entries: list[zipfile.ZipInfo], root: Path) -> None:
                 "is a link or a device, not a file",
             ),
             (entry.flag_bits & 1, "is encrypted"),
+            (entry.compress_type not in METHODS, "is neither stored nor deflated"),
             (str(name).lower() in names, "is in the archive twice"),
             (str(name).lower() in folders, "is a file and a folder"),
             (

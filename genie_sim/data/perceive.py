@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.base.classes import SIZES, VEHICLES
-from genie_sim.base.errors import UserError
+from genie_sim.base.classes import ROAD_LABELS, SIZES, VEHICLES
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
@@ -115,6 +115,7 @@ def perceive(
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
     _tell_sizes(drive, pictures, report)
+    _tell_labels(pictures, report)
     set_name, _, number = frames.drive.partition("/")
     name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
     of_drive = traces(
@@ -138,6 +139,18 @@ def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportR
                 f"{count:,} pictures of {camera} have {width}x{height} pixels, not the "
                 f"calibration's {size[0]}x{size[1]}: its matrix is scaled"
             )
+
+
+def _tell_labels(frames: Iterable[TraceFrame], report: ImportReport) -> None:
+    """Warns of detections whose labels are no classes."""
+    labels = Counter(found.label for frame in frames for found in frame.detections)
+    others = Counter({label: count for label, count in labels.items() if label not in ROAD_LABELS})
+    if others:
+        some = ", ".join(short_repr(label) for label, _ in others.most_common(3))
+        report.warn(
+            f"{others.total():,} of {labels.total():,} detections have labels that are no classes, "
+            f"such as {some}; classes: {', '.join(sorted(ROAD_LABELS))}"
+        )
 
 
 def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:

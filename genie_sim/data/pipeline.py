@@ -25,7 +25,7 @@ from genie_sim.data import placement
 from genie_sim.data.detector import DetectedBox, ImageDetector
 from genie_sim.data.encoding import difference_hash, hue_saturation, sent
 from genie_sim.data.kitti import CameraFrame, KittiDrive, decode_image
-from genie_sim.data.onnx_detector import OnnxDetector
+from genie_sim.data.onnx_detector import SHARES, OnnxDetector, is_share
 from genie_sim.data.placement import Placement, Plane
 from genie_sim.data.trace import TraceFrame
 from genie_sim.data.trace_import import detection, picture_frame
@@ -68,6 +68,17 @@ class _InOneStep:
             raise UserError(
                 f"detector {self._class}: detect() gave {short_repr(wrong[0])}; it must give a "
                 "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+            )
+        places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
+        if is_share(places):
+            raise UserError(f"detector {self._class}: {SHARES}")
+        height, width = image_bgr.shape[:2]
+        outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
+        if outside.any():
+            first = short_repr(boxes[int(outside.any(axis=1).argmax())])
+            raise UserError(
+                f"detector {self._class}: detect() gave {first}, outside of its picture of "
+                f"{width} x {height} pixels"
             )
         return list(boxes)
 

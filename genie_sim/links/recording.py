@@ -26,7 +26,7 @@ TOLD = {  # in the report of an import
 # The largest rate and the longest round trip of a link are in between,
 POSSIBLE = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 # and those of what drives, by radio, the median round trip, in between these.
-USUAL = {"Mbit/s": (0.05, 2_500.0), "ms": (1.0, 2_000.0)}
+USUAL = {"Mbit/s": (0.2, 2_500.0), "ms": (1.0, 2_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
 LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
 MAX_WHOLE = 2**63 - 1

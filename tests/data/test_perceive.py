@@ -6,6 +6,7 @@ import os
 import zlib
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -132,6 +133,7 @@ BOX = (1, 2, 3, 4)
         *([("car", 95.0, BOX)], [("car", float("nan"), BOX)], [("car", 0.9, (1, 2, 3))]),
         *([("car", 0.9, (3, 2, 1, 4))], [("car", 0.9, (1, 2, 10**400, 4))]),
         *([("car", 0.9, BOX), ("car", 0.9, (1, 2, float("inf"), 4))],),
+        *([("car", 0.9, BOX), ("car", 0.9, (90, 2, 95, 4))], [("car", 0.9, (1, -9, 3, -2))]),
     ],
     ids=str,
 )
@@ -141,8 +143,37 @@ def test_what_is_no_list_of_boxes_is_refused_with_the_class_of_the_detector(wron
             return wrong
 
     with pytest.raises(UserError, match=r"detector Mine: detect\(\)") as caught:
-        pipeline._InOneStep(Mine()).infer(np.zeros((2, 2, 3), np.uint8))
+        pipeline._InOneStep(Mine()).infer(np.zeros((60, 90, 3), np.uint8))
     assert "\n" not in str(caught.value)
+
+
+def test_boxes_of_ones_own_detector_that_are_shares_are_refused():
+    class Mine:
+        boxes: ClassVar = [("car", 0.9, (0.1, 0.2, 0.4, 0.6)), ("car", 0.9, (0.5, 0.5, 1.0, 1.0))]
+
+        def detect(self, _: np.ndarray) -> object:
+            return self.boxes
+
+    detector, picture = Mine(), np.zeros((60, 90, 3), np.uint8)
+    with pytest.raises(UserError, match=r"detector Mine: .*shares of the picture"):
+        pipeline._InOneStep(detector).infer(picture)
+    detector.boxes = [("car", 0.9, (-5, -5, 95, 65))]
+    assert pipeline._InOneStep(detector).infer(picture) == detector.boxes
+
+
+def test_labels_of_ones_own_detector_that_are_no_classes_are_told(street, monkeypatch):
+    class Mine:
+        name, sha256, size = "mine", "0" * 64, (96, 32)
+
+        def detect(self, _: np.ndarray) -> object:
+            return [("car", 0.9, (1, 2, 30, 40)), ("Auto", 0.9, (1, 2, 30, 40))]
+
+    monkeypatch.setattr(DetectorSettings, "opened", lambda _: Mine())
+    report = ImportReport(street[0])
+    trace = perceived(*street, report=report)
+    count = sum(len(frame.detections) for frames in trace.frames.values() for frame in frames)
+    (line,) = [line for line in report.warnings if "no classes, such as 'Auto'" in line]
+    assert line.startswith(f"{count // 2:,} of {count:,} detections")
 
 
 def test_encoded_images_have_sizes_of_their_own_and_the_raw_image_s_hash(street, tmp_path):

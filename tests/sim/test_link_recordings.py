@@ -324,7 +324,7 @@ def test_what_cannot_be_imported_is_one_line(run_cli, tmp_path, format, text, me
     ("titles", "row", "message"),
     [
         ("up_mbps", "40000", "up: at most 40,000 Mbit/s, unusual of a radio link"),
-        ("up_mbps", "0.02", "up: at most 0.02 Mbit/s, unusual"),
+        ("up_mbps", "0.12", "up: at most 0.12 Mbit/s, unusual"),
         ("rtt_ms", "0.06", "rtt: a median of 0.06 ms, unusual of a radio link"),
         ("rtt_ms", "20000", "rtt: a median of 20,000 ms, unusual"),
         ("down_mbps", "50", "down: always 50 Mbit/s: does that stand for unknown?"),
