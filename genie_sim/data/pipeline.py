@@ -57,30 +57,10 @@ class _InOneStep:
     threads = 1
 
     def __init__(self, detector: ImageDetector) -> None:
-        self._detect, self._class = detector.detect, type(detector).__name__
+        self._detector = detector
 
     def infer(self, image_bgr: np.ndarray) -> list[DetectedBox]:
-        boxes = self._detect(image_bgr)
-        wrong: list[Any] = [boxes]
-        if isinstance(boxes, list | tuple):
-            wrong = [box for box in boxes if not _is_detected_box(box)]
-        if wrong:
-            raise UserError(
-                f"detector {self._class}: detect() gave {short_repr(wrong[0])}; it must give a "
-                "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
-            )
-        places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
-        if is_share(places):
-            raise UserError(f"detector {self._class}: {SHARES}")
-        height, width = image_bgr.shape[:2]
-        outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
-        if outside.any():
-            first = short_repr(boxes[int(outside.any(axis=1).argmax())])
-            raise UserError(
-                f"detector {self._class}: detect() gave {first}, outside of its picture of "
-                f"{width} x {height} pixels"
-            )
-        return list(boxes)
+        return boxes_in(image_bgr, self._detector)
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         return image_bgr, 1.0
@@ -90,6 +70,36 @@ class _InOneStep:
 
     def features(self, outputs: Any) -> dict[str, bytes]:
         return {}
+
+
+def boxes_in(image_bgr: np.ndarray, detector: ImageDetector) -> list[DetectedBox]:
+    """What a detector finds in a picture. Raises ``UserError`` for what one of the user's own gives
+    that is no list of boxes, or for boxes that are no pixels of this picture.
+    """
+    boxes = detector.detect(image_bgr)
+    if isinstance(detector, OnnxDetector):
+        return list(boxes)
+    name = type(detector).__name__
+    wrong: list[Any] = [boxes]
+    if isinstance(boxes, list | tuple):
+        wrong = [box for box in boxes if not _is_detected_box(box)]
+    if wrong:
+        raise UserError(
+            f"detector {name}: detect() gave {short_repr(wrong[0])}; it must give a "
+            "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+        )
+    places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
+    if is_share(places):
+        raise UserError(f"detector {name}: {SHARES}")
+    height, width = image_bgr.shape[:2]
+    outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
+    if outside.any():
+        first = short_repr(boxes[int(outside.any(axis=1).argmax())])
+        raise UserError(
+            f"detector {name}: detect() gave {first}, outside of its picture of "
+            f"{width} x {height} pixels"
+        )
+    return list(boxes)
 
 
 def _is_detected_box(found: Any) -> bool:

@@ -27,6 +27,7 @@ from genie_sim.core.messages import Detection
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
 from genie_sim.data.perceive import versions
+from genie_sim.data.pipeline import boxes_in
 from genie_sim.data.placement import HALF_DEPTH_M, Placement
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.data.trace_import import detection, picture_frame, tell_network, traces
@@ -237,9 +238,8 @@ class _Perception:
         placement = self._placement(shot, intrinsics, size)
         bag_detections: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
         if self.detector is not None:
-            bag_detections = (
-                BagDetection(*detection) for detection in self.detector.detect(pixels)
-            )
+            boxes = boxes_in(pixels, self.detector)
+            bag_detections = (BagDetection(*box) for box in boxes)
         return picture_frame(
             camera=camera,
             stamp_ns=stamp_ns,

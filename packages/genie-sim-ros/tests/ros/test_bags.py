@@ -226,6 +226,20 @@ def test_a_picture_in_another_encoding_is_the_same_picture(tmp_path: Path):
     assert all((one == picture).all() for one in seen)
 
 
+def test_what_a_detector_of_ones_own_gives_is_checked_as_on_a_drive(tmp_path: Path):
+    class Eye:
+        name, sha256 = "eye", "0"
+
+        def detect(self, image_bgr: np.ndarray) -> list[Any]:
+            return [("car", 0.9, (90.0, 50.0, 99.0, 60.0))]
+
+    bag = street(tmp_path / "street.bag")
+    bag.messages = [message for message in bag.messages if message[1] != IMAGE]
+    bag.image(START_NS, np.zeros((36, 64, 3), np.uint8), "bgr8")
+    with pytest.raises(UserError, match=r"^detector Eye: .* outside of its picture of 64 x 36"):
+        perceive_bag(bag.write(), detector=Eye())
+
+
 @pytest.mark.parametrize("format_", ["png", "jpeg"])
 def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
     import cv2
