@@ -89,7 +89,7 @@ def test_a_packet_is_on_the_earth(changed: dict[str, float], place: int):
     with pytest.raises(UserError, match=f"packet 2: value {place} is {value:g}, out of range"):
         read_oxts(Path("numbers.txt"))
     with pytest.raises(UserError, match="the file is empty"):
-        read_oxts(written(""))
+        read_oxts(written("\n"))
 
 
 def test_places_near_the_origin_in_metres():

@@ -290,7 +290,7 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
     assert stamps_ms == {("a", 0), ("a", 100), ("a", 200), ("b", 250), ("b", 350)}
     again = run_cli(*tables, "--out", "t")
     assert again.returncode == 1
-    assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of other cars")
+    assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of another import")
     for option, value in (("--fov", "400 deg"), ("--frame-size", "0 B"), ("--range", "40")):
         refused = run_cli(*tables, "--out", "u", option, value)
         assert refused.returncode == 1 and f"{option}: " in refused.stderr

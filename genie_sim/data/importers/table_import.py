@@ -95,7 +95,8 @@ class _Table(NamedTuple):
         """A file or a DataFrame; ``name`` is what the latter is called. Raises UserError."""
         if isinstance(table, str | Path):
             path = Path(table)
-            return cls(path, sha256_of(path), FileTable(path))
+            reader = FileTable(path)
+            return cls(path, sha256_of(path), reader)
         content = table.to_csv(index=False).encode()
         return cls(Path(name), hashlib.sha256(content).hexdigest(), DataFrameTable(table, name))
 

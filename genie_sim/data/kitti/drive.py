@@ -1,7 +1,7 @@
 """KITTI's raw drives and its odometry benchmark: frames, camera poses and laser scans of one drive,
 all in one east-north-up world.
 
-pykitti reads calibration, packets, poses and scans. Its time stamps (the OXTS unit's, cut to
+pykitti reads calibration, poses and scans. Its time stamps (the OXTS unit's, cut to
 microseconds) and its lists of files (which shift after the first missing one) do not fit a
 simulator: here every camera has its own stamps in nanoseconds, and files are found by frame number.
 pykitti would wait for a pipe for ever, so files are looked at first.
@@ -23,7 +23,7 @@ from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
 from genie_sim.data.kitti.number_files import numbers, picture_size, size_of, within
-from genie_sim.data.kitti.oxts import BROKEN, read_oxts, world_SE3_imu
+from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
 
@@ -35,6 +35,7 @@ ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``s
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
 SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)  # the benchmark does not tell where on Earth it was
+BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 SAME_SHAPE = 0.02  # width by height may differ by this share
 POINT_BYTES = 16
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)

@@ -1,20 +1,21 @@
 """Where KITTI's OXTS unit was, of raw drives and of tracking sequences.
 
-pykitti reads the packets. Its own poses (Mercator around each drive's first fix) do not fit a
-simulator: here all drives are around one origin.
+pykitti's poses (Mercator around each drive's first fix) do not fit a simulator: here all drives are
+around one origin. Nor does its reader of packets, which names no line of a file.
 """
 
 from pathlib import Path
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, as_user_error
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, rigid, rotation_from_rpy
-from genie_sim.base.paths import regular
 from genie_sim.data.geodesy import enu_SE3_enu
+from genie_sim.data.kitti.number_files import numbers
 
+OXTS_VALUES = 30  # of a packet; the first six say where the unit is and how it is turned
 MAX_OXTS = np.array([90.0, 180.0, 1e5, 7.0, 7.0, 7.0])  # angles in radians: a turn at most
-BROKEN = (
+
     OSError,
     LookupError,
     TypeError,
@@ -29,15 +30,10 @@ def read_oxts(path: Path) -> Array:
 
     Raises UserError for a file without packets, and for values that no place on Earth has.
     """
-    import pykitti
-
-    readable = as_user_error(f"{path}: is no file of OXTS packets", *BROKEN)
-    with regular(path), readable, np.errstate(all="ignore"):
-        lines = pykitti.utils.load_oxts_packets_and_poses([path])
-    if not lines:
+    packets = numbers(path, OXTS_VALUES)[:, :6]
+    if not len(packets):
         raise UserError(f"{path}: the file is empty")
-    packets = np.array([line.packet[:6] for line in lines])
-    wrong = np.argwhere(~(np.abs(packets) <= MAX_OXTS))
+    wrong = np.argwhere(np.abs(packets) > MAX_OXTS)
     if len(wrong):
         packet, value = wrong[0]
         raise UserError(
