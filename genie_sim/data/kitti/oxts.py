@@ -16,13 +16,6 @@ from genie_sim.data.kitti.number_files import numbers
 OXTS_VALUES = 30  # of a packet; the first six say where the unit is and how it is turned
 MAX_OXTS = np.array([90.0, 180.0, 1e5, 7.0, 7.0, 7.0])  # angles in radians: a turn at most
 
-    OSError,
-    LookupError,
-    TypeError,
-    ValueError,
-    OverflowError,
-)  # of pykitti
-
 
 def read_oxts(path: Path) -> Array:
     """Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad] of each packet in a file, (n,
