@@ -248,7 +248,7 @@ STRANGE = {  # what a hook raises, and what the line tells of it
 
 @pytest.mark.parametrize(
     ("raised", "hook"),
-    zip(STRANGE, itertools.cycle(["__init__", "stored"])),  # noqa: B905
+    [*zip(STRANGE, itertools.cycle(["__init__", "stored"]))],
 )
 def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
     tmp_path: Path, raised: str, hook: str, capsys: pytest.CaptureFixture[str]
