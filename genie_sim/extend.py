@@ -37,11 +37,11 @@ from genie_sim.core.messages import (
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex, Similarity
 from genie_sim.core.view import ViewSector
-from genie_sim.data.detector import DETECTORS, DetectedBox, DetectorSettings
+from genie_sim.data.detectors.detector import DETECTORS, DetectedBox, DetectorSettings
 from genie_sim.data.frame_source import Drive, Frames, FrameSource
-from genie_sim.data.number_files import lines, within
-from genie_sim.data.perceive import FrameSelection, perceive
-from genie_sim.data.table_import import ImportedCar, Sensor, recordings, write_recordings
+from genie_sim.data.importers.table_import import ImportedCar, Sensor, recordings, write_recordings
+from genie_sim.data.kitti.number_files import lines, within
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from genie_sim.data.trace import write_trace
 from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity_cache import (

@@ -58,7 +58,7 @@ def import_tables(
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.data import table_import
+    from genie_sim.data.importers import table_import
 
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)

@@ -11,7 +11,7 @@ import pymap3d
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid, rotation_from_rpy
-from genie_sim.data.number_files import numbers
+from genie_sim.data.kitti.number_files import numbers
 
 OXTS_VALUES = 30  # of a packet; the first six say where the unit is and how it is turned
 MAX_OXTS = np.array([90.0, 180.0, 1e5, 7.0, 7.0, 7.0])  # angles in radians: a turn at most

@@ -83,8 +83,8 @@ class Live(FrameSource):
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
     ) -> "Recordings":
-        from genie_sim.data.detector import DetectorSettings
-        from genie_sim.data.perceive import FrameSelection, perceive
+        from genie_sim.data.detectors.detector import DetectorSettings
+        from genie_sim.data.kitti.perceive import FrameSelection, perceive
 
         root = os.path.expandvars(self.kitti)
         if root.startswith("$"):

@@ -48,6 +48,7 @@ MAX_HEADING_RAD = 2 * math.pi
 MAX_STAMP_NS = 2**63 - 1
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
+RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from genie_sim.cli.main import main
-from genie_sim.data import table_import
+from genie_sim.data.importers import table_import
 from genie_sim.links import recording
 
 TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]

@@ -14,7 +14,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import heading_of, transform
-from genie_sim.data.kitti import open_drive, read_image
+from genie_sim.data.kitti.drive import open_drive, read_image
 from tests.kitti_folder import (
     CENTRE_X,
     DATE,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data import geodesy, number_files
+from genie_sim.data import geodesy
+from genie_sim.data.kitti import number_files
 
 HERE = (49.0, 8.4, 112.0)  # latitude [deg], longitude [deg], altitude [m]
 

@@ -14,15 +14,16 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data import pipeline, placement
-from genie_sim.data.detector import DetectorSettings
+from genie_sim.data.detectors import placement
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.detectors.placement import HALF_DEPTH_M
 from genie_sim.data.encoding import difference_hash
-from genie_sim.data.kitti import read_image
-from genie_sim.data.perceive import FrameSelection, perceive
-from genie_sim.data.placement import HALF_DEPTH_M
+from genie_sim.data.kitti import pipeline
+from genie_sim.data.kitti.drive import read_image
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
+from genie_sim.data.kitti.trace_check import differences, perceive_again
 from genie_sim.data.sources import encoded_beside
 from genie_sim.data.trace import read_trace, write_trace
-from genie_sim.data.trace_check import differences, perceive_again
 from tests.kitti_folder import (
     DATE,
     HEIGHT,

@@ -15,7 +15,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.table_import import Sensor, recordings
+from genie_sim.data.importers.table_import import Sensor, recordings
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import read_truth_table
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER

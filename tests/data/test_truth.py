@@ -11,13 +11,13 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
+from genie_sim.data.kitti.labels import make_truth
 from genie_sim.data.sources import Recordings, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (
     RecordedTruth,
     TruthRow,
     TruthTable,
-    make_truth,
     path_beside,
     read_truth_table,
     truth_beside,

@@ -19,12 +19,12 @@ from genie_sim.base.geometry import Geodetic, transform
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Box, Detection, Location
-from genie_sim.data.kitti_tracking import CAMERA, TrackingSequence, open_sequence
-from genie_sim.data.number_files import numbers
-from genie_sim.data.perceive import kitti_folder
-from genie_sim.data.placement import Placement
+from genie_sim.data.detectors.placement import Placement
+from genie_sim.data.importers.trace_import import detection, picture_frame, traces, write_told
+from genie_sim.data.kitti.number_files import numbers
+from genie_sim.data.kitti.perceive import kitti_folder
+from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
 from genie_sim.data.trace import Trace
-from genie_sim.data.trace_import import detection, picture_frame, traces, write_told
 
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
 ATTRIBUTION = (

@@ -24,13 +24,13 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.progress import Progress
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Detection
+from genie_sim.data.detectors.placement import HALF_DEPTH_M, Placement
 from genie_sim.data.encoding import difference_hash
 from genie_sim.data.geodesy import enu_SE3_enu
-from genie_sim.data.perceive import versions
-from genie_sim.data.pipeline import boxes_in
-from genie_sim.data.placement import HALF_DEPTH_M, Placement
+from genie_sim.data.importers.trace_import import detection, picture_frame, tell_network, traces
+from genie_sim.data.kitti.perceive import versions
+from genie_sim.data.kitti.pipeline import boxes_in
 from genie_sim.data.trace import Trace, TraceFrame
-from genie_sim.data.trace_import import detection, picture_frame, tell_network, traces
 from genie_sim_ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim_ros.surroundings import (
     FIX,
@@ -47,7 +47,7 @@ from genie_sim_ros.tf import Trajectory
 from genie_sim_ros.typestore import typestore
 
 if TYPE_CHECKING:
-    from genie_sim.data.detector import ImageDetector
+    from genie_sim.data.detectors.detector import ImageDetector
 
 IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
 POINTS = "sensor_msgs/msg/PointCloud2"

@@ -26,15 +26,14 @@ from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn,
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.trace import POSITION_DECIMALS, Trace
-from genie_sim.data.trace_import import (
+from genie_sim.data.importers.trace_import import (
     BEYOND_M,
-    RANGE_M,
     detection,
     scan_frame,
     traces,
     write_told,
 )
+from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, Trace
 from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 if TYPE_CHECKING:

@@ -21,14 +21,14 @@ from genie_sim.base.features import packed
 from genie_sim.base.geometry import Array, transform
 from genie_sim.base.paths import read_bytes
 from genie_sim.core.messages import Encoding
-from genie_sim.data import placement
-from genie_sim.data.detector import DetectedBox, ImageDetector
+from genie_sim.data.detectors import placement
+from genie_sim.data.detectors.detector import DetectedBox, ImageDetector
+from genie_sim.data.detectors.onnx_detector import SHARES, OnnxDetector, is_share
+from genie_sim.data.detectors.placement import Placement, Plane
 from genie_sim.data.encoding import difference_hash, hue_saturation, sent
-from genie_sim.data.kitti import CameraFrame, KittiDrive, decode_image
-from genie_sim.data.onnx_detector import SHARES, OnnxDetector, is_share
-from genie_sim.data.placement import Placement, Plane
+from genie_sim.data.importers.trace_import import detection, picture_frame
+from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
 from genie_sim.data.trace import TraceFrame
-from genie_sim.data.trace_import import detection, picture_frame
 
 READ_AHEAD = 4  # frames read while the network runs, and frames placed after it
 MAX_WORKERS = 3  # read and place; more than the fastest networks here can use

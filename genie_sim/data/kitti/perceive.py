@@ -14,9 +14,11 @@ from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.data import placement
-from genie_sim.data.detector import DetectorSettings, ImageDetector
-from genie_sim.data.kitti import (
+from genie_sim.data.detectors import placement
+from genie_sim.data.detectors.detector import DetectorSettings, ImageDetector
+from genie_sim.data.detectors.onnx_detector import NMS_IOU
+from genie_sim.data.importers.trace_import import tell_network, traces
+from genie_sim.data.kitti.drive import (
     ATTRIBUTION,
     ATTRIBUTION_OF_ODOMETRY,
     ODOMETRY,
@@ -24,11 +26,9 @@ from genie_sim.data.kitti import (
     KittiDrive,
     open_drive,
 )
-from genie_sim.data.kitti_tracking import TRACKING
-from genie_sim.data.onnx_detector import NMS_IOU
-from genie_sim.data.pipeline import trace_frames
+from genie_sim.data.kitti.pipeline import trace_frames
+from genie_sim.data.kitti.tracking_sequence import TRACKING
 from genie_sim.data.trace import Trace, TraceFrame
-from genie_sim.data.trace_import import tell_network, traces
 
 PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()

@@ -16,7 +16,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import expanded
 from genie_sim.core.messages import Encoding
-from genie_sim.data.onnx_detector import (
+from genie_sim.data.detectors.onnx_detector import (
     CPU,
     MIN_SCORE,
     SHARES,

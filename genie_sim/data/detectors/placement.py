@@ -18,7 +18,7 @@ import numpy.typing as npt
 from genie_sim.base.classes import SIZES, VEHICLES
 from genie_sim.base.geometry import Array, ray
 from genie_sim.core.messages import Box, Location
-from genie_sim.data import shape
+from genie_sim.data.detectors import shape
 
 Indices = npt.NDArray[np.intp]
 

@@ -22,7 +22,7 @@ from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory,
 from genie_sim.base.features import packed
 from genie_sim.base.parallel import limited_memory
 from genie_sim.core.messages import Box
-from genie_sim.data.onnx_files import read_network
+from genie_sim.data.detectors.onnx_files import read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.

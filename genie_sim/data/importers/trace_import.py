@@ -27,6 +27,7 @@ from genie_sim.data.trace import (
     IMAGE_HEADER_BYTES,
     PIXEL_DECIMALS,
     POSITION_DECIMALS,
+    RANGE_M,
     SCORE_DECIMALS,
     Trace,
     TraceFrame,
@@ -35,7 +36,6 @@ from genie_sim.data.trace import (
     write_trace,
 )
 
-RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
 NEAREST_M = 0.5  # what is nearer is the car itself
 SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is

@@ -24,7 +24,7 @@ from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
 from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
-from genie_sim.data.number_files import numbers, picture_size, size_of, within
+from genie_sim.data.kitti.number_files import numbers, picture_size, size_of, within
 
 log = logging.getLogger(__name__)
 
