@@ -472,7 +472,7 @@ def _number(kind: Kind, value: Any) -> float:
             words = "be more than zero"
             if bounds.minimum == 0 and number < 0:
                 words = "not be negative"
-            elif bounds.minimum is not None and bounds.maximum is not None:
+            elif bounds.maximum is not None:
                 words = f"be {bounds.words(unit.text)}"
             raise SettingError("", f"must {words}, but is {short_repr(value)}")
         return number
