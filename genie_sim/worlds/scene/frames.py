@@ -20,7 +20,7 @@ from genie_sim.data.frame_source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.scene.laws import FittedLaws
-from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.noise import FRAME_TRANSIENT, mix
 from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, SceneObject
 from genie_sim.worlds.scene.surrogate import surrogates
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
@@ -186,7 +186,7 @@ class FrameBatch:
     def detections(self, place: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
         detections, key, poses = self._detected.of(place), self.key(place), self._view_poses
-        draw = (key >> 48) / 0x10000
+        draw = FRAME_TRANSIENT.share(key)
         for law in self.drive.scene.laws.transient:
             if 0.0 <= draw < law.per_frame:
                 direction = poses.cos.item(place), poses.sin.item(place)

@@ -51,8 +51,8 @@ class RecordedTraffic(FrameSource):
     has_cars: ClassVar[bool] = True
 
     fcd: str = "sumo_grid"
-    """A file of floating-car data (`.xml`, `.xml.gz`, `.csv`, `.parquet`), or the name of one that
-    comes with genie-sim."""
+    """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
+    genie-sim."""
 
     begin_ns: int | None = None
     """The time in the file at which the simulation begins; by default its first time step

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.settings import SettingError, from_plain
-from genie_sim.worlds.scene.noise import SMOOTH_MASK, mix, normals, smooth_normals
+from genie_sim.worlds.scene.noise import VIEWS, mix, normals, smooth_normals
 from genie_sim.worlds.town.rules import TownRules
 
 
@@ -85,7 +85,7 @@ def test_numbers_are_standard_normal_and_neighbours_correlated():
     assert table.mean() == pytest.approx(0.0, abs=1e-9)
     assert table.std() == pytest.approx(1.0, abs=2e-3)
     row = smooth_normals(0.1)
-    assert isinstance(row, array) and len(row) == SMOOTH_MASK + 1
+    assert isinstance(row, array) and len(row) == 1 << VIEWS.bits
     values = np.array(row)
     assert values.mean() == pytest.approx(0.0, abs=0.05)
     assert values.std() == pytest.approx(1.0, abs=0.03)
