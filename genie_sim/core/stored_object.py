@@ -1,25 +1,18 @@
 """An object of the map of Algorithm 2."""
 
-from types import MappingProxyType
-from typing import Any
-
 from genie_sim.core.messages import Detection, Header, Location
-
-NO_NOTES: Any = MappingProxyType({})  # where no setting asks for them
 
 
 class StoredObject:
     """An object of the map. The location is that of the first sighting.
 
-    ``number`` counts the objects of this map from 0. ``counted_ns`` has the stamp of the last
-    sighting that counted, by car. ``seen_in`` is the newest frame in which a detector saw it,
+    ``number`` is its own, from 0 on. ``seen_in`` is the newest frame in which a detector found it,
     ``None`` where that is unknown.
     """
 
     __slots__ = (
         "_detection",
         "confidence",
-        "counted_ns",
         "label",
         "location",
         "number",
@@ -33,7 +26,6 @@ class StoredObject:
         self.score = seen.score
         self.confidence = seen.confidence
         self.location = location
-        self.counted_ns: dict[str, int] = NO_NOTES
         self.seen_in: Header | None = None
         self._detection: Detection | None = None  # as others get it, once they ask
 

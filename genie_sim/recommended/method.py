@@ -55,10 +55,6 @@ class Recommended(Method):
     only one frame is on its way; with each such answer in a row the gap between looks grows: to
     this time, then twice as long each time, up to 10 s."""
 
-    own: Literal["all", "free", "rest"] = "all"
-    """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come
-    while it is free, or those that do not go up."""
-
     view_range_m: Annotated[float, Bounds(above=0)] = 50.0
     """Answers out of the map look this far."""
 
@@ -146,7 +142,6 @@ class Recommended(Method):
             subscribed,
             published,
             pacer=pacer if has_edge else None,
-            own=self.own,
             object_map=object_map,
             shared=None if sharing is None else SharedTracks(sharing, object_map.contradicts),
             map_answer=map_answer,

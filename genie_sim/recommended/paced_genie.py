@@ -9,7 +9,7 @@ middleware.
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
-from typing import Any, Literal
+from typing import Any
 
 from genie_sim.core.messages import (
     SHARED,
@@ -32,7 +32,6 @@ from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.track_map import TrackMap
 
 MakeAnswer = Callable[[Header, tuple[Detection, ...]], Answer]
-OwnDetector = Literal["all", "free", "rest"]
 REMEMBERED_NS = 10_000_000_000  # assumed: a frame that is older gets no look any more
 
 
@@ -47,9 +46,6 @@ class PacedGenie:
         The encapsulated detector's own topics: one of images, one of objects.
     pacer : Pacer
         Decides what goes up; ``None`` on a car without an edge.
-    own : {"all", "free", "rest"}
-        Which frames go to the car's own detector: all; those that come while it is free; those that
-        do not go up.
     object_map : TrackMap
         Counts looks and serves tracks.
     shared : SharedTracks
@@ -69,7 +65,6 @@ class PacedGenie:
         published: Sequence[str],
         *,
         pacer: Pacer | None,
-        own: OwnDetector,
         object_map: TrackMap,
         shared: SharedTracks | None = None,
         map_answer: MakeAnswer,
@@ -80,7 +75,6 @@ class PacedGenie:
         self.object_map = object_map
         self._shared = shared
         self._pacer = pacer
-        self._own = own
         self._map_answer = map_answer
         self._names_changes = names_changes
         (self._images,), (self._objects,) = subscribed, published
@@ -88,7 +82,6 @@ class PacedGenie:
         self._from_node, self._from_edge = (self._objects + suffix for suffix in suffixes)
         self._viewers: OrderedDict[Header, Viewer] = OrderedDict()  # of frames, by their stamps
         self._newest_looks = NewestLooks()
-        self._own_pending: Header | None = None  # the newest frame that the own detector has
 
     def subscriptions(self) -> tuple[str, ...]:
         """Every topic that this Genie listens to."""
@@ -138,22 +131,13 @@ class PacedGenie:
             NewestLook(frame.header, looked_ns),
             Publish(self._objects, self._answer_from_map(viewer, now_ns)),
         ]
-        goes_up = False
         if self._pacer is not None:
             effects += _lost(self._pacer.expire(now_ns))
-            goes_up = self._pacer.sends(frame.header, frame.pose.heading_rad, now_ns)
-            if goes_up:
+            if self._pacer.sends(frame.header, frame.pose.heading_rad, now_ns):
                 effects.append(LookEvent(frame.header, "edge", "sent", self._pacer.gap_ns))
                 effects.append(Publish(self._to_edge, frame))
-        if self._goes_to_own_detector(goes_up):
-            self._own_pending = frame.header
-            effects.append(Publish(self._to_node, frame))
+        effects.append(Publish(self._to_node, frame))  # whose queue keeps the newest
         return effects
-
-    def _goes_to_own_detector(self, goes_up: bool) -> bool:
-        if self._own == "free":
-            return self._own_pending is None
-        return self._own == "all" or not goes_up
 
     def _on_answer(self, answer: Answer, own: bool, now_ns: int) -> list[Effect]:
         """A detector looked at one of the frames: the map learns it, and whoever waits for objects
@@ -162,7 +146,6 @@ class PacedGenie:
         effects: list[Effect] = []
         is_fresh = True
         if own or self._pacer is None:
-            self._own_pending = None
             effects.append(LookEvent(answer.header, "own", "answered"))
         else:
             arrival = self._pacer.answered(answer.header, now_ns)

@@ -194,10 +194,6 @@ class Host:
         alone_ns = self.device.detector_time.at(self._detection_draws.normal(frame_key(header)))
         return round(alone_ns * self.device.batch_factor(pictures))
 
-    def mean_batch_ns(self, pictures: int) -> float:
-        """The mean time for so many images at once [ns]."""
-        return self.device.detector_time.mean_ns * self.device.batch_factor(pictures)
-
     def compute_key(self, name: str, label: SpanLabel) -> Steps:
         """Computes the similarity key called ``name`` of an image."""
         processor, service_ns = self.device.keys[name]
