@@ -215,6 +215,11 @@ class GenieRules:
                 f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
             )
 
+    @property
+    def capacity_on_car(self) -> Capacity | None:
+        """The capacity of a Genie on a car."""
+        return self.capacity if self.car_capacity is None else self.car_capacity
+
     @classmethod
     def expand(cls, value: object) -> object:
         """What the name of an algorithm stands for, below the settings beside it."""

@@ -20,11 +20,11 @@ class StoredObject:
         "seen_in",
     )
 
-    def __init__(self, number: int, seen: Detection, location: Location) -> None:
+    def __init__(self, number: int, sighting: Detection, location: Location) -> None:
         self.number = number
-        self.label = seen.label
-        self.score = seen.score
-        self.confidence = seen.confidence
+        self.label = sighting.label
+        self.score = sighting.score
+        self.confidence = sighting.confidence
         self.location = location
         self.seen_in: Header | None = None
         self._detection: Detection | None = None  # as others get it, once they ask
@@ -49,8 +49,8 @@ class StoredObject:
             )
         return self._detection
 
-    def set_seen(self, header: Header | None) -> None:
-        """A detector saw it in a frame; ``None``: in one that nobody knows."""
+    def note_frame(self, header: Header | None) -> None:
+        """A detector found it in a frame; ``None``: in one that nobody knows."""
         if header is not None and (
             self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns
         ):

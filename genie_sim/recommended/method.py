@@ -15,7 +15,8 @@ from typing import Annotated, Literal
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import Bounds, Count, Share
 from genie_sim.core.messages import Detections
-from genie_sim.recommended.paced_genie import MakeAnswer, PacedGenie
+from genie_sim.core.node import MakeAnswer
+from genie_sim.recommended.paced_genie import PacedGenie
 from genie_sim.recommended.pacing import Pacer
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
 from genie_sim.recommended.sharing import SharingGenie
@@ -65,7 +66,7 @@ class Recommended(Method):
     """The map serves what exists with at least this probability."""
 
     tau_ns: int = 100_000_000
-    """Looks within this time are no independent evidence; 0 counts every look whole."""
+    """Looks within this time are no independent evidence; 0 weighs every look in full."""
 
     measured: bool = True
     """Whether detection probability and score distributions are those that were measured for the
@@ -143,7 +144,7 @@ class Recommended(Method):
             published,
             pacer=pacer if has_edge else None,
             object_map=object_map,
-            shared=None if sharing is None else SharedTracks(sharing, object_map.contradicts),
+            shared=None if sharing is None else SharedTracks(sharing, object_map),
             map_answer=map_answer,
             suffixes=suffixes,
             names_changes=names_changes,

@@ -76,7 +76,7 @@ class FaultConformance:
         world, _ = small.world(scenario([{**fault, **self.times}], self.methods[-1:]))
         world.run()
         assert not world.network.outages
-        assert not any(link.down_by for link in world.network.links.values())
+        assert not any(link.cut_by for link in world.network.links.values())
 
 
 class RandomFaultConformance:

@@ -13,16 +13,15 @@ from genie_sim.core.messages import (
     Forgotten,
     Header,
     Image,
-    LookEvent,
-    Motion,
-    NewestLook,
     ObjectLookups,
     Publish,
 )
-from genie_sim.recommended.paced_genie import SHARED, PacedGenie
+from genie_sim.recommended.paced_genie import PacedGenie
 from genie_sim.recommended.pacing import Pacer
-from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
+from genie_sim.recommended.shared_tracks import SHARED, SharedTracks, SharingRules
+from genie_sim.sim.monitor import LookEvent
 from genie_sim.tracks.existence import Existence
+from genie_sim.tracks.track import Motion
 from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import IMAGES, OBJECTS, S, answer, frame, seen
 
@@ -44,7 +43,7 @@ def paced_genie(
         (OBJECTS,),
         pacer=Pacer(every_ns=every_ms * MS, **settings) if edge else None,
         object_map=object_map,
-        shared=SharedTracks(SharingRules(), object_map.contradicts) if is_shared else None,
+        shared=SharedTracks(SharingRules(), object_map) if is_shared else None,
         map_answer=Detections,
     )
 
@@ -54,7 +53,9 @@ def topics(effects: list[Effect]) -> list[str]:
 
 
 def events(effects: list[Effect]) -> list[tuple[str, str]]:
-    return [(effect.way, effect.outcome) for effect in effects if isinstance(effect, LookEvent)]
+    """What became of looks, without that frames were answered out of the map."""
+    looks = [effect for effect in effects if isinstance(effect, LookEvent)]
+    return [(look.way, look.outcome) for look in looks if look.way != "map"]
 
 
 def served(effects: list[Effect]) -> Detections:
@@ -152,8 +153,10 @@ def test_every_frame_goes_to_the_own_detector_and_some_go_up():
 
 
 def newest_look_ms(effects: list[Effect]) -> float | None:
-    (newest,) = [effect for effect in effects if isinstance(effect, NewestLook)]
-    return None if newest.stamp_ns is None else newest.stamp_ns / MS
+    (answered,) = [
+        effect for effect in effects if isinstance(effect, LookEvent) and effect.way == "map"
+    ]
+    return None if answered.looked_ns is None else answered.looked_ns / MS
 
 
 def test_a_frame_knows_the_newest_look_that_has_come_of_its_view():

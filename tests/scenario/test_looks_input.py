@@ -24,7 +24,7 @@ from genie_sim.scenario.yaml_input import parse
         ("sharing: {gate: -1 m}", "sharing.gate: must not be negative, but is '-1 m'"),
         ("sharing: {self: -1 m}", "sharing.self: must not be negative, but is '-1 m'"),
         ("sharing: {reach: 0 m}", "sharing.reach: must be more than zero"),
-        ("sharing: {fresh: 0 s}", "sharing.fresh: must be more than zero"),
+        ("sharing: {seen_within: 0 s}", "sharing.seen_within: must be more than zero"),
         ("sharing: {p_min: 1.2}", "sharing.p_min: must be from 0 to 1, not 1.2"),
     ],
 )

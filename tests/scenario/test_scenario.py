@@ -23,10 +23,8 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES, Live, Recorded
-from genie_sim.faults import FAULTS
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
-from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
@@ -35,7 +33,9 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK_MODELS
+from genie_sim.sim.method import METHODS
 
 ROOT = Path(__file__).parents[2]
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]

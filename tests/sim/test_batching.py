@@ -210,7 +210,7 @@ def test_every_picture_of_a_batch_has_the_time_of_a_slow_and_stalled_accelerator
     """Two pictures wait for a key that is computed, 4 ms, then take 3 times 14 ms, and 5 ms in
     which the accelerator stands still.
     """
-    bench = Bench(batch=2, wait_ns=MS, clock=Clock(is_traced=True))
+    bench = Bench(batch=2, wait_ns=MS, clock=Clock(keeps_paths=True))
     accelerator = bench.host.accelerator
     job(accelerator, 5 * MS)
     bench.clock.after(0, accelerator.slow, (3.0,))
