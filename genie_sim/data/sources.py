@@ -41,11 +41,11 @@ class Recorded(FrameSource):
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
-    ) -> "Recordings":
+    ) -> "RecordedDrives":
         from genie_sim.data.trace import read_trace
 
         path = files.find(files.TRACE, self.trace)
-        return Recordings(read_trace(path), origin, path)
+        return RecordedDrives(read_trace(path), origin, path)
 
 
 @dataclass(frozen=True)
@@ -81,9 +81,9 @@ class Live(FrameSource):
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
-    ) -> "Recordings":
-        from genie_sim.data.detector import DetectorSettings
-        from genie_sim.data.perceive import FrameSelection, perceive
+    ) -> "RecordedDrives":
+        from genie_sim.data.detectors.detector import DetectorSettings
+        from genie_sim.data.kitti.perceive import FrameSelection, perceive
 
         root = os.path.expandvars(self.kitti)
         if root.startswith("$"):
@@ -94,11 +94,11 @@ class Live(FrameSource):
 
         frames = FrameSelection(self.drive, self.cameras)
         detector = DetectorSettings(self.detector, min_score=self.min_score)
-        return Recordings(perceive(root, frames, detector, progress=progress), origin)
+        return RecordedDrives(perceive(root, frames, detector, progress=progress), origin)
 
 
 @dataclass
-class Recordings(Frames):
+class RecordedDrives(Frames):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
     of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
     if it has no file.

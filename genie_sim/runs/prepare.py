@@ -9,7 +9,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data import detector_laws
+from genie_sim.data.detectors import detector_laws
 from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes

@@ -103,7 +103,7 @@ def measure(
     model : the name in the profile; ``None``: the detector's
     progress : is told the runs done and all runs
     """
-    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.detectors.detector import DetectorSettings
 
     detector = DetectorSettings(detector_name, weights).opened()
     picture = np.random.default_rng(1).integers(0, 255, PICTURE, dtype=np.uint8)

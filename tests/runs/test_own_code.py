@@ -4,6 +4,7 @@ plug-ins.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import shutil
@@ -229,8 +230,10 @@ STRANGE = {  # what a hook raises, and what the line tells of it
 }
 
 
-@pytest.mark.parametrize("raised", STRANGE)
-@pytest.mark.parametrize("hook", ["__init__", "stored"])
+@pytest.mark.parametrize(
+    ("raised", "hook"),
+    [*zip(STRANGE, itertools.cycle(["__init__", "stored"]))],
+)
 def test_whatever_code_of_ones_own_raises_is_told_as_its_own(
     tmp_path: Path, raised: str, hook: str, capsys: pytest.CaptureFixture[str]
 ):

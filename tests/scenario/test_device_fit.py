@@ -92,7 +92,9 @@ class SlowAtFirst:
 def test_the_first_runs_do_not_count(monkeypatch):
     detector, progress = SlowAtFirst(), []
     monkeypatch.setattr(device_fit.time, "perf_counter_ns", lambda: detector.now_ns)
-    monkeypatch.setattr("genie_sim.data.detector.DetectorSettings.opened", lambda _: detector)
+    monkeypatch.setattr(
+        "genie_sim.data.detectors.detector.DetectorSettings.opened", lambda _: detector
+    )
     measured = device_fit.measure("slow", None, 25, None, lambda *counts: progress.append(counts))
     assert measured.latencies_ns.tolist() == [10**6] * 25
     assert measured.model == "slow_at_first"

@@ -113,7 +113,7 @@ class TownTruth:
     """What is there on all drives through a town."""
 
     town: "Town"
-    reach_m: float
+    tolerance_m: float
     range_m: float
 
     def knows(self, label: str) -> bool:
@@ -128,5 +128,5 @@ class TownTruth:
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, range_m=self.reach_m
+            labels, east_m, north_m, t_s=t_s, range_m=self.tolerance_m
         )
