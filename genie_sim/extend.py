@@ -81,16 +81,36 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.data.frame_source import FrameSource, Frames, Drive
 
 # A detector, and traces of what it finds.
-from genie_sim.data.detector import DetectedBox, DetectorSettings, DETECTORS
-from genie_sim.data.perceive import FrameSelection, perceive
-from genie_sim.data.trace import write_trace
+from genie_sim.data.detectors.detector import (
+    DetectedBox,
+    DetectorSettings,
+    DETECTORS,
+    ImageDetector,
+    detector_facts,
+    look,
+)
+from genie_sim.data.detectors.placement import Placement
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
+from genie_sim.data.trace import Trace, TraceFrame, write_trace
 
-# An importer of recordings.
+# An importer of recordings: tables, pictures, scans, places.
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.table_import import ImportedCar, Sensor, recordings, write_recordings
+from genie_sim.base.progress import Progress
+from genie_sim.data.importers.table_import import ImportedCar, Sensor, cars_of_tables, write_cars
+from genie_sim.data.importers.trace_import import (
+    traces,
+    picture_frame,
+    scan_frame,
+    detection,
+    placed,
+    tell_network,
+    write_told,
+)
+from genie_sim.data.encoding import difference_hash
 from genie_sim.base.paths import read_bytes
-from genie_sim.data.number_files import are_plausible, numbered_lines
-from genie_sim.base.geometry import Array
+from genie_sim.data.kitti.number_files import numbered_lines, are_plausible
+from genie_sim.base.geometry import Array, Geodetic, rigid, transform
+from genie_sim.data.geodesy import enu_SE3_enu
 
 # Settings, units and errors, for all of them.
 from genie_sim.base.settings import Bounds, Share
@@ -186,19 +206,38 @@ __all__ = [
     "DetectedBox",
     "DetectorSettings",
     "DETECTORS",
+    "ImageDetector",
+    "detector_facts",
+    "look",
+    "Placement",
     "FrameSelection",
     "perceive",
+    "Trace",
+    "TraceFrame",
     "write_trace",
-    # An importer of recordings.
+    # An importer of recordings: tables, pictures, scans, places.
     "ImportReport",
+    "Progress",
     "ImportedCar",
     "Sensor",
-    "recordings",
-    "write_recordings",
+    "cars_of_tables",
+    "write_cars",
+    "traces",
+    "picture_frame",
+    "scan_frame",
+    "detection",
+    "placed",
+    "tell_network",
+    "write_told",
+    "difference_hash",
     "read_bytes",
     "numbered_lines",
     "are_plausible",
     "Array",
+    "Geodetic",
+    "rigid",
+    "transform",
+    "enu_SE3_enu",
     # Settings, units and errors, for all of them.
     "Bounds",
     "Share",
