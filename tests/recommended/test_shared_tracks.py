@@ -65,7 +65,7 @@ def test_what_was_seen_long_ago_is_not_served():
 
 
 def test_a_list_takes_the_place_of_the_last_unless_it_is_older():
-    tracks = SharedTracks(SharingRules(), lambda *_: False)
+    tracks = SharedTracks(SharingRules(), TrackMap(Existence()))
     tracks.replace((shared((20.0, 0.0)),), 10 * S)
     tracks.replace((shared((30.0, 0.0)),), 9 * S)
     assert [found.location for found in tracks.believed((), HERE, 10 * S)] == [(20.0, 0.0, 0.0)]

@@ -81,8 +81,8 @@ def test_a_cached_answer_is_never_fresh():
 def test_an_answer_that_is_replayed_twice_keeps_its_look():
     again = (
         Detections(EARLIER, ())
-        .served("cache", "edge1/genie", OTHER_CAMERA)
-        .served("cache", "car1/genie", FRAME)
+        .credited("cache", "edge1/genie", OTHER_CAMERA)
+        .credited("cache", "car1/genie", FRAME)
     )
     assert_row(row_of(again), fresh=None, looked_ns=700)
 

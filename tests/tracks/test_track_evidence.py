@@ -62,7 +62,7 @@ def test_a_look_that_misses_counts_by_its_distance_in_time():
 def test_a_look_after_tau_counts_whole():
     existing, other = track(0.5), track(0.5)
     policy(100).doubt(existing, 10.0, Header(150 * MS, "02", "car1"))
-    policy(0).unseen(other, 10.0, Header(150 * MS, "02", "car1"))
+    policy(0).doubt(other, 10.0, Header(150 * MS, "02", "car1"))
     assert existing.existence == other.existence == pytest.approx(0.1 / 1.1)
 
 
