@@ -37,7 +37,7 @@ def size_in(path: str) -> list[float]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["latency_cdf", "image_reuse", "utilization"])
+@pytest.mark.parametrize("name", ["latency_cdf", "image_reuse", "confidence_boost"])
 def test_one_figure_of_several_results_fits_a_column(folders, name, capsys):
     line = ["--only", name, "--methods", "genie,remote", "--label", "one", "--label", "two"]
     assert main(["figures", *folders, *line, "--width", "3.5", "--out", "f.svg"]) == 0
