@@ -44,7 +44,7 @@ def _about_link(link: Choice) -> str:
 
 
 def _detectors() -> Listing:
-    from genie_sim.data.detector import DETECTORS
+    from genie_sim.data.detectors.detector import DETECTORS
 
     return _first_lines(DETECTORS)
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from genie_sim.analysis import compare, metrics, prices, summary
-from genie_sim.data.sources import Recordings
+from genie_sim.data.sources import RecordedDrives
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import HOSTS, POWER, HostRow, PowerRow
 from genie_sim.record.results import Run
@@ -58,7 +58,7 @@ def run(methods: list[Any], cars: int = 1, of: Any = None, **settings: Any) -> R
         start_jitter="0 s",
         **settings,
     )
-    prepared = prepare(setting, None, of or devices(), Recordings(street(seconds=2.0)))
+    prepared = prepare(setting, None, of or devices(), RecordedDrives(street(seconds=2.0)))
     return finished(prepared, "test", simulate(prepared))
 
 

@@ -129,7 +129,7 @@ def test_one_method_several_times_with_other_settings():
     assert 0 < hits["half"] < small.FRAMES * 2
     for name in ("genie", "tiny"):
         small.same(
-            *(small.of(name, small.arrow(small.simulated(one))) for one in (scenario, swapped))
+            *(small.of(name, small.rows(small.simulated(one))) for one in (scenario, swapped))
         )
     assert read_scenario(plain_data(scenario)).methods == scenario.methods
 

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.link_import import IMPORTERS
+from genie_sim.data.importers.link_import import IMPORTERS
 from genie_sim.links import recording
 from genie_sim.links.recording import StepFunction
 from genie_sim.links.trace import RecordedLink
