@@ -34,11 +34,11 @@ from genie_sim.extend import (
     Sensor,
     UserError,
     as_user_error,
+    cars_of_tables,
     lines,
     read_bytes,
-    recordings,
     within,
-    write_recordings,
+    write_cars,
 )
 
 LABELS = "AB3DMOT/scripts/KITTI/v2v4real_{split}_label/{number}.txt"
@@ -125,7 +125,7 @@ def imported(
     those of ``tables_of``; ``report`` is told what was read. Raises UserError.
     """
     tables = tables_of(root, sequence, partner=partner, min_score=min_score)
-    return recordings(*tables[:3], SENSOR, provenance=tables.about, report=report)
+    return cars_of_tables(*tables[:3], SENSOR, provenance=tables.about, report=report)
 
 
 def tables_of(
@@ -359,7 +359,7 @@ def main(arguments: list[str] | None = None) -> int:
             min_score=given.min_score,
             report=report,
         )
-        told = write_recordings(given.out, pair)
+        told = write_cars(given.out, pair)
     except (UserError, OSError) as error:
         sys.stderr.write(f"import_v2v4real: {error}\n")
         return 1

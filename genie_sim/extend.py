@@ -11,10 +11,11 @@ from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import HIGHER, LOWER, Metric, Sample, mean, share
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.geometry import Array
+from genie_sim.base.geometry import Array, Geodetic, rigid, transform
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes
 from genie_sim.base.plugins import Choice
+from genie_sim.base.progress import Progress
 from genie_sim.base.seeds import Draws
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -37,12 +38,31 @@ from genie_sim.core.messages import (
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import KeyIndex, Similarity
 from genie_sim.core.view import ViewSector
-from genie_sim.data.detectors.detector import DETECTORS, DetectedBox, DetectorSettings
+from genie_sim.data.detectors.detector import (
+    DETECTORS,
+    DetectedBox,
+    DetectorSettings,
+    ImageDetector,
+    detector_facts,
+    look,
+)
+from genie_sim.data.detectors.placement import Placement
+from genie_sim.data.encoding import difference_hash
 from genie_sim.data.frame_source import Drive, Frames, FrameSource
-from genie_sim.data.importers.table_import import ImportedCar, Sensor, recordings, write_recordings
+from genie_sim.data.geodesy import enu_SE3_enu
+from genie_sim.data.importers.table_import import ImportedCar, Sensor, cars_of_tables, write_cars
+from genie_sim.data.importers.trace_import import (
+    detection,
+    picture_frame,
+    placed,
+    scan_frame,
+    tell_network,
+    traces,
+    write_told,
+)
 from genie_sim.data.kitti.number_files import lines, within
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
-from genie_sim.data.trace import write_trace
+from genie_sim.data.trace import Trace, TraceFrame, write_trace
 from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity_cache import (
     Replay,
@@ -113,11 +133,13 @@ __all__ = [
     "FrameSelection",
     "FrameSource",
     "Frames",
+    "Geodetic",
     "Graph",
     "Header",
     "HostConfig",
     "HostContext",
     "Image",
+    "ImageDetector",
     "ImageLookup",
     "ImportReport",
     "ImportedCar",
@@ -136,6 +158,8 @@ __all__ = [
     "Observation",
     "Occupancy",
     "Pacer",
+    "Placement",
+    "Progress",
     "Publish",
     "Replay",
     "RoundTrip",
@@ -149,6 +173,8 @@ __all__ = [
     "Steps",
     "Strike",
     "Subscriber",
+    "Trace",
+    "TraceFrame",
     "TrackMap",
     "Uplink",
     "UserError",
@@ -156,20 +182,33 @@ __all__ = [
     "Viewer",
     "as_user_error",
     "bent",
+    "cars_of_tables",
+    "detection",
+    "detector_facts",
+    "difference_hash",
+    "enu_SE3_enu",
     "frame_key",
     "is_wrong",
     "kind_of",
     "lines",
+    "look",
     "mean",
     "perceive",
+    "picture_frame",
+    "placed",
     "read_bytes",
-    "recordings",
     "response_ms",
+    "rigid",
     "same",
+    "scan_frame",
     "share",
     "shifted",
+    "tell_network",
+    "traces",
+    "transform",
     "unknown",
     "within",
-    "write_recordings",
+    "write_cars",
+    "write_told",
     "write_trace",
 ]

@@ -63,7 +63,7 @@ def import_tables(
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
     sensor = table_import.Sensor(fov_rad, size_bytes, range_m)
-    recordings = table_import.recordings(
+    cars = table_import.cars_of_tables(
         poses,
         detections,
         truth,
@@ -72,6 +72,6 @@ def import_tables(
         classes=of_labels,
         report=report,
     )
-    for line in table_import.write_recordings(out, recordings):
+    for line in table_import.write_cars(out, cars):
         click.echo(line)
     tell(report)

@@ -100,7 +100,7 @@ class Capacity:
 
     def __post_init__(self) -> None:
         if self.entries is None and self.bytes is None:
-            raise ValueError("must name 'entries', 'bytes' or both")
+            raise SettingError("", "must name 'entries', 'bytes' or both")
 
     @classmethod
     def expand(cls, value: object) -> object:
@@ -217,11 +217,10 @@ class GenieRules:
 
     def __post_init__(self) -> None:
         if self.eviction == "ttl" and self.ttl_ns is None:
-            raise ValueError("ttl: missing; eviction 'ttl' needs it, for example 'ttl: 10 s'")
+            raise SettingError("ttl", "missing; eviction 'ttl' needs it, for example 'ttl: 10 s'")
         if self.eviction in ("fifo", "lru", "lfu") and self.ttl_ns is not None:
-            raise ValueError(
-                f"ttl: has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
-            )
+            text = f"has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
+            raise SettingError("ttl", text)
 
     @classmethod
     def expand(cls, value: object) -> object:

@@ -85,7 +85,7 @@ class Trace(Drive):
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``sequence`` names the drive of
-    several cars that this recording is a part of: the stamps of all its recordings are on one
+    several cars that this trace is a part of: the stamps of all its traces are on one
     clock; ``None`` for a car that drove alone. ``digest`` is the sha256 of origin, frames and
     sequence: it does not change with the name, the provenance or the Parquet version, nor with
     the features, whose own digests are in the provenance.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 SUFFIX = ".truth.parquet"
-RULER = {"reach_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
+RULER = {"tolerance_m": SAME_M, "range_m": RANGE_M}  # of tables that do not say
 MAX_RULER_M = 1000.0  # no sensor of a car sees farther
 
 
@@ -58,7 +58,7 @@ class TruthTable:
     """The rows of one trace, placed around one geodetic origin. ``trace`` is the digest of the
     trace they belong to; ``digest`` is the sha256 of trace, origin, rows, reach and range.
 
-    An object that is held is right within ``reach_m`` of one in the rows; objects up to
+    An object that is held is right within ``tolerance_m`` of one in the rows; objects up to
     ``range_m`` away from the sensor count, as far as the labels reach.
     """
 
@@ -66,15 +66,15 @@ class TruthTable:
     origin: Geodetic
     rows: tuple[TruthRow, ...]
     provenance: Mapping[str, Any]
-    reach_m: float = SAME_M
+    tolerance_m: float = SAME_M
     range_m: float = RANGE_M
 
     @functools.cached_property
     def digest(self) -> str:
         """The sha256 of what the table says, computed when it is asked for."""
         content = [self.trace, [float(x) for x in self.origin], self.rows]
-        if (self.reach_m, self.range_m) != (SAME_M, RANGE_M):
-            content.append([self.reach_m, self.range_m])
+        if (self.tolerance_m, self.range_m) != (SAME_M, RANGE_M):
+            content.append([self.tolerance_m, self.range_m])
         return world_table.content_digest(content)
 
     def rebased(self, origin: Geodetic) -> "TruthTable":
@@ -95,7 +95,7 @@ class RecordedTruth:
     """What is there on a recorded drive, for whoever judges."""
 
     def __init__(self, table: TruthTable) -> None:
-        self.reach_m, self.range_m = table.reach_m, table.range_m
+        self.tolerance_m, self.range_m = table.tolerance_m, table.range_m
         self._visible: dict[tuple[str, int], list[TruthRow]] = {}
         places: dict[tuple[str, int, str], list[tuple[float, float]]] = {}
         for row in table.rows:
@@ -121,7 +121,7 @@ class RecordedTruth:
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether an object of a class is within ``reach_m`` of a place, visible or not, in its
+        """Whether an object of a class is within ``tolerance_m`` of a place, visible or not, in its
         frame, for each of (n,) places.
         """
         spans: list[int] = []
@@ -137,7 +137,7 @@ class RecordedTruth:
         there_m = self._places_m[row]
         away_m = np.hypot(there_m[:, 0] - east_m[index], there_m[:, 1] - north_m[index])
         result = np.zeros(len(counts), dtype=bool)
-        result[index[away_m <= self.reach_m]] = True
+        result[index[away_m <= self.tolerance_m]] = True
         return result
 
 

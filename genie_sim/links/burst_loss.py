@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from genie_sim.base.settings import Bounds, Share
+from genie_sim.base.settings import Bounds, SettingError, Share
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +35,8 @@ class BurstLoss:
     def __post_init__(self) -> None:
         most = self.burst / (1 + self.burst)
         if self.mean > most:
-            raise ValueError(
-                f"mean: must be at most {most:g} with a burst of {self.burst:g}, not {self.mean:g}"
-            )
+            text = f"must be at most {most:g} with a burst of {self.burst:g}, not {self.mean:g}"
+            raise SettingError("mean", text)
 
     @property
     def begins(self) -> float:

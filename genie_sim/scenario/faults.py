@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
-from genie_sim.base.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
+from genie_sim.base.contracts import WHOLE, is_whole, require
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, SettingError, plain_data
@@ -17,16 +17,6 @@ from genie_sim.sim.fault import FaultTimes, TimedFault
 SHORTEST_NS = NS_PER_MS
 
 FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=(FaultTimes,))
-
-PROBLEM = Contract(
-    "tuples of an index, a field and a text",
-    lambda value: (
-        isinstance(value, tuple)
-        and len(value) == 3
-        and WHOLE.holds(value[0])
-        and all(map(TEXT.holds, value[1:]))
-    ),
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,12 +101,8 @@ def check_faults(
         check = getattr(FAULT.resolve(kind), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
         if check is not None:
-            owner = f"fault {kind!r}"
-            require(owner, "check", check, METHOD)
             timed_faults = [timed(faults[place], place) for place in places]
-            problems = check(timed_faults, edge_of, edges)
-            for problem in require(owner, "check()", problems, ITERABLE):
-                place, field, text = require(owner, "check()", problem, PROBLEM)
+            for place, field, text in check(timed_faults, edge_of, edges):
                 yield f"faults[{places[place]}].{field}", text
 
 
@@ -127,7 +113,8 @@ def timed(entry: FaultEntry, place: int) -> TimedFault:
     fault = FAULT.make(entry.fault)
     begin_ns, end_ns = entry.begin_ns or 0, entry.end_ns
     duration_ns = getattr(fault, "duration_ns", None)
-    require(f"fault {entry.fault.name!r}", "duration_ns", duration_ns, optional(WHOLE))
+    holds = duration_ns is None or is_whole(duration_ns)
+    require(holds, f"fault {entry.fault.name!r}: duration_ns", duration_ns, WHOLE)
     if end_ns is None and duration_ns is not None:
         end_ns = begin_ns + duration_ns
     return TimedFault(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from genie_sim.base import plugins
-from genie_sim.base.contracts import BOOLEAN, TEXT, require
+from genie_sim.base.contracts import require
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
 from genie_sim.base.text import MAX_LABEL
@@ -81,8 +81,7 @@ class MethodEntry(MethodNames):
         method: Method = METHOD.make(self.method)
         owner = plugins.own_label("method", self.method.name)
         if owner is not None:
-            require(owner, "title", method.title, TEXT)
-            require(owner, "baseline", method.baseline, BOOLEAN)
+            require(isinstance(method.title, str), f"{owner}: title", method.title, "text")
         return method
 
     def facts(self, method: Method) -> dict[str, Any]:

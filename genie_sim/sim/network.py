@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.base import seeds
-from genie_sim.base.contracts import Contract, require
+from genie_sim.base.contracts import class_of, require
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.seeds import Draws
 from genie_sim.sim.bends import Bend, Border, Sense
@@ -28,8 +28,6 @@ from genie_sim.sim.settings import ALL, EDGES
 
 if TYPE_CHECKING:
     from genie_sim.sim.uplinks import CarUplink
-
-SENDER = Contract("a Sender", lambda value: isinstance(value, Sender))
 
 
 class Network:
@@ -177,11 +175,13 @@ class Network:
         """
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")
-        owner = f"link model '{type(model).__module__}:{type(model).__qualname__}'"
+        sender = model.sender(self, ends)
+        what = f"link model {class_of(model)!r}: sender()"
+        require(isinstance(sender, Sender), what, sender, "a Sender")
         link = Link(
             self.clock,
             ends.name,
-            require(owner, "sender()", model.sender(self, ends), SENDER),
+            sender,
             part=part,
             queue_length=self._queue_length,
             dropped=dropped or self.monitor.dropped,

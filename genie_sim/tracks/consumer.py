@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from genie_sim.base import units
-from genie_sim.base.settings import Share
+from genie_sim.base.settings import SettingError, Share
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
@@ -141,9 +141,8 @@ class ConsumerRules:
         if self.name != "tracker":
             for field in ("p_min", "tau_ns"):
                 if getattr(self, field) != getattr(ConsumerRules, field):
-                    raise ValueError(
-                        f"{field.removesuffix('_ns')}: has no effect with consumer {self.name!r}"
-                    )
+                    text = f"has no effect with consumer {self.name!r}"
+                    raise SettingError(field.removesuffix("_ns"), text)
 
     @classmethod
     def expand(cls, value: object) -> object:

@@ -21,12 +21,12 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What the import was asked for."""
     given: list[Any] = []
 
-    def recordings(*files: Any, **options: Any) -> list[Any]:
+    def cars_of_tables(*files: Any, **options: Any) -> list[Any]:
         given.append((files, options))
         return []
 
-    monkeypatch.setattr(table_import, "recordings", recordings)
-    monkeypatch.setattr(table_import, "write_recordings", lambda out, _: [f"{out}: written"])
+    monkeypatch.setattr(table_import, "cars_of_tables", cars_of_tables)
+    monkeypatch.setattr(table_import, "write_cars", lambda out, _: [f"{out}: written"])
     return given
 
 

@@ -37,9 +37,9 @@ CASES = {
         own.Blackout,
         "check",
         staticmethod(returns(3)),
-        "check() is 3, but must be something to iterate over",
+        "TypeError: 'int' object is not iterable",
     ),
-    "no check": ({"faults": [FAULT]}, own.Blackout, "check", "x", "check is 'x', but must be a"),
+    "no check": ({"faults": [FAULT]}, own.Blackout, "check", "x", "TypeError: 'str' object is not"),
     "duration": ({"faults": [FAULT]}, own.Blackout, "duration_ns", "1 s", "duration_ns is '1 s'"),
     "open": (
         {},

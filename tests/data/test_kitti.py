@@ -193,21 +193,21 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (remove(f"{SYNC}/oxts/data"), "oxts/data: no .txt files"),
         (
             rewrite(OXTS, lambda text: text[: len(text) // 2]),
-            "0000000002.txt: is no OXTS packet: ",
+            "0000000002.txt: line 1: ",
         ),
         (
             rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)),
-            "0000000002.txt: is no OXTS packet: could not convert",
+            "0000000002.txt: line 1: could not convert",
         ),
-        (rewrite(OXTS, lambda text: ""), "0000000002.txt: 0 lines, expected one"),
-        (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 lines, expected one"),
+        (rewrite(OXTS, lambda text: ""), "0000000002.txt: the file is empty"),
+        (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 packets, expected one"),
         (
             rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]),
-            r"0000000002.txt: no place on Earth and turn: \[91.0, ",
+            r"0000000002.txt: packet 1: value 1 is 91, out of range",
         ),
         (
             rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]),
-            r"0000000002.txt: no place on Earth and turn: \[1e.308, ",
+            r"0000000002.txt: line 1: a number is not finite, or too large",
         ),
         (
             rewrite(

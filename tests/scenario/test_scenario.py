@@ -387,7 +387,7 @@ MISTAKES = [
         "cars[1].x: unknown field",
     ),
     (with_car(genie="no"), "cars[1].genie: must be true or false, not 'no'"),
-    ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges'?"),
+    ("edge: []\n" + TWO_CARS, "edge: unknown field; did you mean 'edges' or 'cars[0].edge'?"),
     (
         "scenario: street_1car_homo\naxes: {}\n",
         "axes: belongs to a sweep, which 'genie-sim sweep' runs",
@@ -526,7 +526,7 @@ MISTAKES = [
     (TWO_CARS + "genie: {capacity: {}}\n", "genie.capacity: must name 'entries', 'bytes' or both"),
     (
         TWO_CARS + "genie: {similarity: {name: pose_grid, cell: 0 m}}\n",
-        "genie.similarity: pose_grid: cell and heading must be positive",
+        "genie.similarity.cell: must be more than zero",
     ),
     (
         TWO_CARS + "genie: {similarity: {name: dhash, radius: 1.5}}\n",

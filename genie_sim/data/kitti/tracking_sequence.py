@@ -9,8 +9,8 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.geodesy import read_oxts, world_SE3_imu
 from genie_sim.data.kitti.number_files import matrices, named_rows, picture_size
+from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
