@@ -398,7 +398,6 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     folder = str(from_elsewhere)
     for command in (
         ["report", folder],
-        ["export", folder],
         ["compare", folder],
         ["figures", folder],
     ):

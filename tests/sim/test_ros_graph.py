@@ -113,6 +113,19 @@ def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
     assert node.drops == 2
 
 
+def test_a_graph_is_busy_as_long_as_one_of_its_nodes_is():
+    graph = office()
+    assert not graph.is_busy, "nobody is there"
+    for name in ("clerk", "idle"):
+        Clerk(name, graph, (f"/{name}",), ())
+    graph.clock.run(graph.clock.timeout(0))
+    graph.inject("/clerk", Note(0), "sender")
+    graph.clock.run(until=WORK_NS // 2)
+    assert graph.is_busy
+    graph.clock.run()
+    assert not graph.is_busy
+
+
 def test_threads_work_at_the_same_time():
     node = clerk(threads=3)
     for number in range(4):

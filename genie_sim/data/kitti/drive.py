@@ -384,9 +384,9 @@ def _packet(path: Path) -> Array:
 
 
 def _numbered(folder: Path, extension: str) -> dict[int, Path]:
-    """Files by frame number, in ascending order."""
-    paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
-    return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
+    """Files by frame number."""
+    paths = sorted(folder.glob(f"*.{extension}"))
+    return {int(path.stem): path for path in paths if path.stem.isdecimal()}
 
 
 def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:
