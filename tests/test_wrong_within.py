@@ -34,8 +34,8 @@ from genie_sim.base.settings import plain_data
 from genie_sim.base.units import NS_PER_S
 from genie_sim.cli.main import main
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data import fetch
-from genie_sim.data.table_import import recordings, write_recordings
+from genie_sim.data.importers import fetch
+from genie_sim.data.importers.table_import import cars_of_tables, write_cars
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (
     RecordedTruth,
@@ -413,6 +413,6 @@ def test_a_table_with_another_number(tmp_path: Path, data: st.DataObject, name: 
         (tmp_path / f"{other}.csv").write_text(content, encoding="utf-8")
     poses, detections, truth = (tmp_path / f"{other}.csv" for other in TABLES)
     with works_or_is_refused():
-        imported = recordings(poses, detections, truth)
+        imported = cars_of_tables(poses, detections, truth)
         shutil.rmtree(tmp_path / "traces", ignore_errors=True)
-        write_recordings(tmp_path / "traces", imported)
+        write_cars(tmp_path / "traces", imported)

@@ -9,6 +9,7 @@ import inspect
 import os
 import sys
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -77,28 +78,32 @@ def _digests(module: str) -> dict[Path, str]:
         if path in digests or not path.is_file():
             continue
         digests[path] = sha256_of(path)
-        for folder, names in _imports(path, root):
+        for level, names in _imports(path, digests[path]):
+            folder = path.parents[level - 1] if level else root
             own = names[0] == package if root.name in INSTALLED else names[0] not in OTHERS
             if folder != root or own:
                 waiting += _paths(folder, names)
     return digests
 
 
-def _imports(path: Path, root: Path) -> Iterator[tuple[Path, list[str]]]:
-    """What a file imports, wherever it says so: the parts of its name below a folder."""
+@lru_cache(maxsize=1000)
+def _imports(path: Path, digest: str) -> list[tuple[int, list[str]]]:
+    """What a file of a digest imports, wherever it says so: how many folders up a name begins, 0
+    for the root of its package, and the parts of the name.
+    """
     try:
         tree = ast.parse(path.read_bytes())
     except (SyntaxError, ValueError):
-        return
+        return []
+    imports = []
     for node in ast.walk(tree):
         match node:
             case ast.Import():
-                for alias in node.names:
-                    yield root, alias.name.split(".")
+                imports += [(0, alias.name.split(".")) for alias in node.names]
             case ast.ImportFrom():
-                folder = path.parents[node.level - 1] if node.level else root
-                for alias in node.names:
-                    yield folder, [*(node.module or "").split("."), alias.name]
+                module = (node.module or "").split(".")
+                imports += [(node.level, [*module, alias.name]) for alias in node.names]
+    return imports
 
 
 def _paths(folder: Path, names: list[str]) -> Iterator[Path]:

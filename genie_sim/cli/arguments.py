@@ -17,7 +17,7 @@ from genie_sim.cli import completion
 from genie_sim.core.messages import Encoding
 
 if TYPE_CHECKING:
-    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.detectors.detector import DetectorSettings
 
 MAX_COUNT = 1024
 _DIGITS = re.compile("[0-9]{1,9}")
@@ -177,7 +177,7 @@ def detector_settings(
     """What ``detector_options`` say. Raises ``UserError``."""
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import class_map
-    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.detectors.detector import DetectorSettings
 
     return DetectorSettings(
         name=detector,

@@ -10,12 +10,12 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
-from genie_sim.faults import FAULTS
 from genie_sim.links.presets import LINKS
-from genie_sim.methods import METHODS
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK_MODELS
+from genie_sim.sim.method import METHODS
 
 Listing = Iterable[tuple[str, str]]
 
@@ -44,7 +44,7 @@ def _about_link(link: Choice) -> str:
 
 
 def _detectors() -> Listing:
-    from genie_sim.data.detector import DETECTORS
+    from genie_sim.data.detectors.detector import DETECTORS
 
     return _first_lines(DETECTORS)
 

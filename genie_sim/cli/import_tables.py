@@ -58,12 +58,12 @@ def import_tables(
     range_m = arguments.quantity("--range", range_, units.length_m)
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
-    from genie_sim.data import table_import
+    from genie_sim.data.importers import table_import
 
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
     sensor = table_import.Sensor(fov_rad, size_bytes, range_m)
-    recordings = table_import.recordings(
+    cars = table_import.cars_of_tables(
         poses,
         detections,
         truth,
@@ -72,6 +72,6 @@ def import_tables(
         classes=of_labels,
         report=report,
     )
-    for line in table_import.write_recordings(out, recordings):
+    for line in table_import.write_cars(out, cars):
         click.echo(line)
     tell(report)

@@ -30,12 +30,14 @@ def import_truth(
     """
     from genie_sim.base import files
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.data import perceive, truth
+    from genie_sim.data import truth
+    from genie_sim.data.kitti import perceive
+    from genie_sim.data.kitti.labels import make_truth
     from genie_sim.data.trace import read_trace
 
     path, root = files.find(files.TRACE, trace), perceive.kitti_folder(kitti)
     report = ImportReport(root, accept)
-    table = truth.make_truth(root, drive, read_trace(path), report)
+    table = make_truth(root, drive, read_trace(path), report)
     out = truth.path_beside(path) if out is None else out
     truth.write_truth(out, table)
     objects = {row.object: row.moving for row in table.rows}

@@ -13,7 +13,7 @@ from genie_sim.cli.terminal import ProgressBar, tell
 from genie_sim.core.messages import Encoding
 
 if TYPE_CHECKING:
-    from genie_sim.data.detector import DetectorSettings
+    from genie_sim.data.detectors.detector import DetectorSettings
 
 DEFAULT_MIN_SCORE = 0.3
 OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
@@ -78,9 +78,9 @@ def perceive(
 ) -> None:
     """Run a detector over a drive; write its trace."""
     from genie_sim.base.import_report import ImportReport
-    from genie_sim.data import perceive as perception
+    from genie_sim.data.importers.trace_import import write_told
+    from genie_sim.data.kitti import perceive as perception
     from genie_sim.data.trace import check_replaceable
-    from genie_sim.data.trace_import import write_told
 
     if (drive is None) == (check is None):
         raise UserError("perceive: give either --drive or --check")
@@ -115,16 +115,17 @@ def perceive(
         click.echo(write_told(out, trace))
     tell(report)
     if evaluate:
-        from genie_sim.data import evaluation, truth
+        from genie_sim.data.kitti import evaluation
+        from genie_sim.data.kitti.labels import read_labels
 
-        labelled = truth.read_truth(root, labels or drive, whole)
+        labelled = read_labels(root, labels or drive, whole)
         click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
 
 
 def _check(name: str, kitti: Path, settings: "DetectorSettings") -> None:
     """Prints how far what is found here is from what the trace of this name keeps."""
     from genie_sim.base import files
-    from genie_sim.data import trace_check
+    from genie_sim.data.kitti import trace_check
     from genie_sim.data.trace import read_trace
 
     trace = read_trace(files.find(files.TRACE, name))

@@ -16,6 +16,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
+from genie_sim.base.settings import SettingError
 from genie_sim.core.messages import Encoding
 from genie_sim.data.frame_source import Frames, FrameSource
 
@@ -40,11 +41,11 @@ class Recorded(FrameSource):
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
-    ) -> "Recordings":
+    ) -> "RecordedDrives":
         from genie_sim.data.trace import read_trace
 
         path = files.find(files.TRACE, self.trace)
-        return Recordings(read_trace(path), origin, path)
+        return RecordedDrives(read_trace(path), origin, path)
 
 
 @dataclass(frozen=True)
@@ -71,20 +72,18 @@ class Live(FrameSource):
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            raise ValueError(
-                "drive: must be a date and a number such as '2011_09_26/0005', "
-                f"not {short_repr(self.drive)}"
-            )
+            text = "must be a date and a number such as '2011_09_26/0005', "
+            raise SettingError("drive", f"{text}not {short_repr(self.drive)}")
         if not self.cameras:
-            raise ValueError("cameras: must not be empty")
+            raise SettingError("cameras", "must not be empty")
         if not 0 <= self.min_score <= 1:
-            raise ValueError(f"min_score: must be from 0 to 1, but is {self.min_score:g}")
+            raise SettingError("min_score", f"must be from 0 to 1, but is {self.min_score:g}")
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None
-    ) -> "Recordings":
-        from genie_sim.data.detector import DetectorSettings
-        from genie_sim.data.perceive import FrameSelection, perceive
+    ) -> "RecordedDrives":
+        from genie_sim.data.detectors.detector import DetectorSettings
+        from genie_sim.data.kitti.perceive import FrameSelection, perceive
 
         root = os.path.expandvars(self.kitti)
         if root.startswith("$"):
@@ -95,11 +94,11 @@ class Live(FrameSource):
 
         frames = FrameSelection(self.drive, self.cameras)
         detector = DetectorSettings(self.detector, min_score=self.min_score)
-        return Recordings(perceive(root, frames, detector, progress=progress), origin)
+        return RecordedDrives(perceive(root, frames, detector, progress=progress), origin)
 
 
 @dataclass
-class Recordings(Frames):
+class RecordedDrives(Frames):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
     of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
     if it has no file.

@@ -48,6 +48,7 @@ MAX_HEADING_RAD = 2 * math.pi
 MAX_STAMP_NS = 2**63 - 1
 
 MIN_HEIGHT_PX = 25  # KITTI's benchmark judges no object that is lower in the picture
+RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ class Trace(Drive):
     """All frames of one drive, by camera and in order of time, placed around one geodetic origin.
 
     ``origin`` is latitude [deg], longitude [deg], altitude [m]. ``sequence`` names the drive of
-    several cars that this recording is a part of: the stamps of all its recordings are on one
+    several cars that this trace is a part of: the stamps of all its traces are on one
     clock; ``None`` for a car that drove alone. ``digest`` is the sha256 of origin, frames and
     sequence: it does not change with the name, the provenance or the Parquet version, nor with
     the features, whose own digests are in the provenance.

@@ -162,17 +162,17 @@ class MapAccuracy:
         counts &= self._knows(views.car[items.scene], known.label)
         items, known = items.rows(counts), known.rows(counts)
 
-        classes, reach_m = len(self._labels), views.reach_m[items.scene]
+        classes, tolerance_m = len(self._labels), views.tolerance_m[items.scene]
         pairs = near(
             GroupedPlaces(items.scene * classes + known.class_, items.east_m, items.north_m),
             GroupedPlaces(
                 visible.scene * classes + visible.class_, visible.east_m, visible.north_m
             ),
-            max(float(views.reach_m.max()), GOSPA_CUT_M),
+            max(float(views.tolerance_m.max()), GOSPA_CUT_M),
         )
         scene = items.scene[pairs.ours]
         pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
-        within = np.flatnonzero(pairs.distance_m2 <= (reach_m * reach_m)[pairs.ours])
+        within = np.flatnonzero(pairs.distance_m2 <= (tolerance_m * tolerance_m)[pairs.ours])
         is_match = np.zeros(len(pairs.ours), dtype=bool)
         is_match[within[matches(pairs.rows(within))]] = True
 
@@ -232,7 +232,7 @@ class MapAccuracy:
         seen = visible.rows(views.is_consumer[visible.scene])
         return self._recent_places.were_there(
             places,
-            reach_m=views.reach_m[scene],
+            tolerance_m=views.tolerance_m[scene],
             instant=instant[scene],
             visible=np.stack([seen.place, instant[seen.scene]]),
             now_ns=views.now_ns[views.is_consumer],

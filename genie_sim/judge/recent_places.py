@@ -27,7 +27,12 @@ class RecentPlaces:
         return len(self.codes)
 
     def were_there(
-        self, places: GroupedPlaces, reach_m: Array, instant: Array, visible: Array, now_ns: Array
+        self,
+        places: GroupedPlaces,
+        tolerance_m: Array,
+        instant: Array,
+        visible: Array,
+        now_ns: Array,
     ) -> Array:
         """Returns of each place whether anything of its class was visible within reach of it at an
         instant before, in the last 10 s.
@@ -36,7 +41,7 @@ class RecentPlaces:
         ----------
         places : GroupedPlaces
             The places, grouped by the codes of their classes.
-        reach_m, instant : array
+        tolerance_m, instant : array
             How far away counts [m], and the index of the instant, place by place.
         visible : array
             Of this window: codes of places where objects are visible and, beside them, indices of
@@ -46,9 +51,9 @@ class RecentPlaces:
         """
         self._add_new()
         code, at = visible
-        result = np.zeros(len(reach_m), dtype=bool)
+        result = np.zeros(len(tolerance_m), dtype=bool)
         if len(result) and len(self):
-            asked, found = self._near(places, reach_m)
+            asked, found = self._near(places, tolerance_m)
             keys = np.append(np.sort(code * len(now_ns) + at), -1)
             before = keys[np.searchsorted(keys[:-1], found * len(now_ns) + instant[asked]) - 1]
             of_place, earlier = np.divmod(before, len(now_ns))
@@ -65,15 +70,15 @@ class RecentPlaces:
         self._places = np.concatenate([self._places, new])
         self._last_ns = np.append(self._last_ns, np.full(len(new), _NEVER_NS))
 
-    def _near(self, places: GroupedPlaces, reach_m: Array) -> tuple[Array, Array]:
+    def _near(self, places: GroupedPlaces, tolerance_m: Array) -> tuple[Array, Array]:
         """Indices of places and codes of known ones within reach of them."""
         classes, east_m, north_m = self._places.T
         known = GroupedPlaces(classes.astype(np.int64), east_m, north_m)
-        asked, code, _ = near(places, known, float(reach_m.max()) * (1.0 + 1e-9))
+        asked, code, _ = near(places, known, float(tolerance_m.max()) * (1.0 + 1e-9))
         away_m = np.hypot(
             east_m[code] - places.east_m[asked], north_m[code] - places.north_m[asked]
         )
-        within = away_m <= reach_m[asked]
+        within = away_m <= tolerance_m[asked]
         return asked[within], code[within]
 
     def _forget(self, before_ns: int) -> None:

@@ -35,7 +35,7 @@ class DriveTruth(Protocol):
     """
 
     @property
-    def reach_m(self) -> float:
+    def tolerance_m(self) -> float:
         """How far from an object one that is held may be and still be right."""
 
     @property
@@ -51,8 +51,8 @@ class DriveTruth(Protocol):
     def are_there(
         self, frames: Sequence[Frame], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        """Whether anything of a class, visible or not, is within ``reach_m`` of a place when its
-        frame is taken, for each of (n,) places.
+        """Whether anything of a class, visible or not, is within ``tolerance_m`` of a place when
+        its frame is taken, for each of (n,) places.
         """
 
 
@@ -118,7 +118,7 @@ class SceneViews(NamedTuple):
     north_m: Array
     heading_rad: Array
     half_fov_rad: Array
-    reach_m: Array
+    tolerance_m: Array
     range_m: Array
 
     @classmethod
@@ -128,7 +128,7 @@ class SceneViews(NamedTuple):
         for image, truth, _, _ in scenes:
             pose, half_fov_rad = image.pose, image.horizontal_fov_rad / 2
             camera = pose.east_m, pose.north_m, pose.heading_rad, half_fov_rad
-            rows.append((*camera, truth.reach_m, truth.range_m))
+            rows.append((*camera, truth.tolerance_m, truth.range_m))
         headers = [scene.image.header for scene in scenes]
         return cls(
             np.array([header.stamp_ns for header in headers]),

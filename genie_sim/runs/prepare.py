@@ -9,7 +9,7 @@ from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
-from genie_sim.data import detector_laws
+from genie_sim.data.detectors import detector_laws
 from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
@@ -105,7 +105,7 @@ def prepare(
                 checks.check_time_on_map(scenario, source.duration_ns)
             frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
-            own_classes.check_frames(frames, owner)
+            own_classes.check_base(frames, f"{owner}: what open() returns", Frames)
         full = scenario  # with every car and edge, each with the part of its drive that it replays
         if scenario.fleet is not None:
             full, drives = expanded(scenario, scenario.fleet, frames)

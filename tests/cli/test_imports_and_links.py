@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from genie_sim.cli.main import main
-from genie_sim.data import table_import
+from genie_sim.data.importers import table_import
 from genie_sim.links import recording
 
 TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]
@@ -21,12 +21,12 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """What the import was asked for."""
     given: list[Any] = []
 
-    def recordings(*files: Any, **options: Any) -> list[Any]:
+    def cars_of_tables(*files: Any, **options: Any) -> list[Any]:
         given.append((files, options))
         return []
 
-    monkeypatch.setattr(table_import, "recordings", recordings)
-    monkeypatch.setattr(table_import, "write_recordings", lambda out, _: [f"{out}: written"])
+    monkeypatch.setattr(table_import, "cars_of_tables", cars_of_tables)
+    monkeypatch.setattr(table_import, "write_cars", lambda out, _: [f"{out}: written"])
     return given
 
 

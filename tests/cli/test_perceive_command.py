@@ -13,7 +13,9 @@ import pytest
 from genie_sim.base import files
 from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
-from genie_sim.data import evaluation, perceive, trace, trace_import, truth
+from genie_sim.data import trace, truth
+from genie_sim.data.importers import trace_import
+from genie_sim.data.kitti import evaluation, labels, perceive
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
@@ -49,7 +51,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
     monkeypatch.setattr(trace_import, "write_trace", noting("write"))
-    monkeypatch.setattr(truth, "read_truth", noting("labels", "labels"))
+    monkeypatch.setattr(labels, "read_labels", noting("labels", "labels"))
     monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
     monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
     return told
@@ -134,7 +136,7 @@ def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
     monkeypatch.setattr(files, "find", lambda kind, name: Path(f"/traces/{name}.parquet"))
     monkeypatch.setattr(trace, "read_trace", lambda path: path)
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path)
-    monkeypatch.setattr(truth, "make_truth", lambda *given: asked.append(given) or table)
+    monkeypatch.setattr(labels, "make_truth", lambda *given: asked.append(given) or table)
     monkeypatch.setattr(truth, "write_truth", lambda path, _: written.append(path))
     line = ["import", "truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
     assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0

@@ -15,6 +15,7 @@ import pandas as pd
 
 from genie_sim.record.records import Tables
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.sim.world import World
 from tests.conformance import small
 
 S = 1_000_000_000
@@ -28,15 +29,26 @@ def scenario(faults: Sequence[dict[str, Any]], methods: Sequence[Any]) -> Scenar
 
 
 @functools.cache
-def without_faults(methods: tuple[Any, ...]) -> pd.DataFrame:
+def without_faults() -> pd.DataFrame:
     """The frames of the same street on which nothing goes wrong."""
-    return small.frames(scenario([], methods))
+    return small.frames(scenario([], small.ALL))
 
 
 def times_of(written: Tables, method: str) -> Times:
     rows = written["faults"].to_frame()
     rows = rows[rows["method"] == method]
     return list(zip(rows["begin_ns"].tolist(), rows["end_ns"].tolist(), strict=True))
+
+
+class NothingDown:
+    """Sees to it that no link is down when a run is over."""
+
+    def before(self, method: str, world: World) -> None:
+        pass
+
+    def after(self, method: str, world: World) -> None:
+        assert not world.network.outages, method
+        assert not any(link.cut_by for link in world.network.links.values()), method
 
 
 class FaultConformance:
@@ -46,25 +58,25 @@ class FaultConformance:
 
     drops: ClassVar[str | None] = None
     times: ClassVar[dict[str, str]] = {"begin": "0.5 s", "end": "1.1 s"}
-    methods: ClassVar[tuple[str, ...]] = small.ALL
 
     def test_it_keeps_frames_and_methods_apart(self, fault: dict[str, Any]):
         """Every frame is answered or dropped, every method meets the fault at its times and in the
-        same way whatever ran before, and what was before the fault is as if it never happened.
+        same way whatever ran before, and what was before the fault is as if it never happened. When
+        it is over nothing is down.
         """
-        timed = {**fault, **self.times}
+        timed, observer = {**fault, **self.times}, NothingDown()
         written = small.check_order_is_irrelevant(
-            lambda methods: scenario([timed], methods), self.methods
+            lambda methods: scenario([timed], methods), observer=observer
         )
         rows = written["frames"].to_frame()
-        small.check_conserved(rows, self.methods)
+        small.check_conserved(rows, [*small.ALL, "again"])
         if self.drops is not None:
             assert rows["drop"].str.contains(self.drops, regex=False).any(), "it loses nothing"
-        for method in self.methods:
+        for method in small.ALL:
             assert times_of(written, method) == [(BEGIN_NS, END_NS)]
-        before = without_faults(self.methods)
+        before = without_faults()
         for name in ("first_answer_ns", "fresh_answer_ns", "result_answer_ns"):
-            for method in self.methods:
+            for method in small.ALL:
                 one, other = (
                     frames[(frames["method"] == method) & (frames[name] < BEGIN_NS)][name].tolist()
                     for frames in (rows, before)
@@ -72,24 +84,17 @@ class FaultConformance:
                 assert one == other, f"{method}: {name}"
         assert (before["first_answer_ns"] < BEGIN_NS).any()
 
-    def test_nothing_is_down_when_it_is_over(self, fault: dict[str, Any]):
-        world, _ = small.world(scenario([{**fault, **self.times}], self.methods[-1:]))
-        world.run()
-        assert not world.network.outages
-        assert not any(link.down_by for link in world.network.links.values())
-
 
 class RandomFaultConformance:
     """A fault that may come again and again, at random times."""
 
-    methods: ClassVar[tuple[str, ...]] = small.ALL
     times: ClassVar[dict[str, str]] = {"mean_time_between": "300 ms", "mean_duration": "200 ms"}
 
     def test_it_comes_at_random_times_of_its_own(self, fault: dict[str, Any]):
-        timed, (first, *_) = {**fault, **self.times}, self.methods
-        written = small.simulated(small.scenario(self.methods, faults=[timed]))
-        small.check_conserved(written["frames"].to_frame(), self.methods)
-        times, *others = (times_of(written, method) for method in self.methods)
+        timed, first = {**fault, **self.times}, small.ALL[0]
+        written = small.simulated(small.scenario(small.ALL, faults=[timed]))
+        small.check_conserved(written["frames"].to_frame(), small.ALL)
+        times, *others = (times_of(written, method) for method in small.ALL)
         assert all(of_other == times for of_other in others), "the same under every method"
         instants = [instant for span in times for instant in span]
         assert len(times) >= 2 and instants == sorted(instants), "each ends before the next"

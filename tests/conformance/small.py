@@ -4,24 +4,18 @@ two seconds.
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import pandas as pd
-import pyarrow as pa
-import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
-from genie_sim.base.settings import from_plain
+from genie_sim.record.columns import Columns
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
 from genie_sim.runs.prepare import prepare
-from genie_sim.runs.simulate import simulate
-from genie_sim.scenario.methods import MethodEntry
+from genie_sim.runs.simulate import Observer, simulate
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.world import World
@@ -31,7 +25,8 @@ CAMERAS = [
     {"name": "camera_1", "recording": "right", "phase": "30 ms"},
 ]
 FRAMES = 2 * 20  # of each car
-ALL = ("local", "remote", "genie")
+ALL = ("genie", "local", "remote")
+Rows = dict[str, list[dict[str, Any]]]  # of each table
 
 
 def scenario(methods: Sequence[Any] = ALL, **settings: Any) -> Scenario:
@@ -77,48 +72,39 @@ def _plain(table: Table) -> pd.DataFrame:
     return values.where(values.notna(), None)
 
 
-def arrow(written: Tables) -> dict[str, pa.Table]:
-    """The tables as a file has them, texts as such."""
-    found = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for name, table in written.items():
-            table.write(Path(folder) / name)
-            rows = pq.read_table(Path(folder) / name)
-            texts = [field for field in rows.schema if pa.types.is_dictionary(field.type)]
-            for field in texts:
-                column = rows[field.name].cast(pa.string())
-                rows = rows.set_column(rows.schema.get_field_index(field.name), field.name, column)
-            found[name] = rows
-    return found
+def rows(written: Tables) -> Rows:
+    """The rows of every table, ``None`` for what is not known."""
+    return {name: _rows(table.columns()) for name, table in written.items()}
 
 
-def of(method: str, found: Mapping[str, pa.Table]) -> dict[str, pa.Table]:
-    """The rows of one method in every table, without those that only a car's first method has: its
-    poses, and the judgement of the zero-delay detector.
+def _rows(columns: Columns) -> list[dict[str, Any]]:
+    known = {
+        name: [None if value != value else value for value in columns[name].tolist()]
+        for name in columns.names
+    }
+    return [dict(zip(known, row, strict=True)) for row in zip(*known.values(), strict=True)]
+
+
+def of(method: str, written: Rows) -> Rows:
+    """The rows of one method in every table, whatever its name, without those that only a car's
+    first method has: its poses, and the judgement of the zero-delay detector.
     """
-    own = {}
-    for name, rows in found.items():
-        if name == "poses":
-            continue
-        mine = pc.equal(rows["method"], method)
-        if name == "held":
-            mine = pc.and_(mine, pc.not_equal(rows["what"], "zero_delay"))
-        own[name] = rows.filter(mine)
-    return own
+    return {
+        name: [
+            row | {"method": None}
+            for row in rows
+            if row["method"] == method and row.get("what") != "zero_delay"
+        ]
+        for name, rows in written.items()
+        if name != "poses"
+    }
 
 
-def same(one: Mapping[str, Any], other: Mapping[str, Any]) -> None:
+def same(rows: Rows, others: Rows) -> None:
     """Raises where two sets of tables are not the same to the last bit."""
-    assert one.keys() == other.keys()
-    for name, rows in one.items():
-        assert rows.equals(other[name]), f"{name}:\n{rows}\n{other[name]}"
-
-
-def check_twice_the_same(scenario: Scenario) -> Tables:
-    """Two runs give the same bytes; returns the tables of the first."""
-    first = simulated(scenario)
-    same(arrow(first), arrow(simulated(scenario)))
-    return first
+    assert rows.keys() == others.keys()
+    for name in rows:
+        assert rows[name] == others[name], name
 
 
 def world(scenario: Scenario, place: int = 0) -> tuple[World, Tables]:
@@ -146,14 +132,15 @@ def check_conserved(rows: pd.DataFrame, methods: Sequence[str]) -> None:
 
 
 def check_order_is_irrelevant(
-    setting: Callable[[Sequence[Any]], Scenario], methods: Sequence[Any] = ALL
+    setting: Callable[[Sequence[Any]], Scenario],
+    methods: Sequence[Any] = ALL,
+    observer: Observer | None = None,
 ) -> Tables:
-    """Every method gives the same bytes alone and after the others, so that nothing that a scenario
-    names keeps state from one method to the next. Returns the tables of all of them.
+    """A method gives the same rows first and ``again`` after others, so that nothing that a
+    scenario names keeps state from one to the next. Returns the tables of all of them, also of
+    ``again``; ``observer`` sees their worlds.
     """
-    written = simulated(setting(methods[::-1]))
-    together = arrow(written)
-    for method in methods:
-        name = from_plain(MethodEntry, method).name
-        same(of(name, arrow(simulated(setting([method])))), of(name, together))
+    again = {"name": "again", "method": methods[0]}
+    written = simulate(prepare(setting([*methods, again])), observer=observer)
+    same(*(of(name, rows(written)) for name in (methods[0], "again")))
     return written

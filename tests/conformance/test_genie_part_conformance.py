@@ -4,6 +4,8 @@ extension have to catch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 from genie_sim.core.confidence import CONFIDENCE_RULES
@@ -41,46 +43,43 @@ class TestConfidenceRules(GeniePartConformance):
         return {"object_map": {"rule": rule}}
 
 
+def of_similarity() -> None:
+    part = {"similarity": f"{OWN}:LeakySimilarity"}
+    GeniePartConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(part)
+
+
+def of_eviction() -> None:
+    part = {"eviction": f"{OWN}:LeakyEviction"}
+    GeniePartConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(part)
+
+
+def of_method() -> None:
+    MethodConformance().test_alone_or_between_others(f"{OWN}:LeakyMethod")
+
+
+def of_fault() -> None:
+    fault = {"fault": f"{OWN}:LeakyFault", "target": "edge1"}
+    FaultConformance().test_it_keeps_frames_and_methods_apart(fault)
+
+
+def of_link() -> None:
+    link = {"model": f"{OWN}:LeakyRadio", "slot_ms": 0.5, "fails": 7}
+    LoneLinkConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(link)
+
+
+def of_medium() -> None:
+    link = {"model": f"{OWN}:LeakyMedium", "rate": "300 Mbit/s"}
+    LinkModelConformance().test_every_frame_is_answered_or_dropped_whatever_ran_before(link)
+
+
+def of_source() -> None:
+    source = {"source": f"{OWN}:LeakyStreet"}
+    FrameSourceConformance().test_no_state_goes_from_one_method_to_the_next(source)
+
+
 @pytest.mark.parametrize(
-    "genie",
-    [
-        {"similarity": f"{OWN}:LeakySimilarity"},
-        {"eviction": f"{OWN}:LeakyEviction"},
-    ],
+    "state", [of_similarity, of_eviction, of_method, of_fault, of_link, of_medium, of_source]
 )
-def test_a_part_of_a_genie_that_keeps_state_between_methods_is_caught(genie):
+def test_state_that_outlives_a_method_is_caught(state: Callable[[], None]):
     with pytest.raises(AssertionError):
-        GeniePartConformance().test_no_state_goes_from_one_genie_to_the_next(genie)
-
-
-def test_a_method_that_keeps_state_is_caught():
-    with pytest.raises(AssertionError):
-        MethodConformance().test_alone_or_between_others(f"{OWN}:LeakyMethod")
-
-
-def test_a_fault_that_keeps_state_between_methods_is_caught():
-    with pytest.raises(AssertionError):
-        FaultConformance().test_it_keeps_frames_and_methods_apart(
-            {"fault": f"{OWN}:LeakyFault", "target": "edge1"}
-        )
-
-
-def test_a_link_model_that_keeps_state_between_methods_is_caught():
-    with pytest.raises(AssertionError):
-        LoneLinkConformance().test_no_state_goes_from_one_method_to_the_next(
-            {"model": f"{OWN}:LeakyRadio", "slot_ms": 0.5, "fails": 3}
-        )
-
-
-def test_a_medium_that_keeps_state_between_methods_is_caught():
-    with pytest.raises(AssertionError):
-        LinkModelConformance().test_no_state_goes_from_one_method_to_the_next(
-            {"model": f"{OWN}:LeakyMedium", "rate": "300 Mbit/s"}
-        )
-
-
-def test_a_frame_source_that_keeps_state_between_methods_is_caught():
-    with pytest.raises(AssertionError):
-        FrameSourceConformance().test_no_state_goes_from_one_method_to_the_next(
-            {"source": f"{OWN}:LeakyStreet"}
-        )
+        state()

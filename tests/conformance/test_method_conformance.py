@@ -10,10 +10,10 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Publish
-from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.reading import read_scenario
+from genie_sim.sim.method import METHODS
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 from tests.conformance.own import Again, Latest
@@ -129,7 +129,7 @@ def test_one_method_several_times_with_other_settings():
     assert 0 < hits["half"] < small.FRAMES * 2
     for name in ("genie", "tiny"):
         small.same(
-            *(small.of(name, small.arrow(small.simulated(one))) for one in (scenario, swapped))
+            *(small.of(name, small.rows(small.simulated(one))) for one in (scenario, swapped))
         )
     assert read_scenario(plain_data(scenario)).methods == scenario.methods
 

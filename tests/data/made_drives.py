@@ -13,9 +13,9 @@ import pymap3d
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.perceive import FrameSelection, perceive
-from genie_sim.data.table_import import Sensor, recordings
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.importers.table_import import Sensor, cars_of_tables
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from tests.data.tracking_files import CALIBRATION
 from tests.kitti_folder import DATE, make_network, make_street
 from tools.make.published import tracking_trace
@@ -137,7 +137,7 @@ def of_tables(drive: MadeDrive, folder: Path, report: ImportReport) -> None:
     files = folder / "poses.csv", folder / "detections.csv"
     files[0].write_text("\n".join(["time_s,east_m,north_m,heading_deg", *poses]))
     files[1].write_text("\n".join(["time_s,label,east_m,north_m,score", *objects]))
-    recordings(*files, sensor=Sensor(math.radians(90)), report=report)
+    cars_of_tables(*files, sensor=Sensor(math.radians(90)), report=report)
 
 
 def _oxts(drive: MadeDrive) -> list[str]:

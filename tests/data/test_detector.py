@@ -7,8 +7,8 @@ import pytest
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.data.detector import DetectorSettings, YoloxNano, find_weights
-from genie_sim.data.onnx_detector import COCO_LABELS, best_boxes, letterbox
+from genie_sim.data.detectors.detector import DetectorSettings, YoloxNano, find_weights
+from genie_sim.data.detectors.onnx_detector import COCO_LABELS, best_boxes, letterbox
 from tests.kitti_folder import DATE, make_network
 
 
@@ -178,7 +178,7 @@ def test_yolox_finds_the_van_the_cyclist_and_the_pedestrian():
     """Drive 0005, camera 02, first frame: a white van ahead, a man on a bicycle, a woman on the
     pavement.
     """
-    from genie_sim.data.kitti import open_drive, read_image
+    from genie_sim.data.kitti.drive import open_drive, read_image
 
     drive = open_drive(os.environ["GENIE_SIM_KITTI"], f"{DATE}/0005", ["02"])
     found = (

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from genie_sim.analysis import screen, summary
 from genie_sim.analysis.summary import about_boxes, about_laws
 from genie_sim.base import files
-from genie_sim.data.detector_laws import detector_laws, facts
-from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.detectors.detector_laws import detector_laws, facts
+from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
 from genie_sim.report import html_page
 from genie_sim.runs.build import setup
@@ -26,7 +26,7 @@ from genie_sim.tracks.measure import LawCounts, shrunk, total
 from tools.make import detector_laws as measuring
 
 SHIPPED = json.loads(
-    (resources.files("genie_sim.data") / "detector_laws.json").read_text(encoding="utf-8")
+    (resources.files("genie_sim.data.detectors") / "detector_laws.json").read_text(encoding="utf-8")
 )
 COUNTS = {
     (detector, drive): LawCounts(**counts)

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.evaluation import evaluate, iou, table
+from genie_sim.data.kitti.evaluation import evaluate, iou, table
+from genie_sim.data.kitti.labels import ObjectLabel, PictureLabels, read_labels
 from genie_sim.data.trace import Trace, TraceFrame, read_trace
-from genie_sim.data.truth import ObjectLabel, PictureLabels, read_truth
 from tests.kitti_folder import DATE, make_drive
 
 BOX = (100.0, 100.0, 200.0, 160.0)
@@ -164,7 +164,7 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
     )
     frames = tuple(replace(frame(index=i), width=640, height=192) for i in range(3))
     trace = Trace("made up", (49.0112, 8.4228, 112.8), {"02": frames}, {})
-    truth = read_truth(tmp_path, f"{DATE}/0005", trace)
+    truth = read_labels(tmp_path, f"{DATE}/0005", trace)
     for index in range(3):
         (one,) = truth.pictures["02", index]
         # focal length times half a width over the distance of its near end
@@ -178,10 +178,10 @@ def test_tracklets_are_seen_where_they_stand(tmp_path):
 def test_labels_of_another_drive_are_refused(kitti_root):
     made = Trace("made up", (49.0, 8.4, 100.0), {"02": (frame(index=0),)}, {})
     with pytest.raises(UserError, match="is not the drive of this trace"):
-        read_truth(kitti_root, "tracking/0002", made)
+        read_labels(kitti_root, "tracking/0002", made)
     only_right = Trace("made up", (49.0, 8.4, 100.0), {"03": (frame(camera="03"),)}, {})
     with pytest.raises(UserError, match="labels are those of camera 02, the trace has 03"):
-        read_truth(kitti_root, "tracking/0000", only_right)
+        read_labels(kitti_root, "tracking/0000", only_right)
 
 
 def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
@@ -195,7 +195,7 @@ def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
 
     trace = read_trace(files.find(files.TRACE, "kitti_0005"))
     for labels, counted in (("tracking/0000", (515, 176)), ("2011_09_26/0005", (1020, 352))):
-        e = evaluate(trace, read_truth(kitti_root, labels, trace), 0.3)
+        e = evaluate(trace, read_labels(kitti_root, labels, trace), 0.3)
         assert tuple(group.labels for group in e.groups.values()) == counted
         recalls = [group.precision_recall(0.3)[1] for group in e.groups.values()]
         near = [one.error_m for one in e.right("vehicles", parked=True) if one.range_m <= 30]
@@ -209,15 +209,15 @@ def test_the_shipped_trace_by_both_kinds_of_labels(kitti_root):
 @pytest.mark.slow
 def test_average_precision_on_drive_0005(kitti_root, weights_dir):
     """Every fifth frame of camera 02; all of them give 0.834 and 0.876."""
-    from genie_sim.data.detector import DetectorSettings
-    from genie_sim.data.perceive import LOWEST_SCORE, FrameSelection, perceive
+    from genie_sim.data.detectors.detector import DetectorSettings
+    from genie_sim.data.kitti.perceive import LOWEST_SCORE, FrameSelection, perceive
 
     trace = perceive(
         kitti_root,
         FrameSelection("2011_09_26/0005", ["02"], range(0, 154, 5)),
         DetectorSettings(weights=weights_dir, min_score=LOWEST_SCORE, place_from=0.99),
     )
-    e = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)
+    e = evaluate(trace, read_labels(kitti_root, "tracking/0000", trace), 0.3)
     precision = {name: group.average_precision() for name, group in e.groups.items()}
     print(precision)
     assert precision["vehicles"] > 0.78

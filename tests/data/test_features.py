@@ -14,7 +14,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.features import UNIT, packed, unpacked
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.onnx_detector import add_last_activation
+from genie_sim.data.detectors.onnx_detector import add_last_activation
 from genie_sim.data.trace import Trace, feature_facts, read_trace, write_trace
 from genie_sim.worlds.scene.noise import mix
 from genie_sim.worlds.scene.surrogate import Surrogate
@@ -101,7 +101,7 @@ def test_the_last_activation_is_found_by_the_structure_of_the_network():
     not os.environ.get("GENIE_SIM_WEIGHTS"), reason="GENIE_SIM_KITTI and GENIE_SIM_WEIGHTS not set"
 )
 def test_perceive_makes_the_shipped_features_again(shipped):
-    from genie_sim.data.perceive import FrameSelection, perceive
+    from genie_sim.data.kitti.perceive import FrameSelection, perceive
 
     numbers = range(0, 150, 30)
     made = perceive(None, FrameSelection("2011_09_26/0005", numbers=numbers))

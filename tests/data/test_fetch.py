@@ -16,7 +16,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data import fetch
+from genie_sim.data.importers import fetch
 from tests.data.archives import archive
 
 CONTENT = bytes(range(256)) * 4000

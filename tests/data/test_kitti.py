@@ -14,7 +14,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import heading_of, transform
-from genie_sim.data.kitti import open_drive, read_image
+from genie_sim.data.kitti.drive import open_drive, read_image
 from tests.kitti_folder import (
     CENTRE_X,
     DATE,
@@ -98,6 +98,13 @@ def test_frames_are_found_by_number_not_by_position(root, folder):
             was.image_path,
         )
         assert left.world_SE3_camera == pytest.approx(was.world_SE3_camera)
+
+
+def test_frames_come_by_number_however_it_is_written(root, folder):
+    images = folder / "image_02" / "data"
+    (images / f"{1:010d}.png").rename(images / "1.png")
+    frames = open_drive(root, DRIVE, ["02"]).frames["02"]
+    assert [frame.index for frame in frames] == [0, 1, 2, 3]
 
 
 def test_more_time_stamps_than_images_are_fine(root, folder):
@@ -186,21 +193,21 @@ SECOND_STAMP = f"{FIRST_STAMP_S + 0.1:.9f}"
         (remove(f"{SYNC}/oxts/data"), "oxts/data: no .txt files"),
         (
             rewrite(OXTS, lambda text: text[: len(text) // 2]),
-            "0000000002.txt: is no OXTS packet: ",
+            "0000000002.txt: line 1: ",
         ),
         (
             rewrite(OXTS, lambda text: text.replace("49.", "abc", 1)),
-            "0000000002.txt: is no OXTS packet: could not convert",
+            "0000000002.txt: line 1: could not convert",
         ),
-        (rewrite(OXTS, lambda text: ""), "0000000002.txt: 0 lines, expected one"),
-        (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 lines, expected one"),
+        (rewrite(OXTS, lambda text: ""), "0000000002.txt: the file is empty"),
+        (rewrite(OXTS, lambda text: text + text), "0000000002.txt: 2 packets, expected one"),
         (
             rewrite(OXTS, lambda text: "91.0" + text[text.index(" ") :]),
-            r"0000000002.txt: no place on Earth and turn: \[91.0, ",
+            r"0000000002.txt: packet 1: value 1 is 91, out of range",
         ),
         (
             rewrite(OXTS, lambda text: "1e308" + text[text.index(" ") :]),
-            r"0000000002.txt: no place on Earth and turn: \[1e.308, ",
+            r"0000000002.txt: line 1: a number is not finite, or too large",
         ),
         (
             rewrite(

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.data import geodesy, number_files
+from genie_sim.data import geodesy
+from genie_sim.data.kitti import number_files
+from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 HERE = (49.0, 8.4, 112.0)  # latitude [deg], longitude [deg], altitude [m]
 
@@ -40,7 +42,9 @@ def test_a_wrong_line_is_named(text: str, message: str):
 
 
 def test_numbers_are_below_a_thousand_million():
-    assert number_files.within([0.999e9, -0.999e9]) and not number_files.within([0, 1e9])
+    assert number_files.are_plausible([0.999e9, -0.999e9]) and not number_files.are_plausible(
+        [0, 1e9]
+    )
 
 
 def test_matrices_by_any_of_their_names():
@@ -81,13 +85,13 @@ def packet(**changed: float) -> str:
 )
 def test_a_packet_is_on_the_earth(changed: dict[str, float], place: int):
     whole = number_files.numbers(written(f"{packet()}\n"), 30)
-    assert geodesy.read_oxts(Path("numbers.txt")).tolist() == whole[:, :6].tolist()
+    assert read_oxts(Path("numbers.txt")).tolist() == whole[:, :6].tolist()
     (value,) = changed.values()
     written(f"{packet()}\n{packet(**changed)}\n")
     with pytest.raises(UserError, match=f"packet 2: value {place} is {value:g}, out of range"):
-        geodesy.read_oxts(Path("numbers.txt"))
+        read_oxts(Path("numbers.txt"))
     with pytest.raises(UserError, match="the file is empty"):
-        geodesy.read_oxts(written("\n"))
+        read_oxts(written("\n"))
 
 
 def test_places_near_the_origin_in_metres():
@@ -95,7 +99,7 @@ def test_places_near_the_origin_in_metres():
 
     def place(latitude: float, longitude: float, altitude_m: float) -> np.ndarray:
         at = np.array([latitude, longitude, altitude_m, 0.0, 0.0, 0.5])
-        return geodesy.world_SE3_imu(at, HERE)
+        return world_SE3_imu(at, HERE)
 
     assert place(*HERE)[:3, 3] == pytest.approx(0, abs=1e-6)
     north = place(HERE[0] + 1e-3, HERE[1], HERE[2])[:3, 3]

@@ -9,9 +9,9 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.kitti import open_drive
-from genie_sim.data.perceive import FrameSelection, images, perceive
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.kitti.drive import open_drive
+from genie_sim.data.kitti.perceive import FrameSelection, images, perceive
 from tests.kitti_folder import (
     CENTRE_X,
     CENTRE_Y,

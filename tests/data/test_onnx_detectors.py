@@ -10,8 +10,8 @@ import pytest
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.errors import UserError
-from genie_sim.data import onnx_detector
-from genie_sim.data.detector import DETECTORS, DetectorSettings, Yolov8
+from genie_sim.data.detectors import onnx_detector
+from genie_sim.data.detectors.detector import DETECTORS, DetectorSettings, Yolov8
 from tests.kitti_folder import make_network
 from tests.made_up_networks import (
     make_nanodet,
@@ -490,17 +490,17 @@ def test_nanodet_on_real_frames(kitti_root, weights_dir):
     """Drive 0005, camera 02, every fifth frame: near the figures of a first measurement (0.786 and
     0.719).
     """
-    from genie_sim.data.detector import DetectorSettings
-    from genie_sim.data.evaluation import evaluate
-    from genie_sim.data.perceive import LOWEST_SCORE, FrameSelection, perceive
-    from genie_sim.data.truth import read_truth
+    from genie_sim.data.detectors.detector import DetectorSettings
+    from genie_sim.data.kitti.evaluation import evaluate
+    from genie_sim.data.kitti.labels import read_labels
+    from genie_sim.data.kitti.perceive import LOWEST_SCORE, FrameSelection, perceive
 
     trace = perceive(
         kitti_root,
         FrameSelection("2011_09_26/0005", ["02"], range(0, 154, 5)),
         DetectorSettings("nanodet_m", weights_dir, min_score=LOWEST_SCORE, place_from=0.99),
     )
-    judged = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)
+    judged = evaluate(trace, read_labels(kitti_root, "tracking/0000", trace), 0.3)
     precision = {name: group.average_precision() for name, group in judged.groups.items()}
     print(precision)
     assert precision["vehicles"] > 0.7

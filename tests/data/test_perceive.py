@@ -14,15 +14,15 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data import pipeline, placement
-from genie_sim.data.detector import DetectorSettings
+from genie_sim.data.detectors.detector import DetectorSettings, look
+from genie_sim.data.detectors.placement import HALF_DEPTH_M
 from genie_sim.data.encoding import difference_hash
-from genie_sim.data.kitti import read_image
-from genie_sim.data.perceive import FrameSelection, perceive
-from genie_sim.data.placement import HALF_DEPTH_M
+from genie_sim.data.kitti import pipeline
+from genie_sim.data.kitti.drive import read_image
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
+from genie_sim.data.kitti.trace_check import differences, perceive_again
 from genie_sim.data.sources import encoded_beside
 from genie_sim.data.trace import read_trace, write_trace
-from genie_sim.data.trace_check import differences, perceive_again
 from tests.kitti_folder import (
     DATE,
     HEIGHT,
@@ -143,7 +143,7 @@ def test_what_is_no_list_of_boxes_is_refused_with_the_class_of_the_detector(wron
             return wrong
 
     with pytest.raises(UserError, match=r"detector Mine: detect\(\)") as caught:
-        pipeline._InOneStep(Mine()).infer(np.zeros((60, 90, 3), np.uint8))
+        look(np.zeros((60, 90, 3), np.uint8), Mine())
     assert "\n" not in str(caught.value)
 
 
@@ -156,9 +156,9 @@ def test_boxes_of_ones_own_detector_that_are_shares_are_refused():
 
     detector, picture = Mine(), np.zeros((60, 90, 3), np.uint8)
     with pytest.raises(UserError, match=r"detector Mine: .*shares of the picture"):
-        pipeline._InOneStep(detector).infer(picture)
+        look(picture, detector)
     detector.boxes = [("car", 0.9, (-5, -5, 95, 65))]
-    assert pipeline._InOneStep(detector).infer(picture) == detector.boxes
+    assert look(picture, detector) == (detector.boxes, {})
 
 
 def test_labels_of_ones_own_detector_that_are_no_classes_are_told(street, monkeypatch):
@@ -235,10 +235,8 @@ def test_the_shipped_encodings_are_of_the_shipped_pictures(encoding):
 def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypatch):
     root, weights = street
     fitted = []
-    fit = placement.fit_ground
-    monkeypatch.setattr(placement, "fit_ground", lambda scan: fitted.append(len(scan)) or fit(scan))
-    # one worker: two might fit the same ground at the same time
-    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    fit = pipeline.fit_ground
+    monkeypatch.setattr(pipeline, "fit_ground", lambda scan: fitted.append(len(scan)) or fit(scan))
     before = cv2.getNumThreads()
     assert sum(map(len, perceived(root, weights).frames.values())) == 6
     assert len(fitted) == 3

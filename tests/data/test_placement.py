@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.geometry import project, ray
-from genie_sim.data.placement import (
+from genie_sim.data.detectors.placement import (
     HALF_DEPTH_M,
     LASER_HEIGHT_M,
     TYPICAL_GROUND,
@@ -20,7 +20,7 @@ from genie_sim.data.placement import (
     near_group,
     surface,
 )
-from genie_sim.data.shape import percentile
+from genie_sim.data.detectors.shape import percentile
 
 SIZE = (1242, 375)
 INTRINSICS = np.array([[721.5, 0.0, 609.6], [0.0, 721.5, 172.9], [0.0, 0.0, 1.0]])

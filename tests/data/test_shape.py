@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from genie_sim.base.classes import Size
-from genie_sim.data.shape import centre
+from genie_sim.data.detectors.shape import centre
 
 CAR = Size(height_m=1.5, width_m=1.8, length_m=4.0)
 Place = tuple[float, float]

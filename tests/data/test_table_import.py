@@ -15,7 +15,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data.table_import import Sensor, recordings
+from genie_sim.data.importers.table_import import Sensor, cars_of_tables
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import read_truth_table
 from tests.data.pose_tables import DETECTIONS, POSES, TRUTH, TRUTH_HEADER
@@ -32,7 +32,7 @@ def tables(tmp_path):
             if path is not None:
                 path.write_text(text, encoding="utf-8")
             paths.append(path)
-        return recordings(*paths, **settings)
+        return cars_of_tables(*paths, **settings)
 
     return write
 
@@ -50,20 +50,20 @@ def test_each_pose_is_a_frame_with_the_detections_of_its_time(tables):
 
 
 def test_cars_share_one_clock_and_one_sequence(tables):
-    recordings = tables()
-    assert list(recordings) == ["a", "b"]
-    b = recordings["b"].trace
+    cars = tables()
+    assert list(cars) == ["a", "b"]
+    b = cars["b"].trace
     assert [frame.stamp_ns for frame in b.frames["sensor"]] == [250_000_000, 350_000_000]
-    assert b.sequence is not None and b.sequence == recordings["a"].trace.sequence
-    pictures = {f.digest for r in recordings.values() for f in r.trace.frames["sensor"]}
+    assert b.sequence is not None and b.sequence == cars["a"].trace.sequence
+    pictures = {f.digest for r in cars.values() for f in r.trace.frames["sensor"]}
     assert len(pictures) == 5
 
 
 def test_a_table_without_cars_has_one(tables):
     poses = "time_s,east_m,north_m,heading_deg,up_m\n-1,2,3,-90,4\n"
     detections = "label,score,time_s,east_m,north_m,extra\ncar,1,-1,2,-9,x\n"
-    (recording,) = tables(poses, detections).values()
-    trace = recording.trace
+    (car,) = tables(poses, detections).values()
+    trace = car.trace
     assert (trace.name, trace.sequence) == ("car1", None)
     (frame,) = trace.frames["sensor"]
     assert frame.pose[:3] == (2.0, 3.0, 4.0)
@@ -73,8 +73,8 @@ def test_a_table_without_cars_has_one(tables):
 
 def test_the_sensor_is_as_told_and_detections_outside_its_view_are_counted(tables):
     sensor, report = Sensor(fov_rad=math.radians(20), size_bytes=777), ImportReport("x")
-    recordings = tables(sensor=sensor, report=report)
-    frame = recordings["a"].trace.frames["sensor"][0]
+    cars = tables(sensor=sensor, report=report)
+    frame = cars["a"].trace.frames["sensor"][0]
     assert frame.size_bytes == 777 and frame.kind == "lidar"
     assert frame.horizontal_fov_rad == pytest.approx(math.radians(20), abs=1e-6)
     assert not any("outside" in line for line in report.warnings)
@@ -95,32 +95,32 @@ def test_parquet_tables_give_the_traces_of_csv_tables(tables, tmp_path):
             columns[column] = [float(value) for value in columns[column]]
         paths.append(tmp_path / "parquet" / f"{name}.parquet")
         pq.write_table(pa.table(columns), paths[-1])
-    by_parquet = recordings(*paths)
-    for car, recording in by_csv.items():
-        ours, other = recording.trace, by_parquet[car].trace
+    by_parquet = cars_of_tables(*paths)
+    for name, car in by_csv.items():
+        ours, other = car.trace, by_parquet[name].trace
         for frame, its in zip(ours.frames["sensor"], other.frames["sensor"], strict=True):
             assert (frame.stamp_ns, frame.pose, frame.detections) == (
                 its.stamp_ns,
                 its.pose,
                 its.detections,
             )
-        assert recording.truth.rows == by_parquet[car].truth.rows
+        assert car.truth.rows == by_parquet[name].truth.rows
 
 
 def test_data_frames_give_the_traces_of_files(tables):
     texts = {"poses": POSES, "detections": DETECTIONS, "truth": TRUTH}
     frames = {name: pd.read_csv(io.StringIO(text)) for name, text in texts.items()}
     by_file = tables(**texts)
-    by_frame = recordings(*frames.values(), provenance={"data": "mine"})
+    by_frame = cars_of_tables(*frames.values(), provenance={"data": "mine"})
     assert by_frame.keys() == by_file.keys()
-    for car, recording in by_frame.items():
-        pairs = zip(*(of[car].trace.frames["sensor"] for of in (by_frame, by_file)), strict=True)
+    for name, car in by_frame.items():
+        pairs = zip(*(of[name].trace.frames["sensor"] for of in (by_frame, by_file)), strict=True)
         for frame, there in pairs:
             assert (frame.stamp_ns, frame.pose) == (there.stamp_ns, there.pose)
             assert frame.detections == there.detections
-        assert recording.truth.rows == by_file[car].truth.rows
-        assert recording.trace.provenance["data"] == "mine"
-    assert len({recording.trace.sequence for recording in by_frame.values()}) == 1
+        assert car.truth.rows == by_file[name].truth.rows
+        assert car.trace.provenance["data"] == "mine"
+    assert len({car.trace.sequence for car in by_frame.values()}) == 1
 
 
 @pytest.mark.parametrize(
@@ -135,12 +135,12 @@ def test_a_row_of_a_data_frame_is_named_by_its_number(column, value, message):
     poses = pd.read_csv(io.StringIO(POSES)).astype(object)
     poses.loc[0, column] = value
     with pytest.raises(UserError, match=message):
-        recordings(poses, pd.read_csv(io.StringIO(DETECTIONS)))
+        cars_of_tables(poses, pd.read_csv(io.StringIO(DETECTIONS)))
 
 
 def test_the_truth_is_there_for_every_frame_of_every_car(tables):
-    recordings = tables(truth=TRUTH)
-    rows = {(row.frame, row.label): row for row in recordings["b"].truth.rows}
+    cars = tables(truth=TRUTH)
+    rows = {(row.frame, row.label): row for row in cars["b"].truth.rows}
     # The bus, a vehicle like a car, drives 10 m in the second; b's first frame is at 0.25 s.
     bus = rows[0, "car"]
     assert bus.location == (10.0, 27.5, 0.0) and bus.moving and bus.visible
@@ -190,8 +190,8 @@ def test_what_the_table_says_of_moving_and_visible_holds(tables):
     )
     poses = "".join(line for line in POSES.splitlines(True) if not line.startswith("b"))
     detections = "".join(line for line in DETECTIONS.splitlines(True) if not line.startswith("b"))
-    (recording,) = tables(poses, detections, truth).values()
-    assert [(row.moving, row.visible) for row in recording.truth.rows] == [
+    (car,) = tables(poses, detections, truth).values()
+    assert [(row.moving, row.visible) for row in car.truth.rows] == [
         (True, True),
         (False, False),
         (False, True),
@@ -258,9 +258,9 @@ def test_files_that_are_none_are_refused(tmp_path):
     ):
         (tmp_path / name).write_bytes(content)
         with pytest.raises(UserError, match=message):
-            recordings(good, tmp_path / name)
+            cars_of_tables(good, tmp_path / name)
     with pytest.raises(UserError, match=r"detections\.csv: no such file"):
-        recordings(good, tmp_path / "detections.csv")
+        cars_of_tables(good, tmp_path / "detections.csv")
 
 
 def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
@@ -290,7 +290,7 @@ def test_the_command_writes_traces_that_a_scenario_takes(run_cli, tmp_path):
     assert stamps_ms == {("a", 0), ("a", 100), ("a", 200), ("b", 250), ("b", 350)}
     again = run_cli(*tables, "--out", "t")
     assert again.returncode == 1
-    assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of other recordings")
+    assert again.stderr.startswith("genie-sim: t/a.truth.parquet: is of another import")
     for option, value in (("--fov", "400 deg"), ("--frame-size", "0 B"), ("--range", "40")):
         refused = run_cli(*tables, "--out", "u", option, value)
         assert refused.returncode == 1 and f"{option}: " in refused.stderr
@@ -302,7 +302,7 @@ def test_a_row_of_a_parquet_table_is_named_by_its_number(tmp_path):
     columns = {"time_s": [1.0, math.nan], "east_m": [0.0, 1.0], "north_m": [0.0, 1.0]}
     pq.write_table(pa.table({"car": ["a", "a"], **columns, "heading_deg": [0.0, 0.0]}), path)
     with pytest.raises(UserError, match=r"poses.parquet: row 2\b"):
-        recordings(path, path)
+        cars_of_tables(path, path)
 
 
 def drive(speed_mps: float, count: int = 30, heading_deg: float = 0.0, factor: float = 1.0) -> str:
@@ -368,9 +368,9 @@ def test_what_cannot_be_is_refused_unless_accepted(tmp_path, poses, detections, 
     for path, text in zip(files, (poses, detections), strict=True):
         path.write_text(text)
     with pytest.raises(UserError, match=message):
-        recordings(*files)
+        cars_of_tables(*files)
     report = ImportReport("x", accept=True)
-    recordings(*files, report=report)
+    cars_of_tables(*files, report=report)
     assert any(re.search(message, line) for line in report.lines())
 
 
@@ -381,7 +381,7 @@ def test_what_is_unusual_is_told(tmp_path):
     files[0].write_text("\n".join(["vehicle," + rows[0], *(f"a,{row}" for row in rows[1:])]))
     files[1].write_text(AHEAD.format(label="car", east=20))
     report = ImportReport("x")
-    recordings(*files, sensor=Sensor(size_bytes=960), report=report)
+    cars_of_tables(*files, sensor=Sensor(size_bytes=960), report=report)
     told = "\n".join(report.lines())
     for text in ("never faster than 0.01 m/s", "a frame takes", "column 'vehicle' of poses.csv"):
         assert text in told
@@ -394,7 +394,7 @@ def test_a_title_with_what_is_no_text_is_refused(tmp_path):
             f"{name},time_s,east_m,north_m,heading_deg\na,0,0,0,0\n"
         )
         with pytest.raises(UserError, match=r"poses.csv: title .*: has characters that are no"):
-            recordings(tmp_path / "poses.csv", tmp_path / "poses.csv")
+            cars_of_tables(tmp_path / "poses.csv", tmp_path / "poses.csv")
 
 
 def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):
@@ -402,8 +402,8 @@ def test_a_label_is_taken_for_the_class_that_it_is_mapped_to(tmp_path):
     files[0].write_text(drive(10))
     files[1].write_text(AHEAD.format(label="vehicle.car", east=20) + "0,cone,1,1,0.5\n")
     report, classes = ImportReport("x"), {"vehicle.car": "car", "cone": "none"}
-    (recording,) = recordings(*files, classes=classes, report=report).values()
-    found = [d.label for frame in recording.trace.frames["sensor"] for d in frame.detections]
+    (car,) = cars_of_tables(*files, classes=classes, report=report).values()
+    found = [d.label for frame in car.trace.frames["sensor"] for d in frame.detections]
     assert found == ["car", "car"] and report.unused == {"none": 1}
 
 

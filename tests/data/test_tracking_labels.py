@@ -14,8 +14,8 @@ import pytest
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import inverse, project, transform
-from genie_sim.data.kitti_tracking import open_sequence, sequences
-from genie_sim.data.truth import make_truth, read_truth, tracking_labels
+from genie_sim.data.kitti.labels import make_truth, read_labels, tracking_labels
+from genie_sim.data.kitti.tracking_sequence import open_sequence, sequences
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
 from tools.make.published import POINTRCNN_SCORES, tracking_trace
 
@@ -69,7 +69,7 @@ def test_a_sequence_becomes_a_trace(root):
 
 def test_labels_and_detections_share_a_world(root):
     trace = tracking_trace(root, "0003", origin=(49.001, 8.402, 100.0))
-    truth = read_truth(root.parent, "tracking/0003", trace)
+    truth = read_labels(root.parent, "tracking/0003", trace)
     (car,), (label,) = trace.frames["02"][0].detections, truth.pictures["02", 0]
     assert car.location == pytest.approx(label.centre, abs=0.01)
     assert (label.group, label.track, label.counts) == ("vehicles", 7, True)
@@ -89,7 +89,7 @@ def test_who_leaves_the_first_place_fast_enough_moves(root, speed_mps, moves):
     ]
     (root / "training/label_02/0003.txt").write_text("".join(lines))
     trace = tracking_trace(root, "0003")
-    assert read_truth(root.parent, "tracking/0003", trace).moving == ({7} if moves else set())
+    assert read_labels(root.parent, "tracking/0003", trace).moving == ({7} if moves else set())
     rows = make_truth(root.parent, "tracking/0003", trace).rows
     assert [(row.frame, row.object, row.moving) for row in rows] == [
         (frame, track, moves and track == 7) for frame in range(3) for track in (7, 8)
@@ -101,7 +101,7 @@ def test_who_comes_back_has_moved(root):
     label = "{} 7 Car 0 0 -1.5 500 170 600 230 1.5 1.6 3.9 -2.0 1.6 {} -1.6\n"
     lines = [label.format(i, z) for i, z in enumerate((20.0, 20.12, 20.06))]
     (root / "training/label_02/0003.txt").write_text("".join(lines))
-    assert read_truth(root.parent, "tracking/0003", tracking_trace(root, "0003")).moving == {7}
+    assert read_labels(root.parent, "tracking/0003", tracking_trace(root, "0003")).moving == {7}
 
 
 def test_boxes_in_pictures_are_placed_by_the_ground(root):
@@ -259,7 +259,7 @@ def test_a_labelled_parked_car_has_one_place_in_the_world(kitti_root):
     """
     wander_m = []
     for sequence in sequences(kitti_root / "tracking" / "training"):
-        truth = read_truth(
+        truth = read_labels(
             kitti_root, f"tracking/{sequence}", tracking_trace(kitti_root / "tracking", sequence)
         )
         parked: dict[int, list[tuple[float, ...]]] = {}
@@ -288,7 +288,7 @@ def test_both_layouts_of_drive_0005_are_one_world(kitti_root):
     """Sequence 0000 is drive 0005: its camera stands where the raw drive's camera 2 does, frame by
     frame.
     """
-    from genie_sim.data.kitti import open_drive
+    from genie_sim.data.kitti.drive import open_drive
 
     raw = open_drive(kitti_root, "2011_09_26/0005", ["02"])
     sequence = open_sequence(kitti_root / "tracking" / "training", "0000", raw.origin)

@@ -11,13 +11,13 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.base.parquet import METADATA_KEY
-from genie_sim.data.sources import Recordings, encoded_beside
+from genie_sim.data.kitti.labels import make_truth
+from genie_sim.data.sources import RecordedDrives, encoded_beside
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (
     RecordedTruth,
     TruthRow,
     TruthTable,
-    make_truth,
     path_beside,
     read_truth_table,
     truth_beside,
@@ -84,7 +84,7 @@ def test_a_table_without_its_trace_s_name_stops_a_run_in_one_line(run_cli, trace
     path = tmp_path / "mine.parquet"
     write_trace(path, trace)
     write_truth(path_beside(path), made_up(trace))
-    assert list(Recordings(trace, path=path).provenance()) == []
+    assert list(RecordedDrives(trace, path=path).provenance()) == []
     with_metadata(path_beside(path), provenance={"drive": "x"})
     done = run_cli("run", "street_1car_hetero", "--set", f"perception.trace={path}")
     assert done.returncode == 1
@@ -109,19 +109,19 @@ def test_a_drive_without_labels_names_both_kinds_of_labels(trace, tmp_path, driv
 
 
 def test_a_table_says_how_far_its_labels_reach(trace, tmp_path):
-    usual, far = made_up(trace), replace(made_up(trace), reach_m=3.5, range_m=100.0)
+    usual, far = made_up(trace), replace(made_up(trace), tolerance_m=3.5, range_m=100.0)
     path = tmp_path / "a.truth.parquet"
     write_truth(path, far)
     again = read_truth_table(path)
     assert again == far and again.digest != usual.digest
     assert again.rebased((49.0, 8.0, 100.0)).range_m == 100.0
     truth, frame = RecordedTruth(again), trace.frames["02"][0]
-    assert (truth.reach_m, truth.range_m) == (3.5, 100.0)
+    assert (truth.tolerance_m, truth.range_m) == (3.5, 100.0)
     assert is_there(truth, frame, "car", 13.0, 2.0) and not is_there(truth, frame, "car", 13.6, 2.0)
     assert not is_there(RecordedTruth(usual), frame, "car", 13.0, 2.0)
 
 
-@pytest.mark.parametrize("changes", [{"range_m": 0}, {"reach_m": "2 m"}, {"range_m": 1e9}])
+@pytest.mark.parametrize("changes", [{"range_m": 0}, {"tolerance_m": "2 m"}, {"range_m": 1e9}])
 def test_an_impossible_ruler_is_refused(trace, tmp_path, changes):
     path = tmp_path / "a.truth.parquet"
     write_truth(path, made_up(trace))

@@ -12,7 +12,7 @@ import pytest
 from import_v2v4real import DETECTIONS, LABELS, imported
 
 from genie_sim.base.errors import UserError
-from genie_sim.data.table_import import ImportedCar
+from genie_sim.data.importers.table_import import ImportedCar
 from genie_sim.data.trace import read_trace
 from genie_sim.data.truth import TruthRow, read_truth_table
 from genie_sim.runs.folder import run_in_memory
@@ -95,7 +95,7 @@ def test_the_truth_of_a_car_has_all_but_itself(pair: dict[str, ImportedCar]):
         at_3s = [row for row in truth.rows if row.stamp_ns == 3_000_000_000]
         assert min(away_m(row, other(3.0)) for row in at_3s) < NEAR_M
         assert min(away_m(row, own(3.0)) for row in at_3s) > 2.0
-        assert (truth.reach_m, truth.range_m) == (2.0, 40.0)
+        assert (truth.tolerance_m, truth.range_m) == (2.0, 40.0)
 
 
 def away_m(row: TruthRow, pose: tuple[float, float, float]) -> float:

@@ -46,7 +46,7 @@ class Frame:
 class Street:
     """Knows cars and people."""
 
-    reach_m, range_m = 2.0, 40.0
+    tolerance_m, range_m = 2.0, 40.0
 
     def knows(self, label: str) -> bool:
         return label in ("car", "truck", "person")
@@ -60,7 +60,7 @@ class Street:
         return np.array(
             [
                 any(
-                    it.label == label and math.dist(it.location[:2], place) <= self.reach_m
+                    it.label == label and math.dist(it.location[:2], place) <= self.tolerance_m
                     for it in (*frame.visible, *frame.hidden)
                 )
                 for frame, label, *place in zip(frames, labels, east_m, north_m, strict=True)

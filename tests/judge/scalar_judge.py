@@ -114,24 +114,24 @@ class ScalarJudge:
         places, there = (
             [(class_of(it.label), *it.location[:2]) for it in side] for side in (ours, real)
         )
-        candidates = near(places, there, max(truth.reach_m, 5.0))
-        matched = pairs(candidates, truth.reach_m)
+        candidates = near(places, there, max(truth.tolerance_m, 5.0))
+        matched = pairs(candidates, truth.tolerance_m)
         words = ["never_there"] * len(ours)
         for i, (label, east_m, north_m) in enumerate(places):
             if any(i == ours_i for _, ours_i, _ in matched):
                 words[i] = "right"
-            elif any(i == it[1] and it[0] <= truth.reach_m**2 for it in candidates):
+            elif any(i == it[1] and it[0] <= truth.tolerance_m**2 for it in candidates):
                 words[i] = "duplicate"
             elif is_there(truth, image.content, label, east_m, north_m):
                 words[i] = "hidden"
             elif any(
                 (label, t_ns >= now_ns - 10 * S) == (other, True)
-                and math.dist(place, (east_m, north_m)) <= truth.reach_m
+                and math.dist(place, (east_m, north_m)) <= truth.tolerance_m
                 for t_ns, other, *place in self.visible
             ):
                 words[i] = "moved_away"
         counted = [i for i, word in enumerate(words) if word != "hidden"]
-        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen.origin != car]
+        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen_in.origin != car]
         found = {j for _, _, j in matched}
         errors_m = [math.sqrt(d2) for d2, _, _ in matched]
         row = HeldRow(

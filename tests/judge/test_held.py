@@ -21,7 +21,7 @@ from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header, Image
-from genie_sim.data.sources import Recordings
+from genie_sim.data.sources import RecordedDrives
 from genie_sim.data.trace import Trace, read_trace, write_trace
 from genie_sim.data.truth import (
     TruthRow,
@@ -395,7 +395,7 @@ def test_a_table_of_another_trace_is_refused_in_one_line(
         UserError,
         match=r"mine\.truth\.parquet: belongs to the trace '000000000000', mine\.parquet is",
     ):
-        Recordings(trace, path=path).drive("car1", None, 0)
+        RecordedDrives(trace, path=path).drive("car1", None, 0)
     path_beside(path).write_bytes(b"nothing")
     with pytest.raises(UserError, match="not a readable Parquet file"):
         truth_beside(path, trace)

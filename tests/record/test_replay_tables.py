@@ -7,7 +7,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from genie_sim.data.sources import Recordings
+from genie_sim.data.sources import RecordedDrives
 from genie_sim.record.records import Tables
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -17,7 +17,7 @@ from tests.sim.street import scenario, street
 
 @pytest.fixture(scope="module")
 def tables() -> Tables:
-    return simulate(prepare(scenario(cars=2, seed=3), frames=Recordings(street())))
+    return simulate(prepare(scenario(cars=2, seed=3), frames=RecordedDrives(street())))
 
 
 def test_each_frame_has_one_pose_whatever_the_number_of_methods(tables):
@@ -62,7 +62,7 @@ def test_objects_stay_where_they_were_first_seen(tables):
 def test_what_a_map_forgets_has_a_last_row_without_confidence():
     devices = dict.fromkeys(("jetson_tx2", "agx_xavier"), load_profile("jetson_tx2"))
     setting = scenario(genie={"object_map": {"forget_after": "500 ms"}})
-    tables = simulate(prepare(setting, None, devices, Recordings(street())))
+    tables = simulate(prepare(setting, None, devices, RecordedDrives(street())))
     objects, lookups = tables["objects"].to_frame(), tables["lookups"].to_frame()
     sightings = lookups[lookups["kind"] == "sighting"]
     assert objects["confidence"].isna().any()

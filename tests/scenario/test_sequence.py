@@ -1,4 +1,4 @@
-"""Recordings of one sequence: several cars that were recorded together are replayed together."""
+"""Traces of one sequence: several cars that were recorded together are replayed together."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from genie_sim.base.settings import from_plain
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.sources import Recordings
+from genie_sim.data.sources import RecordedDrives
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
@@ -131,7 +131,7 @@ def build(
 
     ``sent`` is the trace as its pictures are after being encoded as the scenario says.
     """
-    recordings = Recordings(trace if trace is not None else street())
+    recordings = RecordedDrives(trace if trace is not None else street())
     if sent is not None:
         recordings._encoded[None, setting.image_encoding] = sent
     prepared = prepare(setting, None, devices, recordings)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
-from genie_sim.data import fetch
-from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.kitti import open_drive, read_image
-from genie_sim.data.kitti_tracking import open_sequence
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.importers import fetch
+from genie_sim.data.kitti.drive import open_drive, read_image
+from genie_sim.data.kitti.labels import label_file, tracking_labels, tracklets
+from genie_sim.data.kitti.tracking_sequence import open_sequence
 from genie_sim.data.trace import read_trace, write_trace
-from genie_sim.data.truth import label_file, tracking_labels, tracklets
 from genie_sim.scenario import device_fit
 from genie_sim.scenario.profiles import load_profile
 from tests.checkout import REPOSITORY

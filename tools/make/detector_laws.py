@@ -32,10 +32,10 @@ from typing import Any
 import pandas as pd
 
 from genie_sim.core.messages import Header, Look
-from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.detector_laws import detector_laws
-from genie_sim.data.kitti_tracking import CAMERA
-from genie_sim.data.perceive import FrameSelection, kitti_folder, perceive
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.detectors.detector_laws import detector_laws
+from genie_sim.data.kitti.perceive import FrameSelection, kitti_folder, perceive
+from genie_sim.data.kitti.tracking_sequence import CAMERA
 from genie_sim.runs.folder import finished
 from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
@@ -46,7 +46,7 @@ from genie_sim.worlds.town.town import drive_name
 from tools.make.count_looks import counted
 from tools.make.published import tracking_trace
 
-OUT = PACKAGE_FOLDER / "data" / "detector_laws.json"
+OUT = PACKAGE_FOLDER / "data" / "detectors" / "detector_laws.json"
 DRIVE, TOWN_SEED, TOWN_CARS = "2011_09_26/0005", 11, 10
 DEVELOPMENT = ("0003", "0005", "0006", "0007", "0009", "0014", "0015", "0016", "0017", "0019")
 SEQUENCES = ("0000", *DEVELOPMENT)

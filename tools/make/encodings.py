@@ -18,8 +18,8 @@ import numpy as np
 from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
 from genie_sim.data.encoding import FORMATS
-from genie_sim.data.kitti import open_drive, read_image
-from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.kitti.drive import open_drive, read_image
+from genie_sim.data.kitti.perceive import kitti_folder
 
 
 def main() -> None:

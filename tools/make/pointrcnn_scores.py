@@ -16,10 +16,10 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import expit
 
-from genie_sim.data import kitti_tracking
-from genie_sim.data.evaluation import evaluate
-from genie_sim.data.perceive import kitti_folder
-from genie_sim.data.truth import read_truth
+from genie_sim.data.kitti import tracking_sequence
+from genie_sim.data.kitti.evaluation import evaluate
+from genie_sim.data.kitti.labels import read_labels
+from genie_sim.data.kitti.perceive import kitti_folder
 from tools.make import published
 
 GROUPS = {"car": "vehicles", "person": "persons"}
@@ -29,7 +29,7 @@ def judged(sequence: str) -> dict[str, np.ndarray]:
     """Logit, and 1 for right or 0 for wrong, of each detection that counts."""
     root = kitti_folder(None)
     trace = published.tracking_trace(root / "tracking", sequence, "pointrcnn", min_score=0.0)
-    evaluation = evaluate(trace, read_truth(root, f"tracking/{sequence}", trace), 0.0)
+    evaluation = evaluate(trace, read_labels(root, f"tracking/{sequence}", trace), 0.0)
     found = {}
     for label, (a, b) in published.POINTRCNN_SCORES.items():
         rows = []
@@ -63,7 +63,7 @@ def calibration_error(pairs: np.ndarray, a: float, b: float) -> float:
 
 
 def main() -> None:
-    sequences = kitti_tracking.sequences(kitti_folder(None) / "tracking" / "training")
+    sequences = tracking_sequence.sequences(kitti_folder(None) / "tracking" / "training")
     every = [judged(sequence) for sequence in sequences]
     for label in GROUPS:
         halves = [np.concatenate([one[label] for one in every[start::2]]) for start in (0, 1)]

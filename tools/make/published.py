@@ -14,17 +14,27 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from genie_sim.base.errors import UserError, unknown
-from genie_sim.base.geometry import Geodetic, transform
-from genie_sim.base.import_report import ImportReport
-from genie_sim.base.paths import read_bytes
-from genie_sim.core.messages import Box, Detection, Location
-from genie_sim.data.kitti_tracking import CAMERA, TrackingSequence, open_sequence
-from genie_sim.data.number_files import numbers
-from genie_sim.data.perceive import kitti_folder
-from genie_sim.data.placement import Placement
-from genie_sim.data.trace import Trace
-from genie_sim.data.trace_import import detection, picture_frame, traces, write_told
+from genie_sim.core.messages import Box, Location
+from genie_sim.data.kitti.number_files import numbers
+from genie_sim.data.kitti.perceive import kitti_folder
+from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
+from genie_sim.extend import (
+    DetectedBox,
+    Detection,
+    Geodetic,
+    ImportReport,
+    Placement,
+    Trace,
+    UserError,
+    detection,
+    picture_frame,
+    placed,
+    read_bytes,
+    traces,
+    transform,
+    unknown,
+    write_told,
+)
 
 FRAME_NS = 100_000_000  # KITTI records at 10 Hz; tracking sequences carry no time stamps
 ATTRIBUTION = (
@@ -138,11 +148,11 @@ def _published(
         if box[2] < box[0] or box[3] < box[1]:
             raise UserError(f"{path}: box {box} ends before it begins")
         if centre is None:
-            point, method = no_scan.place(label, box)
-            place = None if point is None else transform(drive.world_SE3_camera2(index), point)
+            on_ground = DetectedBox(label, score, box)
+            yield index, placed(on_ground, no_scan, drive.world_SE3_camera2(index))
         else:
-            place, method = transform(drive.world_SE3_camera0[index], centre), "scan"
-        yield index, detection(label, score, box, place, method=method)
+            place = transform(drive.world_SE3_camera0[index], centre)
+            yield index, detection(label, score, box, place, placed_by="scan")
 
 
 def _pointrcnn(row: list[float], label: str) -> tuple[float, Box, Location | None]:

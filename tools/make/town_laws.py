@@ -22,9 +22,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from genie_sim.base import files
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.units import NS_PER_S
-from genie_sim.data.perceive import kitti_folder
+from genie_sim.data.kitti.labels import read_labels
+from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import Trace, read_trace
-from genie_sim.data.truth import read_truth
 from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
 from genie_sim.worlds.town import Town, TownRules
 from tools.make.town_fit import validation
@@ -42,12 +42,12 @@ def main() -> None:
     trace = read_trace(files.find(files.TRACE, TRACE))
     root = kitti_folder(None)
     if arguments.compare:
-        judged = looks(trace, read_truth(root, LABELS, trace))
+        judged = looks(trace, read_labels(root, LABELS, trace))
         print(validation.table(detector_laws(), judged))
         print(held_out(judged["vehicles"]))
         print(compared_frames(trace))
         return
-    laws = fit(trace, read_truth(root, LABELS, trace), read_truth(root, GHOST_LABELS, trace))
+    laws = fit(trace, read_labels(root, LABELS, trace), read_labels(root, GHOST_LABELS, trace))
     kept = ("data", "drive", "drive_sha256", "detector", "weights_sha256")
     laws["provenance"] = {
         "made_by": "tools/make/town_laws.py",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.settings import SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import SceneFrames
@@ -62,17 +63,13 @@ class InTown(FrameSource):
             ("range", self.range_m, length_text(self.range_m)),
         ):
             if value <= 0:
-                raise ValueError(f"{name}: must be more than zero, but is {text}")
+                raise SettingError(name, f"must be more than zero, but is {text}")
         if self.duration_ns / self.interval_ns > MAX_FRAMES:
-            raise ValueError(
-                f"interval: makes more than {MAX_FRAMES:,} frames of "
-                f"{duration_text(self.duration_ns)}"
-            )
+            length = duration_text(self.duration_ns)
+            raise SettingError("interval", f"makes more than {MAX_FRAMES:,} frames of {length}")
         if self.town.block_m > MAX_BLOCK_M:
-            raise ValueError(
-                f"town.block: must be at most {MAX_BLOCK_M / 1000:g} km, "
-                f"but is {self.town.block_m:g} m"
-            )
+            text = f"must be at most {MAX_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m"
+            raise SettingError("town.block", text)
 
     def cells(self, cell_m: float) -> float:
         """About how many cells of that size the town has."""
@@ -116,7 +113,7 @@ class TownTruth:
     """What is there on all drives through a town."""
 
     town: "Town"
-    reach_m: float
+    tolerance_m: float
     range_m: float
 
     def knows(self, label: str) -> bool:
@@ -131,5 +128,5 @@ class TownTruth:
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, range_m=self.reach_m
+            labels, east_m, north_m, t_s=t_s, range_m=self.tolerance_m
         )

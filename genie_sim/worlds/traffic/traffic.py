@@ -278,7 +278,7 @@ class TrafficTruth:
 
     def __init__(self, traffic: Traffic) -> None:
         self._traffic = traffic
-        self.reach_m, self.range_m = traffic.settings.tolerance_m, traffic.settings.range_m
+        self.tolerance_m, self.range_m = traffic.settings.tolerance_m, traffic.settings.range_m
 
     def knows(self, label: str) -> bool:
         return label in self._traffic.known
@@ -290,18 +290,18 @@ class TrafficTruth:
     def are_there(
         self, frames: Sequence[Any], labels: Sequence[str], east_m: Array, north_m: Array
     ) -> Array:
-        vehicles, reach_m = self._traffic.vehicles, self.reach_m
+        vehicles, tolerance_m = self._traffic.vehicles, self.tolerance_m
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         stretches = vehicles.near(
-            east_m.min() - reach_m,
-            north_m.min() - reach_m,
-            east_m.max() + reach_m,
-            north_m.max() + reach_m,
+            east_m.min() - tolerance_m,
+            north_m.min() - tolerance_m,
+            east_m.max() + tolerance_m,
+            north_m.max() + tolerance_m,
             times_s=t_s,
         )
         places = vehicles.at(stretches, t_s[:, None])
         dx, dy = places.east_m - east_m[:, None], places.north_m - north_m[:, None]
-        is_near = places.there & (np.hypot(dx, dy) <= reach_m)
+        is_near = places.there & (np.hypot(dx, dy) <= tolerance_m)
         asked = np.array([CANONICAL.get(label, label) for label in labels])
         there = self._traffic.objects.label[vehicles.vehicle[stretches]].tolist()
         classes = np.array([CANONICAL.get(label, label) for label in there])

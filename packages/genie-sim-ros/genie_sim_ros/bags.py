@@ -14,23 +14,36 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.base.errors import UserError, as_user_error, unknown
-from genie_sim.base.geometry import Array, Geodetic, rigid, transform
-from genie_sim.base.import_report import ImportReport
-from genie_sim.base.progress import Progress
-from genie_sim.base.units import NS_PER_S
-from genie_sim.core.messages import Detection
-from genie_sim.data.encoding import difference_hash
-from genie_sim.data.geodesy import enu_SE3_enu
-from genie_sim.data.perceive import versions
-from genie_sim.data.pipeline import boxes_in
-from genie_sim.data.placement import HALF_DEPTH_M, Placement
-from genie_sim.data.trace import Trace, TraceFrame
-from genie_sim.data.trace_import import detection, picture_frame, tell_network, traces
+from genie_sim.extend import (
+    NS_PER_S,
+    Array,
+    DetectedBox,
+    Detection,
+    Geodetic,
+    ImageDetector,
+    ImportReport,
+    Placement,
+    Progress,
+    Trace,
+    TraceFrame,
+    UserError,
+    as_user_error,
+    detection,
+    detector_facts,
+    difference_hash,
+    enu_SE3_enu,
+    look,
+    picture_frame,
+    placed,
+    rigid,
+    tell_network,
+    traces,
+    unknown,
+)
 from genie_sim_ros.codec import ABSOLUTE_FRAMES, IMAGE, OBJECTS, picture
 from genie_sim_ros.surroundings import (
     FIX,
@@ -45,9 +58,6 @@ from genie_sim_ros.surroundings import (
 )
 from genie_sim_ros.tf import Trajectory
 from genie_sim_ros.typestore import typestore
-
-if TYPE_CHECKING:
-    from genie_sim.data.detector import ImageDetector
 
 IMAGES = (IMAGE, "sensor_msgs/msg/CompressedImage")
 POINTS = "sensor_msgs/msg/PointCloud2"
@@ -80,7 +90,7 @@ ANY_TOPICS = BagTopics()
 def perceive_bag(
     path: str | Path,
     *,
-    detector: "ImageDetector | None" = None,
+    detector: ImageDetector | None = None,
     cameras: Sequence[str] = (),
     detections: str | None = None,
     origin: Geodetic | None = None,
@@ -173,18 +183,11 @@ def perceive_bag(
             f"{perception.when(around)}"
         )
     tell_network(report, detector)
-    detected_by: dict[str, Any] = {"detector": detections}
-    if detector is not None:
-        detected_by = {
-            "detector": detector.name,
-            "weights_sha256": detector.sha256,
-            "versions": versions(),
-        }
     provenance = {
         "data": f"bag {path.name}",
         "bag_sha256": _digest(path),
         "parameters": {"cameras": dict(selected), "scans": [scan] if scan else []},
-        **detected_by,
+        **({"detector": detections} if detector is None else detector_facts(detector)),
     }
     name = path.stem
     return traces({name: frames}, origin=origin, provenance=provenance, report=report)[name]
@@ -209,7 +212,7 @@ class _Perception:
     topics: Topics  # by the camera's name
     around: Surroundings
     place_of: PlaceOf
-    detector: "ImageDetector | None"
+    detector: ImageDetector | None
     report: ImportReport
     steep: set[str] = field(default_factory=set)  # cameras that look up or down
     first_ns: int = 0
@@ -238,7 +241,7 @@ class _Perception:
         placement = self._placement(shot, intrinsics, size)
         bag_detections: Iterable[BagDetection] = self._of_bag(image.header.frame_id, stamp_ns)
         if self.detector is not None:
-            boxes = boxes_in(pixels, self.detector)
+            boxes, _ = look(pixels, self.detector)
             bag_detections = (BagDetection(*box) for box in boxes)
         return picture_frame(
             camera=camera,
@@ -291,19 +294,10 @@ def _placed(
     bag_detection: BagDetection, placement: Placement | None, world_SE3_camera: Array
 ) -> Detection:
     """An object with its place in the world, as far as it can be told."""
-    location, method = None, "none"
-    if bag_detection.location is not None:
-        location, method = np.array(bag_detection.location), "bag"
-    elif placement is not None and bag_detection.label in HALF_DEPTH_M:
-        point, method = placement.place(bag_detection.label, bag_detection.box)
-        location = None if point is None else transform(world_SE3_camera, point)
-    return detection(
-        bag_detection.label,
-        bag_detection.score,
-        bag_detection.box,
-        location=location,
-        method=method,
-    )
+    label, score, box, place = bag_detection
+    if place is None:
+        return placed(DetectedBox(label, score, box), placement, world_SE3_camera)
+    return detection(label, score, box, np.array(place), placed_by="bag")
 
 
 def _places(

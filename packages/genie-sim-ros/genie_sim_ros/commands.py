@@ -151,8 +151,8 @@ def import_bag(
     genie-sim import bag street.mcap --detections /objects --out street.parquet
     """
     from genie_sim.base.import_report import ImportReport
+    from genie_sim.data.importers.trace_import import write_told
     from genie_sim.data.trace import check_replaceable
-    from genie_sim.data.trace_import import write_told
     from genie_sim_ros.bags import BagTopics, perceive_bag
 
     check_replaceable(out)  # before the detector runs

@@ -16,9 +16,9 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.evaluation import evaluate
+from genie_sim.data.kitti.evaluation import evaluate
+from genie_sim.data.kitti.labels import read_labels
 from genie_sim.data.trace import read_trace
-from genie_sim.data.truth import read_truth
 from genie_sim.worlds.scene.detector import transient
 from genie_sim.worlds.scene.laws import MIDDLE, STEPS_PER_Z, FittedLaws, detector_laws, quantile
 from genie_sim.worlds.scene.noise import mix, normals, smooth_normals
@@ -296,7 +296,7 @@ def looks(kitti_root, trace):
     """Every labelled object in every picture that counts: drive 0005, both cameras, by its own
     tracklets.
     """
-    return fit.looks(trace, read_truth(kitti_root, "2011_09_26/0005", trace))
+    return fit.looks(trace, read_labels(kitti_root, "2011_09_26/0005", trace))
 
 
 def _bins(group: str, rows: Sequence[fit.Look]):
@@ -373,7 +373,7 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
     """Wrong detections a frame, of places and transient ones: within a fifth of camera 02's by
     KITTI's labels.
     """
-    judged = evaluate(trace, read_truth(kitti_root, "tracking/0000", trace), 0.3)
+    judged = evaluate(trace, read_labels(kitti_root, "tracking/0000", trace), 0.3)
     wrong = sum(item.label is None for group in judged.groups.values() for item in group.detections)
     real = wrong / len(trace.frames["02"])
     from_town = 0
@@ -416,8 +416,8 @@ def test_the_committed_laws_are_made_again_from_the_data(kitti_root, trace):
     """tools/make/town_laws.py: the same trace and labels give the numbers that are committed."""
     laws = fit.fit(
         trace,
-        read_truth(kitti_root, "2011_09_26/0005", trace),
-        read_truth(kitti_root, "tracking/0000", trace),
+        read_labels(kitti_root, "2011_09_26/0005", trace),
+        read_labels(kitti_root, "tracking/0000", trace),
     )
     path = resources.files("genie_sim.worlds.scene") / "laws.json"
     committed = json.loads(path.read_text(encoding="utf-8"))

@@ -262,9 +262,9 @@ def test_a_compressed_image_is_read(tmp_path: Path, format_: str):
 def test_kitti_in_a_bag_is_perceived_as_from_its_folder(
     kind: str, kitti_root: Path, weights_dir: Path, tmp_path: Path
 ):
-    from genie_sim.data.detector import DetectorSettings
-    from genie_sim.data.kitti import open_drive, read_image
-    from genie_sim.data.perceive import FrameSelection, perceive
+    from genie_sim.data.detectors.detector import DetectorSettings
+    from genie_sim.data.kitti.drive import open_drive, read_image
+    from genie_sim.data.kitti.perceive import FrameSelection, perceive
 
     numbers = range(0, 50, 10)
     expected = perceive(

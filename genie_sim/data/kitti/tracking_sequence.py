@@ -9,8 +9,8 @@ import numpy as np
 
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
-from genie_sim.data.geodesy import read_oxts, world_SE3_imu
-from genie_sim.data.number_files import matrices, named_rows, picture_size
+from genie_sim.data.kitti.number_files import matrices, named_rows, picture_size
+from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 TRACKING = "tracking/"  # so the name of a drive begins that is a sequence of the benchmark
 CAMERA = "02"  # the benchmark's labels and detections are those of the left colour camera
@@ -95,7 +95,7 @@ def _picture_size(calibration: Path, pictures: Path, focal_px: float) -> tuple[i
             f"{calibration}: P2: how large are the pictures? None of KITTI's days has a focal "
             f"length of {focal_px:g} pixels: put one picture into {pictures}"
         )
-    from genie_sim.data.kitti import read_image
+    from genie_sim.data.kitti.drive import read_image
 
     height, width = read_image(picture).shape[:2]
     return width, height

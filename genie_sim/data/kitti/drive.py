@@ -1,11 +1,10 @@
 """KITTI's raw drives and its odometry benchmark: frames, camera poses and laser scans of one drive,
 all in one east-north-up world.
 
-pykitti reads calibration, packets, poses and scans. Its own poses of raw drives (Mercator around
-each drive's first fix), its time stamps (the OXTS unit's, cut to microseconds) and its lists of
-files (which shift after the first missing one) do not fit a simulator: here positions are WGS 84
-around one origin for all drives, every camera has its own stamps in nanoseconds, and files are
-found by frame number. pykitti would wait for a pipe for ever, so files are looked at first.
+pykitti reads calibration, poses and scans. Its time stamps (the OXTS unit's, cut to
+microseconds) and its lists of files (which shift after the first missing one) do not fit a
+simulator: here every camera has its own stamps in nanoseconds, and files are found by frame number.
+pykitti would wait for a pipe for ever, so files are looked at first.
 """
 
 import contextlib
@@ -23,8 +22,8 @@ from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.data.geodesy import MAX_OXTS, world_SE3_imu
-from genie_sim.data.number_files import numbers, picture_size, size_of, within
+from genie_sim.data.kitti.number_files import are_plausible, numbers, picture_size, size_of
+from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +35,7 @@ ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``s
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
 SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)  # the benchmark does not tell where on Earth it was
+BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 SAME_SHAPE = 0.02  # width by height may differ by this share
 POINT_BYTES = 16
 STAMP = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d(\.\d{1,9})?", re.ASCII)
@@ -49,7 +49,6 @@ ATTRIBUTION_OF_ODOMETRY = (
     "KITTI Vision Benchmark Suite, odometry: A. Geiger, P. Lenz, R. Urtasun, 'Are we ready for "
     "Autonomous Driving?', CVPR 2012, https://www.cvlibs.net/datasets/kitti/, CC BY-NC-SA 3.0"
 )
-BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +121,7 @@ class KittiDrive:
                 )
             points = pykitti.utils.load_velo_scan(path)
         columns = points[:, :3].T.astype(np.float64, order="C")
-        if not within(columns):
+        if not are_plausible(columns):
             raise UserError(f"{path}: the scan has points that are not finite numbers")
         # so that each coordinate of all points lies together, which is how they are used
         by_coordinate: Array = columns.T
@@ -334,7 +333,7 @@ def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic |
         sequence = pykitti.odometry(str(base), number)
     calibration = sequence.calib
     _check_calibration(folder, calibration)
-    if not within(sequence.poses):
+    if not are_plausible(sequence.poses):
         raise UserError(f"{poses}: a number is not finite, or too large")
     sizes: dict[str, tuple[int, int] | None] = {}
     for camera in cameras:
@@ -367,7 +366,7 @@ def _check_calibration(folder: Path, calibration: Any) -> None:
     for camera in CAMERAS:
         for name in (f"K_cam{int(camera)}", f"T_cam{int(camera)}_velo"):
             matrix = getattr(calibration, name)
-            if not within(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
+            if not are_plausible(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
                 raise UserError(
                     f"{folder}: calibration: {name} of camera {camera} cannot be inverted"
                 )
@@ -376,26 +375,18 @@ def _check_calibration(folder: Path, calibration: Any) -> None:
 
 
 def _packet(path: Path) -> Array:
-    """Latitude, longitude [deg], altitude [m], roll, pitch, yaw [rad] in the file of an OXTS
-    packet.
-    """
-    import pykitti
-
-    readable = as_user_error(f"{path}: is no OXTS packet", *BROKEN)
-    with regular(path), readable, np.errstate(all="ignore"):
-        packets = pykitti.utils.load_oxts_packets_and_poses([path])
+    """The one OXTS packet of a file."""
+    packets = read_oxts(path)
     if len(packets) != 1:
-        raise UserError(f"{path}: {len(packets)} lines, expected one")
-    values = np.array(packets[0].packet[:6])
-    if not (np.abs(values) <= MAX_OXTS).all():
-        raise UserError(f"{path}: no place on Earth and turn: {values.tolist()}")
-    return values
+        raise UserError(f"{path}: {len(packets)} packets, expected one")
+    packet: Array = packets[0]
+    return packet
 
 
 def _numbered(folder: Path, extension: str) -> dict[int, Path]:
-    """Files by frame number, in ascending order."""
-    paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
-    return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
+    """Files by frame number."""
+    paths = sorted(folder.glob(f"*.{extension}"))
+    return {int(path.stem): path for path in paths if path.stem.isdecimal()}
 
 
 def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:

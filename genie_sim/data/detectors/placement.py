@@ -18,7 +18,7 @@ import numpy.typing as npt
 from genie_sim.base.classes import SIZES, VEHICLES
 from genie_sim.base.geometry import Array, ray
 from genie_sim.core.messages import Box, Location
-from genie_sim.data import shape
+from genie_sim.data.detectors import shape
 
 Indices = npt.NDArray[np.intp]
 
@@ -142,6 +142,8 @@ class Placement:
         ``scan``: by the laser points in the box. ``ground``: there are too few; by where the box's
         bottom edge meets the ground. ``none``: neither is possible, the centre is ``None``.
         """
+        if label not in HALF_DEPTH_M:  # nobody knows how large it is
+            return None, "none"
         ground_m = None if label in NOT_ON_THE_GROUND else self._ground_range_m(box)
         inside = self._inside(box)
         ahead = ray(self._intrinsics, ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2))

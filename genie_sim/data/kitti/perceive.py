@@ -1,6 +1,5 @@
 """Frames to a trace: every picture of a drive through a detector, every box placed in the world."""
 
-import importlib.metadata
 import os
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
@@ -14,9 +13,11 @@ from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.data import placement
-from genie_sim.data.detector import DetectorSettings, ImageDetector
-from genie_sim.data.kitti import (
+from genie_sim.data.detectors import placement
+from genie_sim.data.detectors.detector import DetectorSettings, ImageDetector, detector_facts
+from genie_sim.data.detectors.onnx_detector import NMS_IOU
+from genie_sim.data.importers.trace_import import tell_network, traces
+from genie_sim.data.kitti.drive import (
     ATTRIBUTION,
     ATTRIBUTION_OF_ODOMETRY,
     ODOMETRY,
@@ -24,20 +25,12 @@ from genie_sim.data.kitti import (
     KittiDrive,
     open_drive,
 )
-from genie_sim.data.kitti_tracking import TRACKING
-from genie_sim.data.onnx_detector import NMS_IOU
-from genie_sim.data.pipeline import trace_frames
+from genie_sim.data.kitti.pipeline import trace_frames
+from genie_sim.data.kitti.tracking_sequence import TRACKING
 from genie_sim.data.trace import Trace, TraceFrame
-from genie_sim.data.trace_import import tell_network, traces
 
-PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
 DEFAULT_DETECTOR = DetectorSettings()
 LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
-
-
-def versions() -> dict[str, str]:
-    """Of the packages that decide what is found, and where."""
-    return {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -202,8 +195,6 @@ def _provenance(
         "data": ATTRIBUTION_OF_ODOMETRY if drive.name.startswith(ODOMETRY) else ATTRIBUTION,
         "drive": drive.name,
         "drive_sha256": drive.digest(),
-        "detector": detector.name,
-        "weights_sha256": detector.sha256,
         "parameters": parameters,
-        "versions": versions(),
+        **detector_facts(detector),
     }

@@ -14,9 +14,9 @@ import numpy as np
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
-from genie_sim.data.detector import DetectorSettings
-from genie_sim.data.evaluation import iou
-from genie_sim.data.perceive import FrameSelection, perceive
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.kitti.evaluation import iou
+from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from genie_sim.data.trace import Trace
 
 MIN_IOU = 0.5  # of one object in both

@@ -4,19 +4,21 @@ To add a network, write a class like these and name it ``package.module:Class``,
 ``DETECTORS``.
 """
 
+import importlib.metadata
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.core.messages import Encoding
-from genie_sim.data.onnx_detector import (
+from genie_sim.data.detectors.onnx_detector import (
     CPU,
     MIN_SCORE,
     SHARES,
@@ -27,6 +29,8 @@ from genie_sim.data.onnx_detector import (
     letterbox,
 )
 
+PACKAGES = ("numpy", "onnxruntime", "opencv-python-headless", "pymap3d")
+FARTHEST_PX = 1e6  # that a box may lie from the corner of its picture
 # Places of YOLOX are a few strides from their cells, before and after they are decoded.
 DECODED = 4.0
 
@@ -309,6 +313,55 @@ _KINDS: tuple[type[ImageDetector], ...] = (
 DETECTORS = {kind.name: kind for kind in _KINDS}
 
 
+def look(
+    image_bgr: np.ndarray, detector: ImageDetector
+) -> tuple[list[DetectedBox], dict[str, bytes]]:
+    """What a detector finds in a picture, and the features of its network by name. Raises
+    ``UserError`` for what one of the user's own gives that is no list of boxes, or for boxes that
+    are no pixels of this picture.
+    """
+    if isinstance(detector, OnnxDetector):
+        return detector.look(image_bgr)
+    boxes = detector.detect(image_bgr)
+    name = type(detector).__name__
+    wrong: list[Any] = [boxes]
+    if isinstance(boxes, list | tuple):
+        wrong = [box for box in boxes if not _is_detected_box(box)]
+    if wrong:
+        raise UserError(
+            f"detector {name}: detect() gave {short_repr(wrong[0])}; it must give a "
+            "list of DetectedBox(label, score from 0 to 1, (x1, y1, x2, y2) in pixels)"
+        )
+    places = np.array([box for _, _, box in boxes], dtype=float).reshape(-1, 4)
+    if is_share(places):
+        raise UserError(f"detector {name}: {SHARES}")
+    height, width = image_bgr.shape[:2]
+    outside = (places[:, :2] >= (width, height)) | (places[:, 2:] <= 0)
+    if outside.any():
+        first = short_repr(boxes[int(outside.any(axis=1).argmax())])
+        raise UserError(
+            f"detector {name}: detect() gave {first}, outside of its picture of "
+            f"{width} x {height} pixels"
+        )
+    return list(boxes), {}
+
+
+def _is_detected_box(found: Any) -> bool:
+    """Whether it is what a trace can hold: a label, a score, and a box whose ends are in order."""
+    if not isinstance(found, tuple) or len(found) != 3:
+        return False
+    label, score, box = found
+    if not isinstance(label, str) or not label:
+        return False
+    if not isinstance(box, list | tuple | np.ndarray) or len(box) != 4:
+        return False
+    for value in (score, *box):
+        number: Any = value  # a Real, whose comparisons have no types
+        if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < FARTHEST_PX:
+            return False
+    return bool(0 <= score <= 1 and box[0] <= box[2] and box[1] <= box[3])
+
+
 @dataclass(frozen=True)
 class DetectorSettings:
     """Which detector looks at frames, and how.
@@ -358,6 +411,14 @@ class DetectorSettings:
             **network,
         )
         return detector
+
+
+def detector_facts(detector: ImageDetector) -> dict[str, Any]:
+    """The detector, its weights, and the versions of the packages that decide what it finds and
+    where, for a trace's provenance.
+    """
+    versions = {name: importlib.metadata.version(name) for name in PACKAGES}
+    return {"detector": detector.name, "weights_sha256": detector.sha256, "versions": versions}
 
 
 def find_weights(file_name: str, weights: str | Path | None = None) -> Path:

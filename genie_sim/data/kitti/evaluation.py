@@ -18,8 +18,8 @@ import numpy as np
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Detection
+from genie_sim.data.kitti.labels import ObjectLabel, PictureLabels
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
-from genie_sim.data.truth import ObjectLabel, PictureLabels
 
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
 SCORE_BINS = np.linspace(0.0, 1.0, 11)

@@ -12,12 +12,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad
+from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import Box, CameraPose, Detection
@@ -27,6 +27,7 @@ from genie_sim.data.trace import (
     IMAGE_HEADER_BYTES,
     PIXEL_DECIMALS,
     POSITION_DECIMALS,
+    RANGE_M,
     SCORE_DECIMALS,
     Trace,
     TraceFrame,
@@ -35,7 +36,10 @@ from genie_sim.data.trace import (
     write_trace,
 )
 
-RANGE_M = 40.0  # up to which objects are judged, unless somebody says; where KITTI's labels end
+if TYPE_CHECKING:
+    from genie_sim.data.detectors.onnx_detector import DetectedBox
+    from genie_sim.data.detectors.placement import Placement
+
 BEYOND_M = 10.0  # truth is told so much beyond the range, for what is held a little off
 NEAREST_M = 0.5  # what is nearer is the car itself
 SAME_SHARE, FEW = 0.25, 10  # of the detections may be where another is
@@ -46,7 +50,7 @@ OUTSIDE_SHARE = 0.1  # of the objects may have their middles beside what is seen
 
 
 def detection(
-    label: str, score: float, box: Box | None, location: Array | None, *, method: str
+    label: str, score: float, box: Box | None, location: Array | None, *, placed_by: str
 ) -> Detection:
     """A detection as a trace keeps it.
 
@@ -56,7 +60,7 @@ def detection(
     score : in [0, 1]
     box : left, top, right and bottom [pixels]; ``None`` where there is no picture
     location : of the object's centre in the world, (3,) [m]
-    method : how it was placed
+    placed_by : what tells the place, such as ``scan``
 
     Raises UserError for a score that is none.
     """
@@ -69,8 +73,18 @@ def detection(
         box=None if box is None else _rounded(box, PIXEL_DECIMALS),
         location=None if location is None else _rounded(location, POSITION_DECIMALS),
         confidence=rounded_score,
-        placed_by=method,
+        placed_by=placed_by,
     )
+
+
+def placed(box: "DetectedBox", placement: "Placement | None", world_SE3_camera: Array) -> Detection:
+    """The detection of a box, where the scan's points in it or the ground below it are; without a
+    place where there is no ``placement``.
+    """
+    label, score, corners = box
+    point, placed_by = (None, "none") if placement is None else placement.place(label, corners)
+    location = None if point is None else transform(world_SE3_camera, point)
+    return detection(label, score, corners, location, placed_by=placed_by)
 
 
 def picture_frame(

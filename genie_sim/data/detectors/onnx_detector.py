@@ -22,7 +22,7 @@ from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory,
 from genie_sim.base.features import packed
 from genie_sim.base.parallel import limited_memory
 from genie_sim.core.messages import Box
-from genie_sim.data.onnx_files import read_network
+from genie_sim.data.detectors.onnx_files import read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -146,7 +146,7 @@ Scored = tuple[np.ndarray, np.ndarray]
 
 
 class OnnxDetector(ABC):
-    """A detector: a picture in, labelled boxes out, in three steps that can run on three threads.
+    """A detector: a picture in, labelled boxes out; pictures may be looked at on several threads.
 
     A subclass says its ``name``, the ``file_name`` of its weights, its usual ``default_size``
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
@@ -328,17 +328,16 @@ class OnnxDetector(ABC):
         """What the outputs say of the one picture that the network got."""
         return [output[0] for output in outputs]
 
-    def found(
-        self, outputs: Sequence[np.ndarray], scale: float, image_size: tuple[int, int]
+    def _found(
+        self, outputs: Sequence[np.ndarray], scale: float, shape: tuple[int, ...]
     ) -> list[DetectedBox]:
-        """Road users and furniture in a picture of (width, height), best score first."""
-        outputs = outputs[: self.outputs]
+        """Road users and furniture in a picture of (height, width), best score first."""
         boxes, scores = self.decode(outputs)
         self._check_scores(outputs)
         likely = boxes[scores.max(axis=1, initial=0.0) >= self.min_score]
         if is_share(likely):
             raise UserError(f"{self.weights}: {SHARES}")
-        limits = np.array([*image_size, *image_size], dtype=np.float64)
+        limits = np.array([shape[1], shape[0]] * 2, dtype=np.float64)
         unused: Counter[str] = Counter()
         detected = best_boxes(
             np.clip(boxes / scale, 0.0, limits),
@@ -351,14 +350,19 @@ class OnnxDetector(ABC):
             self._unused += unused
         return detected
 
-    def features(self, outputs: Sequence[np.ndarray]) -> dict[str, bytes]:
-        """What the network itself tells of the picture as a whole, by name."""
-        return {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
-
     def detect(self, image_bgr: np.ndarray) -> list[DetectedBox]:
-        """All three steps at once."""
+        """As ``look``, without features."""
+        return self.look(image_bgr)[0]
+
+    def look(self, image_bgr: np.ndarray) -> tuple[list[DetectedBox], dict[str, bytes]]:
+        """Road users and furniture in a picture, best score first, and what the network itself
+        tells of the picture as a whole, by name.
+        """
         blob, scale = self.prepare(image_bgr)
-        return self.found(self.infer(blob), scale, (image_bgr.shape[1], image_bgr.shape[0]))
+        outputs = self.infer(blob)
+        boxes = self._found(outputs[: self.outputs], scale, image_bgr.shape)
+        gap = {self.gap: packed(outputs[-1].mean(axis=(1, 2)))} if self._activation else {}
+        return boxes, gap
 
     def _opened(self, weights: Path, network: Any, providers: Sequence[str]) -> Any:
         """An ONNX Runtime session; the network may have been made for another size."""

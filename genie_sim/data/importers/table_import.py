@@ -26,22 +26,21 @@ from genie_sim.base.tables import EAST, NORTH, TIME, DataFrameTable, FileColumn,
 from genie_sim.base.units import NS_PER_S, NS_PER_US
 from genie_sim.core.messages import CameraPose, Detection, Location
 from genie_sim.core.view import ViewSector
-from genie_sim.data.trace import POSITION_DECIMALS, Trace
-from genie_sim.data.trace_import import (
+from genie_sim.data.importers.trace_import import (
     BEYOND_M,
-    RANGE_M,
     detection,
     scan_frame,
     traces,
     write_told,
 )
+from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, Trace
 from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 if TYPE_CHECKING:
     import pandas
 
-Table: TypeAlias = Union[Path, "pandas.DataFrame"]
-RECORDING = "sensor"  # what the one recording of every car is called
+Table: TypeAlias = Union[str, Path, "pandas.DataFrame"]
+SENSOR = "sensor"  # what the one sensor of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
 # Where the plane lies on Earth, if nobody says: some place must be written down, no result depends
 # on which.
@@ -94,9 +93,10 @@ class _Table(NamedTuple):
     @classmethod
     def of(cls, name: str, table: Table) -> "_Table":
         """A file or a DataFrame; ``name`` is what the latter is called. Raises UserError."""
-        if isinstance(table, Path):
-            reader = FileTable(table)
-            return cls(table, sha256_of(table), reader)
+        if isinstance(table, str | Path):
+            path = Path(table)
+            reader = FileTable(path)
+            return cls(path, sha256_of(path), reader)
         content = table.to_csv(index=False).encode()
         return cls(Path(name), hashlib.sha256(content).hexdigest(), DataFrameTable(table, name))
 
@@ -162,7 +162,7 @@ class _ObjectRows:
         return is_moving
 
 
-def recordings(
+def cars_of_tables(
     poses: Table,
     detections: Table,
     truth: Table | None = None,
@@ -173,7 +173,7 @@ def recordings(
     classes: Mapping[str, str] = {},
     report: ImportReport | None = None,
 ) -> dict[str, ImportedCar]:
-    """The recordings of all cars of three tables, by the cars' names.
+    """The cars of three tables, by their names.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def recordings(
     frames = {
         car: [
             scan_frame(
-                camera=RECORDING,
+                camera=SENSOR,
                 stamp_ns=first_ns + _since_ns(row.time_s, first_s),
                 size_bytes=sensor.size_bytes,
                 key=f"{key}/{car}/{index}",
@@ -239,7 +239,7 @@ def recordings(
         objects = tracks.get(None, tracks.get(car, []))
         table = _truth_table(tables[2].path, trace, by_car[car], objects, sensor=sensor)
         imported[car] = ImportedCar(trace, table)
-    if not any(recording.truth.rows for recording in imported.values() if recording.truth):
+    if not any(car.truth.rows for car in imported.values() if car.truth):
         report.refuse(
             f"no object is ever within {sensor.range_m + BEYOND_M:g} m of a car: are the places on "
             "the plane of the poses?",
@@ -248,19 +248,19 @@ def recordings(
     return imported
 
 
-def write_recordings(out: Path, recordings: Mapping[str, ImportedCar]) -> list[str]:
+def write_cars(out: str | Path, cars: Mapping[str, ImportedCar]) -> list[str]:
     """Writes ``CAR.parquet`` of every car into a folder, with ``CAR.truth.parquet`` beside it if
     there is a truth table, and returns a line about each car.
 
-    Raises UserError, before it writes, where a truth table of other recordings is in the way.
+    Raises UserError, before it writes, where a truth table of another import is in the way.
     """
-    paths = {car: out / f"{car}.parquet" for car in recordings}
+    paths = {car: Path(out) / f"{car}.parquet" for car in cars}
     for car, path in paths.items():
         beside = path_beside(path)
-        if recordings[car].truth is None and beside.exists():
-            raise UserError(f"{beside}: is of other recordings; take it away, or give --truth")
+        if cars[car].truth is None and beside.exists():
+            raise UserError(f"{beside}: is of another import; take it away, or give --truth")
     lines = []
-    for car, (trace, truth) in recordings.items():
+    for car, (trace, truth) in cars.items():
         line = write_told(paths[car], trace)
         if truth is not None:
             write_truth(path_beside(paths[car]), truth)
@@ -331,7 +331,7 @@ def _read_detections(
             report.leave_label(label)
             continue
         place = np.array([east_m, north_m, up_m or 0.0])
-        detected[car][index].append(detection(label, score, None, place, method="table"))
+        detected[car][index].append(detection(label, score, None, place, placed_by="table"))
     for frames in detected.values():
         for of_frame in frames:
             of_frame.sort(key=lambda detection: -detection.score)
@@ -413,7 +413,7 @@ def _truth_table(
     """
     times_s = np.array([row.time_s for row in poses])
     _check_covered(path, trace.name, times_s, tracks)
-    frames = trace.frames[RECORDING]
+    frames = trace.frames[SENSOR]
     sectors = [ViewSector(frame.pose, sensor.fov_rad, sensor.range_m) for frame in frames]
     origins = np.array([frame.pose[:2] for frame in frames])
     rows = []
@@ -430,7 +430,7 @@ def _truth_table(
             says_moving, says_visible = track.moving[row], track.visible[row]
             rows.append(
                 TruthRow(
-                    camera=RECORDING,
+                    camera=SENSOR,
                     frame=frames[index].index,
                     stamp_ns=frames[index].stamp_ns,
                     object=track.number,

@@ -1,0 +1,101 @@
+"""The frames of a drive through a detector, on several threads."""
+
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from itertools import chain, groupby
+from operator import attrgetter
+
+import cv2
+
+from genie_sim.base.features import packed
+from genie_sim.base.geometry import Array
+from genie_sim.base.paths import read_bytes
+from genie_sim.core.messages import Encoding
+from genie_sim.data.detectors.detector import ImageDetector, look
+from genie_sim.data.detectors.onnx_detector import OnnxDetector
+from genie_sim.data.detectors.placement import TYPICAL_GROUND, Placement, Plane, fit_ground
+from genie_sim.data.encoding import difference_hash, hue_saturation, sent
+from genie_sim.data.importers.trace_import import picture_frame, placed
+from genie_sim.data.kitti.drive import CameraFrame, KittiDrive, decode_image
+from genie_sim.data.trace import TraceFrame
+
+MAX_WORKERS = 4  # each holds a picture, a scan and what the network makes of it
+
+
+def trace_frames(
+    drive: KittiDrive,
+    frames: Iterable[CameraFrame],
+    detector: ImageDetector,
+    *,
+    place_from: float = 0.0,
+    encoding: Encoding = "raw",
+) -> Iterator[TraceFrame]:
+    """The frames for a trace, in order, with KITTI's stamps.
+
+    Networks look at several pictures at once, on as many processors as there are; a detector of the
+    user's own looks at one after the other.
+
+    Parameters
+    ----------
+    drive : of the frames
+    frames : what to look at, ordered by number: cameras share a scan
+    detector : what looks
+    place_from : detections with a lower score are kept without a location
+    encoding : of the pictures before the detector sees them
+    """
+    from joblib import Parallel, delayed
+
+    workers = 1
+    if isinstance(detector, OnnxDetector):
+        workers = max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
+
+    def perceived(of_number: Sequence[CameraFrame]) -> list[TraceFrame]:
+        scan = drive.scan(of_number[0].index)
+        ground = TYPICAL_GROUND if scan is None else fit_ground(scan)
+        return [perceived_in(frame, scan, ground) for frame in of_number]
+
+    def perceived_in(frame: CameraFrame, scan: Array | None, ground: Plane) -> TraceFrame:
+        data = read_bytes(frame.image_path)
+        image = decode_image(frame.image_path, data)
+        size = (image.shape[1], image.shape[0])
+        dhash, size_bytes = difference_hash(image), None
+        if encoding != "raw":
+            image, size_bytes = sent(image, encoding)
+        intrinsics = frame.intrinsics_of(size)
+        camera_SE3_velo = drive.camera_SE3_velo(frame.camera)
+        placement = Placement(intrinsics, size, camera_SE3_velo, scan, ground=ground)
+        boxes, features = look(image, detector)
+        return picture_frame(
+            camera=frame.camera,
+            index=frame.index,
+            stamp_ns=frame.stamp_ns,
+            size=size,
+            digest=hashlib.sha256(data).hexdigest(),
+            dhash=dhash,
+            world_SE3_camera=frame.world_SE3_camera,
+            intrinsics=intrinsics,
+            detections=[
+                placed(box, placement if box[1] >= place_from else None, frame.world_SE3_camera)
+                for box in boxes
+            ],
+            features={"hsv": packed(hue_saturation(image)), **features},
+            size_bytes=size_bytes,
+        )
+
+    at_once = Parallel(workers, return_as="generator", backend="threading")
+    numbers = (tuple(of_number) for _, of_number in groupby(frames, attrgetter("index")))
+    with _one_thread_of_opencv():
+        yield from chain.from_iterable(at_once(delayed(perceived)(frames) for frames in numbers))
+
+
+@contextmanager
+def _one_thread_of_opencv() -> Iterator[None]:
+    """OpenCV would put its own threads on the processors of the network."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
