@@ -407,14 +407,11 @@ def load_scenario(
     overrides, seed = _overrides(settings), plain(seed, "seed")
     if isinstance(source, Scenario) and not (overrides or seed is not None or methods):
         return source
-    try:
-        if isinstance(source, str | Path):
-            return reading.load_scenario(source, overrides, seed, methods=methods)
-        data = plain_data(source) if isinstance(source, Scenario) else plain(source, "scenario")
-        return reading.read_scenario({"name": "scenario", **data}, overrides, seed, methods=methods)
-    except UserError as error:
-        # on the command line settings come from --set, in Python they do not
-        raise UserError(str(error).removeprefix("--set ")) from error
+    more: Any = {"methods": methods, "settings_from": ""}
+    if isinstance(source, str | Path):
+        return reading.load_scenario(source, overrides, seed, **more)
+    data = plain_data(source) if isinstance(source, Scenario) else plain(source, "scenario")
+    return reading.read_scenario({"name": "scenario", **data}, overrides, seed, **more)
 
 
 def _overrides(settings: Settings) -> Sequence[str]:

@@ -26,7 +26,6 @@ READERS = (
     ("figures", "--format", "svg"),
     ("table",),
     ("table", "--format", "csv"),
-    ("export",),
 )
 
 

@@ -7,7 +7,7 @@ arguments of a plug-in's class are settings in the same way.
 
 A class may have a class method ``expand``, which turns a short form into a mapping or an instance
 before it is read, and a method ``shorten``, which does the opposite. What its ``__post_init__``
-raises as ``ValueError("field: text")`` is reported with the path of that field.
+raises as ``SettingError`` is reported with the path of that field.
 """
 
 import ast
@@ -47,16 +47,19 @@ OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
 
 class SettingError(ValueError):
     """``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the settings that are
-    read; so many ``more`` mistakes follow.
+    read. ``more`` counts the mistakes besides, ``near`` are the settings there that are called
+    nearly as an unknown one; of any other mistake it is ``None``.
     """
 
-    def __init__(self, field: str, text: str, more: int = 0) -> None:
+    def __init__(
+        self, field: str, text: str, more: int = 0, near: Sequence[str] | None = None
+    ) -> None:
         super().__init__(f"{field}: {text}" if field else text)
-        self.field, self.text, self.more = field, text, more
+        self.field, self.text, self.more, self.near = field, text, more, near
 
     def below(self, step: str | int) -> "SettingError":
         """The same error, seen from the settings that hold these under ``step``."""
-        return SettingError(join(step, self.field), self.text, self.more)
+        return SettingError(join(step, self.field), self.text, self.more, self.near)
 
     @property
     def message(self) -> str:
@@ -420,7 +423,7 @@ def _each(items: Iterable[tuple[Any, Any]], value: Callable[[Any, Any], Any]) ->
             errors.append(error.below(step))
     if errors:
         more = len(errors) - 1 + sum(error.more for error in errors)
-        raise SettingError(errors[0].field, errors[0].text, more)
+        raise SettingError(errors[0].field, errors[0].text, more, errors[0].near)
     return values
 
 
@@ -469,11 +472,9 @@ def _number(kind: Kind, value: Any) -> float:
         except ValueError as error:
             raise SettingError("", str(error)) from error
         if not bounds.contain(number):
-            words = "be more than zero"
-            if bounds.minimum == 0 and number < 0:
-                words = "not be negative"
-            elif bounds.maximum is not None:
-                words = f"be {bounds.words(unit.text)}"
+            words = f"be {bounds.words(unit.text)}"
+            if number <= 0 and 0 in (bounds.minimum, bounds.above):
+                words = "not be negative" if bounds.minimum == 0 else "be more than zero"
             raise SettingError("", f"must {words}, but is {short_repr(value)}")
         return number
     if kind.type is int:
@@ -541,7 +542,7 @@ def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
         if key not in keys:
             near = difflib.get_close_matches(str(key), keys, n=1)
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
-            raise SettingError(quoted(key), f"unknown field; {hint}")
+            raise SettingError(quoted(key), f"unknown field; {hint}", near=near)
     before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
     return built(cls, _values(cls, value, before))
 
@@ -572,11 +573,6 @@ def built(cls: Callable[..., Settings], values: Mapping[str, Any]) -> Settings:
     except SettingError:
         raise
     except (UserError, ValueError) as error:
-        text = str(error)
-        while ": " in text:  # a class may say which one it is before it names the field
-            field, _, text = text.partition(": ")
-            if re.split(r"[.\[]", field)[0] in keys_of(cls):
-                raise SettingError(field, text) from error
         raise SettingError("", str(error)) from error
 
 

@@ -95,11 +95,6 @@ def sweep(
     except UnfinishedError as rest:
         click.echo(str(rest))
         return
-    except UserError as error:
-        # in Python axes come from an argument, on the command line they do not
-        text = str(error)
-        is_of_axes = text.startswith("axes: ")
-        raise UserError(f"--axis: {text.removeprefix('axes: ')}" if is_of_axes else text) from error
     if isinstance(result, SeedRuns):
         print_results(result, page=True, figures=False)
         return

@@ -10,7 +10,8 @@ from collections.abc import Callable, Hashable
 from math import floor
 from typing import Any, Protocol
 
-from genie_sim.core.messages import Image
+from genie_sim.base.settings import SettingError
+from genie_sim.core.messages import Image, Request
 
 TURN_RAD = 2 * math.pi
 
@@ -73,12 +74,15 @@ class PoseGrid:
     """
 
     def __init__(self, cell_m: float = 1.0, heading_rad: float = math.radians(15.0)) -> None:
-        if cell_m <= 0 or heading_rad <= 0:
-            raise ValueError("pose_grid: cell and heading must be positive")
+        for key, value in (("cell", cell_m), ("heading", heading_rad)):
+            if value <= 0:
+                raise SettingError(key, "must be more than zero")
         self._cell_m = cell_m
         self._sectors = max(1, round(TURN_RAD / heading_rad))
 
-    def key(self, image: Image) -> Hashable:
+    def key(self, image: Request) -> Hashable:
+        if image.pose is None:  # then it equals no other
+            return image.header
         (east_m, north_m, _, heading_rad), cell_m = image.pose, self._cell_m
         sector = floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
         return (
@@ -106,7 +110,7 @@ class DHash:
 
     def __init__(self, radius: int = 8) -> None:
         if not 0 <= radius <= 64:
-            raise ValueError("dhash: radius must lie between 0 and 64")
+            raise SettingError("radius", f"must be from 0 to 64, not {radius}")
         self._radius = radius
 
     def key(self, image: Image) -> Hashable:

@@ -16,6 +16,7 @@ from genie_sim.base import files
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
+from genie_sim.base.settings import SettingError
 from genie_sim.core.messages import Encoding
 from genie_sim.data.frame_source import Frames, FrameSource
 
@@ -71,14 +72,12 @@ class Live(FrameSource):
 
     def __post_init__(self) -> None:
         if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            raise ValueError(
-                "drive: must be a date and a number such as '2011_09_26/0005', "
-                f"not {short_repr(self.drive)}"
-            )
+            text = "must be a date and a number such as '2011_09_26/0005', "
+            raise SettingError("drive", f"{text}not {short_repr(self.drive)}")
         if not self.cameras:
-            raise ValueError("cameras: must not be empty")
+            raise SettingError("cameras", "must not be empty")
         if not 0 <= self.min_score <= 1:
-            raise ValueError(f"min_score: must be from 0 to 1, but is {self.min_score:g}")
+            raise SettingError("min_score", f"must be from 0 to 1, but is {self.min_score:g}")
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: Progress | None = None

@@ -1,6 +1,5 @@
 """Frame sources of the user's own, checked before a run: they are data, in which a mistake would be
-seen nowhere else. What other classes of the user's own return is checked by the tests in
-``tests/conformance``.
+seen nowhere else. What else is wrong with a class of the user's own ends the run with its name.
 """
 
 import json
@@ -8,24 +7,13 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from genie_sim.base import plugins
-from genie_sim.base.contracts import (
-    BOOLEAN,
-    MAPPING,
-    POSITIVE,
-    SEQUENCE,
-    SHARE,
-    TEXT,
-    WHOLE,
-    Contract,
-    is_number,
-    require,
-)
+from genie_sim.base.contracts import WHOLE, is_number, is_whole, require
 from genie_sim.base.errors import UserError, first_line, short_repr
 from genie_sim.data.frame_source import Drive, Frames
 from genie_sim.scenario.scenario import Scenario
+
+MAX_HASH = 2**64
 
 
 @contextmanager
@@ -48,58 +36,6 @@ def own_code_named(scenario: Scenario) -> Iterator[None]:
         ) from error
 
 
-POSE = Contract(
-    "a CameraPose of four numbers",
-    lambda value: isinstance(value, tuple) and len(value) == 4 and all(map(is_number, value)),
-)
-DETECTIONS = Contract(
-    "a tuple of Detection",
-    lambda value: (
-        isinstance(value, tuple | list)
-        and all(hasattr(item, "label") and hasattr(item, "location") for item in value)
-    ),
-)
-FRAME_FIELDS = {
-    "stamp_ns": WHOLE,
-    "pose": POSE,
-    "digest": TEXT,
-    "dhash": Contract(
-        "a whole number of 64 bits", lambda value: WHOLE.holds(value) or _is_hash(value)
-    ),
-    "detections": DETECTIONS,
-    "size_bytes": WHOLE,
-    "horizontal_fov_rad": POSITIVE,
-}
-TEXT_BY_NAME = Contract(
-    "a mapping from name to text",
-    lambda value: (
-        isinstance(value, Mapping)
-        and all(isinstance(item, str) for pair in value.items() for item in pair)
-    ),
-)
-MAPPING_BY_NAME = Contract(
-    "a mapping from name to a mapping that JSON can hold",
-    lambda value: (
-        isinstance(value, Mapping)
-        and all(
-            isinstance(name, str) and isinstance(facts, Mapping) and _is_json(dict(facts))
-            for name, facts in value.items()
-        )
-    ),
-)
-
-
-def _is_json(value: Any) -> bool:
-    try:
-        return bool(json.dumps(value, allow_nan=False))
-    except (TypeError, ValueError, RecursionError):
-        return False
-
-
-def _is_hash(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and 0 <= int(value) < 2**64
-
-
 def check_base(own: Any, what: str, base: type[Any]) -> None:
     """Raises ``UserError`` for an object of the user's own that is of no subclass of ``base``."""
     if not isinstance(own, base):
@@ -107,14 +43,6 @@ def check_base(own: Any, what: str, base: type[Any]) -> None:
             f"{what}: must be of a subclass of {base.__name__} in {base.__module__}, "
             f"not {short_repr(own)}"
         )
-
-
-def check_frames(frames: Any, owner: str) -> None:
-    """Checks what the ``open`` of a frame source of the user's own returned. Raises
-    ``UserError``.
-    """
-    check_base(frames, f"{owner}: what open() returns", Frames)
-    require(owner, "seeded", frames.seeded, BOOLEAN)
 
 
 class Origin(NamedTuple):
@@ -131,32 +59,48 @@ def origin_of(frames: Frames, source: str) -> Origin:
     found = Origin(frames.digests(), frames.provenance())
     owner = plugins.own_label("frame source", source)
     if owner is not None:
-        require(owner, "digests()", found.digests, TEXT_BY_NAME)
-        require(owner, "provenance()", found.provenance, MAPPING_BY_NAME)
+        for name, told, kind in zip(Origin._fields, found, (str, Mapping), strict=True):
+            holds = _is_json(told) and all(isinstance(item, kind) for item in told.values())
+            what = "text" if kind is str else "a mapping that JSON can hold"
+            require(holds, f"{owner}: {name}()", told, f"a mapping from name to {what}")
     return found
+
+
+def _is_json(value: object) -> bool:
+    try:
+        return isinstance(value, Mapping) and bool(json.dumps(dict(value), allow_nan=False))
+    except (TypeError, ValueError, RecursionError):
+        return False
 
 
 def check_drive(drive: Any, owner: str) -> None:
     """Checks a drive of an own source, frame by frame. Raises ``UserError``."""
     check_base(drive, f"{owner}: what drive() returns", Drive)
-    require(owner, "drive().name", getattr(drive, "name", None), TEXT)
-    recordings = require(owner, "drive().frames", getattr(drive, "frames", None), MAPPING)
-    for recording, frames in recordings.items():
-        require(owner, "a key of drive().frames", recording, TEXT)
-        field = f"drive().frames[{recording!r}]"
-        require(owner, field, frames, SEQUENCE)
+    for recording, frames in drive.frames.items():
+        where = f"{owner}: drive().frames[{recording!r}]"
+        require(isinstance(recording, str), where, recording, "text")
+        require(len(frames) > 0, where, frames, "a sequence with at least one item")
+        before_ns = -1
         for index, frame in enumerate(frames):
-            _check_frame(frame, owner, f"{field}[{index}]")
-            if index and frame.stamp_ns <= frames[index - 1].stamp_ns:
-                raise UserError(
-                    f"{owner}: {field}[{index}].stamp_ns is {frame.stamp_ns}, but must be above "
-                    f"{frames[index - 1].stamp_ns}, that of the frame before"
-                )
+            _check_frame(frame, f"{where}[{index}]")
+            later = f"above {before_ns}, that of the frame before"
+            require(frame.stamp_ns > before_ns, f"{where}[{index}].stamp_ns", frame.stamp_ns, later)
+            before_ns = frame.stamp_ns
 
 
-def _check_frame(frame: Any, owner: str, field: str) -> None:
-    for name, contract in FRAME_FIELDS.items():
-        require(owner, f"{field}.{name}", getattr(frame, name, None), contract)
+def _check_frame(frame: Any, where: str) -> None:
+    require(is_whole(frame.stamp_ns), f"{where}.stamp_ns", frame.stamp_ns, WHOLE)
+    pose = frame.pose
+    is_pose = isinstance(pose, tuple) and len(pose) == 4 and all(map(is_number, pose))
+    require(is_pose, f"{where}.pose", pose, "a CameraPose of four numbers")
+    require(is_whole(frame.size_bytes), f"{where}.size_bytes", frame.size_bytes, WHOLE)
+    require(is_whole(frame.dhash, MAX_HASH), f"{where}.dhash", frame.dhash, f"{WHOLE}, of 64 bits")
+    require(isinstance(frame.digest, str), f"{where}.digest", frame.digest, "text")
+    fov_rad = frame.horizontal_fov_rad
+    is_fov = is_number(fov_rad, 0.0) and fov_rad > 0
+    require(is_fov, f"{where}.horizontal_fov_rad", fov_rad, "a number above 0")
     for detection in frame.detections:
-        require(owner, f"{field}.detections: label", detection.label, TEXT)
-        require(owner, f"{field}.detections: score", detection.score, SHARE)
+        label, score = detection.label, detection.score
+        require(isinstance(label, str), f"{where}.detections: label", label, "text")
+        share = "a number from 0 to 1"
+        require(is_number(score, 0.0, 1.0), f"{where}.detections: score", score, share)

@@ -105,7 +105,7 @@ def prepare(
                 checks.check_time_on_map(scenario, source.duration_ns)
             frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
-            own_classes.check_frames(frames, owner)
+            own_classes.check_base(frames, f"{owner}: what open() returns", Frames)
         full = scenario  # with every car and edge, each with the part of its drive that it replays
         if scenario.fleet is not None:
             full, drives = expanded(scenario, scenario.fleet, frames)

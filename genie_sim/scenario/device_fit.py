@@ -25,7 +25,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import OutputKind, atomic_write
 from genie_sim.base.progress import Progress
-from genie_sim.base.tables import UNITS, FileColumn, FileTable, is_number, title_of, with_point
+from genie_sim.base.tables import UNITS, FileColumn, FileTable, title_of, with_point
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.version import VERSION
 
@@ -39,18 +39,12 @@ ASSUMED_CORES = 4
 PICTURE = (375, 1242, 3)  # KITTI's
 SHARES = np.arange(0.01, 1.0, 0.01)
 
-# What titles say by one of their words.
-LATENCIES = re.compile("latency|latencies|durations?|elapsed")
-RATES = re.compile("fps|[kmg]?hz|[qir]ps|rates?|throughput|frequency")
-STAMPS = re.compile(
-    "(time)?stamps?|ts|epoch|unix|utc|date(time)?|clock|beg[ai]n|start(ed)?|end(ed)?|since|at"
+LATENCIES = re.compile(r"latency|latencies|duration|elapsed|inference", re.IGNORECASE)
+RATES = re.compile(  # a title that says one of them and no latency
+    r"fps|hz|[qir]ps|rate|throughput|freq|(/|per[\W_]*)[mun]?s(ec|econds?)?(?![a-z])|s\^?-1",
+    re.IGNORECASE,
 )
-OTHERS = re.compile(
-    "temp(erature)?|celsius|power|m?watts?|mw|energy|joules?|mj|mem(ory)?|ram|[kmg]i?b|bytes?"
-    "|percent|pct|utilization|usage|score|confidence|std(dev)?|sd|variance|jitter|interval|period"
-    "|age|stale(ness)?|uptime|offset|gap|skew|drift|deadline|timeout|budget|ttl|rtt|ping|size|count"
-)
-LAST_LETTER = re.compile("[abcgjkvw]")  # a unit at the end of a title
+GROWN = 2.0  # from the first to the last: latencies in their order hardly do
 
 Times = npt.NDArray[np.float64]
 
@@ -146,24 +140,36 @@ def from_table(
     path : the file
     model : what it was that took so long
     report : is told what was read
-    column : its title; ``None``: the only one whose title says that it holds latencies
+    column : its title, which says a unit; ``None``: the only one that says latency or duration
     unit : of its values, such as ``ms``; ``None``: as its title says
     """
     table = FileTable(path)
     index = _column_of(table, column)
     title = table.titles[index] if table.titles else ""
-    own = _unit_of(title)
+    named, own = f"{path}: column {short_repr(title)}", _unit_of(title)
+    is_latency = LATENCIES.search(title) is not None
+    if RATES.search(title) and not is_latency:
+        raise UserError(f"{named} holds rates, no latencies: invert them ({_choices(table)})")
+    if title and not is_latency and not (own and column):
+        text = f"{named} says no latencies and their unit, as latency_ms does"
+        raise UserError(f"{text}: say --column, or call it so ({_choices(table)})")
     if unit is not None and own and UNITS[own] != UNITS[unit]:
-        raise UserError(f"{path}: --unit {unit}: the title {short_repr(title)} says {own}")
+        raise UserError(f"{named} says {own}, --unit {unit}")
     unit = unit or own
     if not unit:
-        what = f"column {short_repr(title)}" if title else "its only column"
-        raise UserError(f"{path}: {what} has no unit: say --unit, or call it latency_ms")
+        raise UserError(f"{named} has no unit: say --unit, or call it latency_ms")
     factor_ns = UNITS[unit][1]
     latencies = _latencies(table, index, LARGEST_S * units.NS_PER_S / factor_ns)
     if len(latencies) < MIN_LATENCIES:
         raise UserError(f"{path}: {len(latencies)} latencies, expected at least {MIN_LATENCIES}")
-    _check_latencies(path, title, latencies)
+    steps = np.diff(latencies)
+    if (steps == 1).all() or (
+        not is_latency and (steps >= 0).all() and latencies[-1] > GROWN * latencies[0]
+    ):
+        raise UserError(
+            f"{named} counts from {latencies[0]:g} to {latencies[-1]:g}: these are numbers or "
+            "stamps of runs, not latencies (call it latency_ms if they are)"
+        )
     if len(table.titles) > 1:
         report.choose("column", title, table.titles, "--column")
     report.read(f"latencies{f' of column {title!r}' if title else ''}", len(latencies))
@@ -172,20 +178,8 @@ def from_table(
     middle_ms = sorted(latencies)[len(latencies) // 2] * to_ms
     report.usual("latency: a median of", middle_ms, "ms", USUAL_MS, "of a detection")
     report.sentinels("latency", [latency * to_ms for latency in latencies], "ms")
-    _tell_batches(table, report)
     source = f"{len(latencies)} latencies from {path.name}"
     return Measurement(model, np.array(latencies) * factor_ns, source, here=False, tag="S")
-
-
-def _tell_batches(table: FileTable, report: ImportReport) -> None:
-    """Warns of latencies of several pictures at once."""
-    for at, title in enumerate(table.titles):
-        if "batch" in _words(title):
-            sizes = [float(cell) for _, (cell,) in table.cells([at]) if is_number(cell)]
-            if max(sizes, default=0.0) > 1:
-                report.warn(
-                    f"column {title!r}: up to {max(sizes):g}: of how many pictures at once?"
-                )
 
 
 def _latencies(table: FileTable, index: int, largest: float) -> list[float]:
@@ -211,28 +205,19 @@ def _column_of(table: FileTable, name: str | None) -> int:
     if name is not None:
         if titles.count(name) != 1:
             raise UserError(f"{table.path}: --column: {unknown('column', name, titles)}")
-        among = [titles.index(name)]
-    elif table.columns <= 1:
-        among = [0]
-    else:
-        among = [index for index, title in enumerate(titles) if _unit_of(title)]
-        among = among or [index for index, title in enumerate(titles) if _says(LATENCIES, title)]
-    others = [_other_quantity(title) for title in titles] or [""]
-    right = [index for index in among if not others[index]]
-    if len(right) == 1:
-        return right[0]
-    if right:
-        some = ", ".join(short_repr(titles[index]) for index in right)
+        return titles.index(name)
+    if table.columns <= 1:
+        return 0
+    among = [index for index, title in enumerate(titles) if LATENCIES.search(title)]
+    if len(among) == 1:
+        return among[0]
+    some = ", ".join(short_repr(titles[index]) for index in among)
+    text = f"has {table.columns} columns and no header: name the latencies latency_ms"
+    if some:
         text = f"which column holds latencies, {some}? Say --column"
-    elif among:
-        at = among[0]
-        text = f"column {short_repr(titles[at])} holds {others[at]}, no latencies"
-        text += f": say --column, or invert them ({_choices(table)})"
-        text = text if others[at] == "rates" else text.replace(", or invert them", "")
     elif titles:
-        text = f"no title says that it holds latencies, as latency_ms does: {_choices(table)}"
-    else:
-        text = f"has {table.columns} columns and no header: name the latencies latency_ms"
+        text = "no title says that it holds latencies, as latency_ms does: say --column "
+        text += f"({_choices(table)})"
     raise UserError(f"{table.path}: {text}")
 
 
@@ -247,45 +232,6 @@ def _unit_of(title: str) -> str:
     unit = title_of(title).unit
     kind, factor_ns = UNITS.get(unit, ("", 0.0))
     return unit if kind == units.DURATION.name and factor_ns <= units.NS_PER_S else ""
-
-
-def _words(title: str) -> list[str]:
-    """``gpuTime [ms]`` as gpu, time, ms."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", title)
-    return re.findall(r"[^\W\d_]+", apart.lower())
-
-
-def _says(words: re.Pattern[str], title: str) -> bool:
-    return any(map(words.fullmatch, _words(title)))
-
-
-def _other_quantity(title: str) -> str:
-    """What a title says that it holds, and is no latency."""
-    words, is_latency = _words(title), _says(LATENCIES, title)
-    by_second = re.search(r"(/|per[\W_]*)[mun]?s(ec|econds?)?\b|(s|sec)\^?-1", title.lower())
-    if _says(RATES, title) or (by_second and not is_latency):
-        return "rates"
-    if _says(STAMPS, title) and not is_latency and "to" not in words:
-        return "stamps"
-    has_unit = len(words) > 1 and LAST_LETTER.fullmatch(words[-1])
-    return "another quantity" if _says(OTHERS, title) or has_unit or "%" in title else ""
-
-
-# Latencies that somebody sorted grow, too; their title should say what they are.
-GROWN = 2.0
-
-
-def _check_latencies(path: Path, title: str, latencies: Sequence[float]) -> None:
-    """Raises UserError for numbers of rows, and for times at which something was measured."""
-    steps = np.diff(latencies)
-    numbers = bool((steps == 1).all())
-    grown = bool((steps >= 0).all()) and latencies[-1] > GROWN * latencies[0]
-    if numbers or (grown and not _says(LATENCIES, title)):
-        what = "numbers of runs" if numbers else "times at which something happened"
-        raise UserError(
-            f"{path}: column {short_repr(title)} counts from {latencies[0]:g} to "
-            f"{latencies[-1]:g}: these are {what}, not latencies (call it latency_ms if they are)"
-        )
 
 
 def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:

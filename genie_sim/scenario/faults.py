@@ -4,29 +4,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
-from genie_sim.base.contracts import ITERABLE, METHOD, TEXT, WHOLE, Contract, optional, require
+from genie_sim.base.contracts import WHOLE, is_whole, require
 from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, SettingError, plain_data
 from genie_sim.base.units import NS_PER_MS, duration_text
-from genie_sim.faults import FAULTS, MUST_HAVE
-from genie_sim.sim.fault import FaultTimes, TimedFault
+from genie_sim.sim.fault import FAULT_PARTS, FAULTS, FaultTimes, TimedFault
 
 # From one beginning of a fault to the next, on average. Every beginning is an event and a row of a
 # table: in microseconds a second would have a million of them.
 SHORTEST_NS = NS_PER_MS
 
-FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=(FaultTimes,))
-
-PROBLEM = Contract(
-    "tuples of an index, a field and a text",
-    lambda value: (
-        isinstance(value, tuple)
-        and len(value) == 3
-        and WHOLE.holds(value[0])
-        and all(map(TEXT.holds, value[1:]))
-    ),
-)
+FAULT = PlugIn("fault", FAULTS, FAULT_PARTS, key="fault", beside=(FaultTimes,))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,12 +100,8 @@ def check_faults(
         check = getattr(FAULT.resolve(kind), "check", None)
         places = [place for place, entry in enumerate(faults) if entry.fault.name == kind]
         if check is not None:
-            owner = f"fault {kind!r}"
-            require(owner, "check", check, METHOD)
             timed_faults = [timed(faults[place], place) for place in places]
-            problems = check(timed_faults, edge_of, edges)
-            for problem in require(owner, "check()", problems, ITERABLE):
-                place, field, text = require(owner, "check()", problem, PROBLEM)
+            for place, field, text in check(timed_faults, edge_of, edges):
                 yield f"faults[{places[place]}].{field}", text
 
 
@@ -127,7 +112,8 @@ def timed(entry: FaultEntry, place: int) -> TimedFault:
     fault = FAULT.make(entry.fault)
     begin_ns, end_ns = entry.begin_ns or 0, entry.end_ns
     duration_ns = getattr(fault, "duration_ns", None)
-    require(f"fault {entry.fault.name!r}", "duration_ns", duration_ns, optional(WHOLE))
+    holds = duration_ns is None or is_whole(duration_ns)
+    require(holds, f"fault {entry.fault.name!r}: duration_ns", duration_ns, WHOLE)
     if end_ns is None and duration_ns is not None:
         end_ns = begin_ns + duration_ns
     return TimedFault(

@@ -36,17 +36,17 @@ class Override(NamedTuple):
 
 
 def apply_overrides(
-    cls: type, settings: Mapping[str, Any], overrides: Sequence[str]
+    cls: type, settings: Mapping[str, Any], overrides: Sequence[str], given_by: str = "--set"
 ) -> tuple[dict[str, Any], list[Override]]:
     """The settings of a class, as they are written, with each ``path=value``, the value read as
     YAML; ``[*]`` in a path stands for every entry of a list. What is short for a mapping, and lists
     that are not written, are written out where a path leads into them. Raises ``UserError`` naming
-    the override.
+    the override, after what it was ``given_by``.
     """
     applied: list[Override] = []
     changed: Any = dict(settings)
     for assignment in overrides:
-        text = f"--set {assignment}"
+        text = f"{given_by} {assignment}".lstrip()
         path, equals, value = assignment.partition("=")
         path = path.strip()
         if not equals or not path:

@@ -10,12 +10,12 @@ from typing import Any
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import SettingError, from_plain
-from genie_sim.methods import METHODS
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
 from genie_sim.scenario.scenario import Origin, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.method import METHODS
 
 
 def load_scenario(
@@ -23,6 +23,7 @@ def load_scenario(
     overrides: Sequence[str] = (),
     seed: int | None = None,
     *,
+    settings_from: str = "--set",
     methods: Sequence[str] = (),
     methods_from: str = "methods",
 ) -> Scenario:
@@ -33,7 +34,13 @@ def load_scenario(
     data = read_mapping(path)
     data.setdefault("name", path.stem)
     return read_scenario(
-        data, overrides, seed, where=str(path), methods=methods, methods_from=methods_from
+        data,
+        overrides,
+        seed,
+        where=str(path),
+        settings_from=settings_from,
+        methods=methods,
+        methods_from=methods_from,
     )
 
 
@@ -43,6 +50,7 @@ def read_scenario(
     seed: int | None = None,
     where: str = "scenario",
     *,
+    settings_from: str = "--set",
     methods: Sequence[str] = (),
     methods_from: str = "methods",
 ) -> Scenario:
@@ -58,6 +66,8 @@ def read_scenario(
         A seed in place of the one in ``data``.
     where : str
         The file, to begin errors with.
+    settings_from : str
+        What gave the ``overrides``, to begin errors with.
     methods : sequence of str
         Only these, in this order: entries of the scenario by name, else methods by themselves.
         None: those of the scenario.
@@ -72,7 +82,7 @@ def read_scenario(
 
     def read(count: int) -> Scenario:
         """With the first so many of the overrides. Raises ``SettingError``."""
-        settings, applied = apply_overrides(Scenario, data, overrides[:count])
+        settings, applied = apply_overrides(Scenario, data, overrides[:count], settings_from)
         if seed is not None:
             settings["seed"] = seed
         origin = Origin(where, tuple(applied))
@@ -85,10 +95,10 @@ def read_scenario(
         return read(len(overrides))
     except SettingError as error:
         message = error.message
-        if message.startswith("unknown field"):
-            message = setting_paths.hint(Scenario, error.field, message)
+        if error.near is not None:
+            message = setting_paths.hint(Scenario, error.field, error.near) or message
         count = _first_wrong(read, error, len(overrides))
-        source = f"--set {overrides[count - 1]}" if count else where
+        source = f"{settings_from} {overrides[count - 1]}".lstrip() if count else where
         raise UserError(": ".join(filter(None, (source, error.field, message)))) from error
 
 

@@ -4,16 +4,12 @@ from collections.abc import Generator
 
 import simpy
 
-from genie_sim.base.contracts import Contract, require
+from genie_sim.base.contracts import require
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.sim.clock import Steps
 from genie_sim.sim.fault import Strike, TimedFault
 from genie_sim.sim.monitor import FaultSpan
 from genie_sim.sim.network import Network
-
-GENERATOR = Contract(
-    "a generator, a function that yields", lambda value: isinstance(value, Generator)
-)
 
 
 def run(timed: TimedFault, network: Network, last_frame_ns: int, spans: list[FaultSpan]) -> Steps:
@@ -34,7 +30,9 @@ def run(timed: TimedFault, network: Network, last_frame_ns: int, spans: list[Fau
         text = target if isinstance(target, str) else ", ".join(target)
         place = len(spans)
         spans.append(FaultSpan(timed.kind, text, clock.now, None))
-        steps = require(owner, "strike()", timed.fault.strike(network), GENERATOR)
+        steps = timed.fault.strike(network)
+        generator = "a generator, a function that yields"
+        require(isinstance(steps, Generator), f"{owner}: strike()", steps, generator)
         with as_user_error(owner, UserError):  # such as an unknown host
             event = next(steps, None)
         process = clock.process(_working(owner, steps, event))

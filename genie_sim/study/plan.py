@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
@@ -84,7 +85,7 @@ def plan(
                 planned.runs.setdefault(run.run_id, run)
         except UserError as error:
             which = f"{point.scenario}: " if point.scenario != design.scenario else ""
-            raise UserError(f"{where}: {which}{str(error).removeprefix('--set ')}") from error
+            raise UserError(f"{where}: {which}{error}") from error
         if progress is not None:
             progress(number + 1, total, "checking points")
     return planned
@@ -92,16 +93,13 @@ def plan(
 
 def _scenario(point: SweepPoint, base: Scenario | None, methods: Sequence[str]) -> Scenario:
     """The scenario at a point. Raises ``UserError``."""
-    methods_from = f"--methods {','.join(methods)}"
+    more: Any = {"methods": methods, "settings_from": ""}
+    more["methods_from"] = f"--methods {','.join(methods)}"
     if base is None:
-        return load_scenario(
-            point.scenario, point.overrides, methods=methods, methods_from=methods_from
-        )
+        return load_scenario(point.scenario, point.overrides, **more)
     if not point.overrides and not methods:
         return base
-    return read_scenario(
-        plain_data(base), point.overrides, methods=methods, methods_from=methods_from
-    )
+    return read_scenario(plain_data(base), point.overrides, **more)
 
 
 def runs_of(

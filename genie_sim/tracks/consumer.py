@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from genie_sim.base import units
-from genie_sim.base.settings import Share
+from genie_sim.base.settings import SettingError, Share
 from genie_sim.core.messages import Detection, Detections, Header, Image, Look
 from genie_sim.tracks.coverage import Viewer
 from genie_sim.tracks.existence import Existence
@@ -50,8 +50,8 @@ class Consumer(ABC):
 
     @abstractmethod
     def shown(self, now_ns: int) -> Sequence[Shown]:
-        """The objects that the consumer believes in, answer by answer; of an earlier answer first,
-        where two show the same (``judge.held``).
+        """The objects that the consumer believes in, answer by answer. Where two answers show the
+        same object, that of the first counts (``judge.held``).
         """
 
 
@@ -88,8 +88,8 @@ class Tracker(Consumer):
     """Tracks what detectors found in the car's frames, and predicts it: the map of the
     recommended Genie in the car itself.
 
-    It counts the look that comes with an answer. Of an answer without, the objects are the look, as
-    far as a detector found them in this frame: what a cache or map adds is no look.
+    It learns the look that comes with an answer. Where none comes, what a detector found in the
+    frame is the look; what a cache or a map has added is none.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ class Tracker(Consumer):
         if look is None and answer.source == "detector":
             viewer = self._viewers.get(answer.header)
             if viewer is not None:
-                detections = tuple(seen for seen in answer.objects if seen.placed_by != "map")
+                detections = tuple(item for item in answer.objects if item.placed_by != "map")
                 look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
-            self._map.count(look, now_ns)
+            self._map.learn(look, now_ns)
 
     def shown(self, now_ns: int) -> Sequence[Shown]:
         self._map.forget(now_ns)
-        return (Shown(self._map.served(now_ns)),)
+        return (Shown(self._map.believed(now_ns)),)
 
 
 @dataclass(frozen=True)
@@ -133,17 +133,16 @@ class ConsumerRules:
     """A tracker holds what exists with at least this probability."""
 
     tau_ns: int = 0
-    """To a tracker looks within this time are no independent evidence; 0 counts every look
-    whole.
+    """To a tracker looks within this time are no independent evidence; 0 weighs every look in
+    full.
     """
 
     def __post_init__(self) -> None:
         if self.name != "tracker":
             for field in ("p_min", "tau_ns"):
                 if getattr(self, field) != getattr(ConsumerRules, field):
-                    raise ValueError(
-                        f"{field.removesuffix('_ns')}: has no effect with consumer {self.name!r}"
-                    )
+                    text = f"has no effect with consumer {self.name!r}"
+                    raise SettingError(field.removesuffix("_ns"), text)
 
     @classmethod
     def expand(cls, value: object) -> object:

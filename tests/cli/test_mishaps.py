@@ -50,7 +50,7 @@ def one_line(said: str, message: str) -> None:
 # Results that somebody changed, or that another version wrote
 
 
-@pytest.mark.parametrize("command", ["report", "export", "rerun"])
+@pytest.mark.parametrize("command", ["report", "rerun"])
 @pytest.mark.parametrize("text", ["", "[]", "3", "{}", "\udc80", "[" * 100_000, '{"format": 1}'])
 def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
     (folder / "run.json").write_bytes(text.encode("utf-8", "surrogatepass"))
@@ -58,7 +58,7 @@ def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
     one_line(capsys.readouterr().err, "result/run.json: ")
 
 
-@pytest.mark.parametrize("command", ["report", "export"])
+@pytest.mark.parametrize("command", ["report", "table"])
 @pytest.mark.parametrize(
     "name", ["frames.parquet", "poses.parquet", "metrics.json", "scenario.resolved.yaml"]
 )
@@ -169,7 +169,7 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
         assert main(command) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["compare", "figures", "table", "report", "export", "rerun"])
+@pytest.mark.parametrize("command", ["compare", "figures", "table", "report", "rerun"])
 def test_a_folder_that_no_screen_can_show_gets_one_line(command, capsys):
     assert main([command, "a\0b"]) == 1
     one_line(capsys.readouterr().err, "holds the character '\\x00'")
@@ -356,7 +356,6 @@ OUTPUTS = {
     "table --format csv": ("table", "result", "--format", "csv", "--out"),
     "table --format latex": ("table", "result", "--format", "latex", "--out"),
     "report": ("report", "result", "--out"),
-    "export": ("export", "result", "--out"),
     "figures": ("figures", "result", "--only", "latency_cdf", "--out"),
     "import link": ("import", "link", "link.csv", "--out"),
     "profile": ("profile", "--csv", "latencies.csv", "--cores", "4", "--model", "mine", "--out"),

@@ -64,7 +64,7 @@ def test_a_sweep_file_takes_settings_too(capsys):
         (["--axis", "fleet.cars"], "--axis fleet.cars: must be path=A,B,... such as"),
         (["--axis", "genie.eviction="], "--axis genie.eviction=: must be path=A,B,..."),
         (["--axis", "seed=1,2"], "--axis seed=1,2: write --seeds 1,2"),
-        (["--axis", "genie.pases=1"], "genie-sim: --axis: genie.pases=1: genie.pases: unknown"),
+        (["--axis", "genie.pases=1"], "genie-sim: axes: genie.pases=1: genie.pases: unknown"),
         (["--axis", "cars[0].lnk=lte"], "cars[0].lnk: unknown field; did you mean 'link'?"),
         (["--axis", "link=lte"], "link: unknown field; did you mean 'fleet.link' or"),
         (["--axis", "cars[0].link=[lte"], "--axis cars[0].link=[lte: line 1: while parsing"),

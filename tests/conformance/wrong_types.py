@@ -37,9 +37,9 @@ CASES = {
         own.Blackout,
         "check",
         staticmethod(returns(3)),
-        "check() is 3, but must be something to iterate over",
+        "TypeError: 'int' object is not iterable",
     ),
-    "no check": ({"faults": [FAULT]}, own.Blackout, "check", "x", "check is 'x', but must be a"),
+    "no check": ({"faults": [FAULT]}, own.Blackout, "check", "x", "TypeError: 'str' object is not"),
     "duration": ({"faults": [FAULT]}, own.Blackout, "duration_ns", "1 s", "duration_ns is '1 s'"),
     "open": (
         {},
@@ -109,7 +109,7 @@ HOOKS = (
     (ALIKE, own.OwnSimilarity, "key index"),
     (STRUCK, own.Blackout, "strike check duration_ns dropped_by"),
     (RADIO, own.Radio, "sender digests"),
-    (RADIO, own.RadioSender, "occupied_ns delay_ns sent"),
+    (RADIO, own.RadioSender, "occupied_ns delay_ns transmit"),
     (METHOD, own.Again, "on_car on_edge title baseline feature wire"),
     (METHOD, own.Latest, "on_message subscriptions publications void name"),
 )

@@ -19,15 +19,13 @@ import pytest
 
 import genie_sim as gs
 from genie_sim.base import plugins
-from genie_sim.base.contracts import Contract
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import main
-from genie_sim.methods import METHODS
-from genie_sim.runs import own_classes
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
+from genie_sim.sim.method import METHODS
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
@@ -55,20 +53,6 @@ class Nothing(Local):
     def __init__(self, share=1):
         self.share = share
 """
-
-
-@pytest.mark.parametrize(
-    ("contract", "right", "wrong"),
-    [
-        (own_classes.TEXT_BY_NAME, {"a": "x", "b": "y"}, {"a": "x", "b": 1}),
-        (own_classes.MAPPING_BY_NAME, {"a": {}, "b": {"c": 1}}, {"a": {}, "b": "x"}),
-    ],
-)
-def test_a_mapping_is_right_if_each_of_its_entries_is(
-    contract: Contract, right: Any, wrong: Any
-) -> None:
-    assert contract.holds(right) and contract.holds({})
-    assert not contract.holds(wrong) and not contract.holds([])
 
 
 def test_what_one_command_forbids_is_no_affair_of_the_next(
@@ -414,7 +398,6 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     folder = str(from_elsewhere)
     for command in (
         ["report", folder],
-        ["export", folder],
         ["compare", folder],
         ["figures", folder],
     ):

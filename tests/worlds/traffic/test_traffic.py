@@ -245,7 +245,10 @@ def test_cars_may_be_listed_and_start_when_their_vehicle_is_there(fcd):
         ({"equipped": "all"}, "perception.equipped: must be a share from 0 to 1 or a list of ids"),
         ({"begin": "200 s"}, "begin: 200 s is after the last time step, 104 s"),
         ({"interval": "0 s"}, "perception.interval: must be more than zero"),
-        ({"view": "200 m"}, "perception.view: must be"),
+        (
+            {"view": "200 m"},
+            "perception.view: must be more than 0 m and at most 100 m, but is '200 m'",
+        ),
         (
             {"types": {"bus": {"label": "plane"}}},
             "perception.types.bus.label: unknown label 'plane'",
