@@ -22,7 +22,7 @@ from genie_sim.worlds.town.rules import TownRules
         ({}, {"blocks": (True, 2)}, "blocks[0]: must be a whole number, not True"),
         ({}, {"blocks": (1, 2, 3)}, "blocks: must hold 2 values, not 3"),
         ({"view": "100 m"}, {"view": "100.5 m"}, "view: must be more than 0 m and at most 100 m"),
-        ({"view": "0.5 m"}, {"view": "0 m"}, "view: must be more than 0 m and at most 100 m"),
+        ({"view": "0.5 m"}, {"view": "0 m"}, "view: must be more than zero"),
         ({"block": "10 km"}, {"block": "11 km"}, "block: must be at most 10000 m, but is '11 km'"),
         ({}, {"speed_mps": 0}, "speed_mps: must be more than 0, not 0"),
         ({}, {"braking_mps2": -1.0}, "braking_mps2: must be more than 0, not -1.0"),
