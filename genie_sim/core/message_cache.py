@@ -4,7 +4,7 @@ theirs.
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from genie_sim.base.contracts import class_of, whole
@@ -110,27 +110,27 @@ class Requester:
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the
     middleware tells it).
 
-    ``answered`` are the topics on which the cache has already answered.
+    ``answered_topics`` are those on which the cache has already answered.
     """
 
     header: Header
     neighbour: bool
     name: str | None
-    answered: frozenset[str] = frozenset()
+    answered_topics: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works
-    on it.
+    """A request that was opened and has not expired; ``is_forwarded`` as long as a node of ours
+    works on it.
     """
 
     topic: str
     key: Hashable
     deadline_ns: int | None
-    forwarded: bool
+    is_forwarded: bool
     requesters: list[Requester]
-    answered: set[str]  # the topics on which an answer came
+    answered_topics: set[str] = field(default_factory=set)  # on which an answer came
 
     def has_requester(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""
@@ -179,7 +179,7 @@ class PendingIndex:
     def joinable(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request whose answer a request with an equal message can wait for."""
         pending = self.by_key(topic, key)
-        return None if pending is None or pending.answered else pending
+        return None if pending is None or pending.answered_topics else pending
 
     def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
         """A request waits from now on, one of this header at a time. Deadlines must not decrease
@@ -187,7 +187,7 @@ class PendingIndex:
         oldest.
         """
         self._by_header[header.stamp_ns if self._by_stamp else header] = pending
-        if pending.forwarded:
+        if pending.is_forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
         if pending.deadline_ns is None and len(self._by_header) > MAX_TIMELESS:
@@ -196,15 +196,15 @@ class PendingIndex:
 
     def expire(self, now_ns: int) -> list[PendingRequest]:
         """Removes and returns the requests whose deadline has come."""
-        expired = []
+        overdue = []
         while (deadline_ns := self.next_deadline_ns) is not None and deadline_ns <= now_ns:
-            expired.append(self._remove_oldest())
-        return expired
+            overdue.append(self._remove_oldest())
+        return overdue
 
     def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; a second answer still finds it."""
-        if pending.forwarded:
-            pending.forwarded = False
+        if pending.is_forwarded:
+            pending.is_forwarded = False
             if self._open.get((pending.topic, pending.key)) is pending:
                 del self._open[pending.topic, pending.key]
                 self._keys[pending.topic].discard(pending.key)

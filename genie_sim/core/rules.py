@@ -229,10 +229,10 @@ class GenieRules:
         return _below(LITERAL, value) if value.get("algorithm") == "literal" else value
 
 
-def _below(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+def _below(preset: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """A preset with the given settings above it, sections setting by setting."""
-    merged = {**preset, **given}
+    result = {**preset, **settings}
     for name, section in preset.items():
-        if isinstance(section, Mapping) and isinstance(given.get(name, {}), Mapping):
-            merged[name] = {**section, **given.get(name, {})}
-    return merged
+        if isinstance(section, Mapping) and isinstance(settings.get(name, {}), Mapping):
+            result[name] = {**section, **settings.get(name, {})}
+    return result

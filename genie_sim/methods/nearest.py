@@ -34,9 +34,9 @@ def key_of(feature: str) -> Callable[[Image], FeatureKey]:
     """
 
     def key(image: Image) -> FeatureKey:
-        packed = feature_of(image.content, feature)
-        assert packed is not None, "checked before the run"
-        return FeatureKey(unpacked(packed), image.header, image.pose)
+        feature_bytes = feature_of(image.content, feature)
+        assert feature_bytes is not None, "checked before the run"
+        return FeatureKey(unpacked(feature_bytes), image.header, image.pose)
 
     return key
 
@@ -99,16 +99,16 @@ class Nearest:
         nearest first, of equally near ones the older.
         """
         stream = self._stream_numbers.get(key.stream)
-        used = len(self._keys)
-        if stream is None or not used:
+        slots = len(self._keys)
+        if stream is None or not slots:
             return []
-        dots = self._vectors[:used] @ key.vector
-        squares: Vector = self._squares[:used] - 2 * dots + np.float32(key.square)
-        squares[self._streams[:used] != stream] = np.inf
+        dots = self._vectors[:slots] @ key.vector
+        squares: Vector = self._squares[:slots] - 2 * dots + np.float32(key.square)
+        squares[self._streams[:slots] != stream] = np.inf
         own_slot = self._slots.get(key)
         if own_slot is not None:
             squares[own_slot] = np.inf
-        return self._first(np.arange(used), squares, count, radius)
+        return self._first(np.arange(slots), squares, count, radius)
 
     def _first(
         self, slots: Slots, squares: Vector, count: int, radius: float

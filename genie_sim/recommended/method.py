@@ -111,12 +111,12 @@ class Recommended(Method):
         )
 
     def _new_car_genie(
-        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+        self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> PacedGenie:
         return self.car_genie(
             f"{host.name}/genie",
-            subscribed,
-            published,
+            inputs,
+            outputs,
             has_edge=host.has_edge,
             object_map=self._new_map(host),
             sharing=self._sharing(host),
@@ -126,8 +126,8 @@ class Recommended(Method):
     def car_genie(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         *,
         has_edge: bool,
         object_map: TrackMap,
@@ -140,8 +140,8 @@ class Recommended(Method):
         pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
         return PacedGenie(
             name,
-            subscribed,
-            published,
+            inputs,
+            outputs,
             pacer=pacer if has_edge else None,
             object_map=object_map,
             shared=None if sharing is None else SharedTracks(sharing, object_map),
@@ -151,14 +151,14 @@ class Recommended(Method):
         )
 
     def _new_edge_genie(
-        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+        self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> SharingGenie:
         rules = self._sharing(host)
         assert rules is not None
         return SharingGenie(
             f"{host.name}/genie",
-            subscribed,
-            published,
+            inputs,
+            outputs,
             object_map=self._new_map(host),
             rules=rules,
             make_answer=Detections,

@@ -200,8 +200,8 @@ class Pacer:
         view = self._streams.add_frame(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._interval_ns()
-        sent = [other.sent for other in view.values() if other.sent is not None]
-        last = max(sent, key=SentFrame.order, default=None)
+        departures = [other.sent for other in view.values() if other.sent is not None]
+        last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
             return None
@@ -217,15 +217,15 @@ class Pacer:
         sent_ns = self._outstanding.get(header)
         if sent_ns is None:
             return LookArrival(is_in_time, is_awaited=False, lost=())
-        lost = []
+        losses = []
         for earlier in list(self._outstanding):
             del self._outstanding[earlier]
             if earlier == header:
                 break
-            lost.append(Loss(earlier, "overtaken"))
+            losses.append(Loss(earlier, "overtaken"))
         self._stale_in_a_row = 0 if is_in_time else self._stale_in_a_row + 1
         self.round_trip.measured(now_ns - sent_ns)
-        return LookArrival(is_in_time, is_awaited=True, lost=lost)
+        return LookArrival(is_in_time, is_awaited=True, lost=losses)
 
     def expire(self, now_ns: int) -> list[Loss]:
         """Removes and returns the frames that have been on their way for longer than the timeout.
@@ -233,16 +233,16 @@ class Pacer:
         Frames that are lost together double the timeout once.
         """
         timeout_ns = self.round_trip.timeout_ns
-        lost = [
+        headers = [
             header
             for header, sent_ns in self._outstanding.items()
             if now_ns - sent_ns >= timeout_ns
         ]
-        for header in lost:
+        for header in headers:
             del self._outstanding[header]
-        if lost:
+        if headers:
             self.round_trip.timed_out()
-        return [Loss(header, "timed_out") for header in lost]
+        return [Loss(header, "timed_out") for header in headers]
 
     def next_deadline_ns(self) -> int | None:
         """When ``expire`` has something to do, if no answer comes before."""

@@ -135,8 +135,8 @@ def _is_near(
 ) -> bool:
     """Whether one of the objects is of this kind and within a distance of a place."""
     return any(
-        known.location is not None
-        and kind_of(known.label) is kind
-        and math.hypot(known.location[0] - east_m, known.location[1] - north_m) <= within_m
-        for known in objects
+        item.location is not None
+        and kind_of(item.label) is kind
+        and math.hypot(item.location[0] - east_m, item.location[1] - north_m) <= within_m
+        for item in objects
     )

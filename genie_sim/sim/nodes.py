@@ -227,8 +227,8 @@ def attach(
     suffix : str
         What is appended to the node's topics.
     """
-    subscribed, published = graph.topics_of(node_name)
-    graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
+    inputs, outputs = graph.topics_of(node_name)
+    graph.remap(node_name, {topic: topic + suffix for topic in (*inputs, *outputs)})
     return InterceptorNode(
-        lambda: make(subscribed, published), graph, observe, config=config, passes=passes
+        lambda: make(inputs, outputs), graph, observe, config=config, passes=passes
     )
