@@ -37,7 +37,7 @@ class MessageCache:
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` on a miss. Counts as a use."""
-        stored_key = self._find(key, now_ns)
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             return None
         self._eviction.used(stored_key, now_ns)
@@ -45,7 +45,7 @@ class MessageCache:
 
     def peek(self, key: Hashable, now_ns: int) -> Answers | None:
         """The answers to an equal request, ``None`` if there are none. Does not count as a use."""
-        stored_key = self._find(key, now_ns)
+        stored_key = self._expire_and_find(key, now_ns)
         return None if stored_key is None else self._answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
@@ -57,7 +57,7 @@ class MessageCache:
         size_bytes = answer.size_bytes
         if self._capacity is not None and not self._capacity.holds(0, size_bytes):
             return
-        stored_key = self._find(key, now_ns)
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             while self._answers and not self._fits(1, size_bytes):
                 self._evict()
@@ -72,8 +72,8 @@ class MessageCache:
         while not self._fits(0, 0):  # an answer grew
             self._evict()
 
-    def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
-        """The stored key that equals ``key``; those whose time is over go on the way."""
+    def _expire_and_find(self, key: Hashable, now_ns: int) -> Hashable | None:
+        """The stored key that equals ``key``; equal ones whose time is over are removed."""
         stored_key = self._index.find(key)
         while stored_key is not None:
             expires_ns = self._eviction.expires_ns(stored_key)

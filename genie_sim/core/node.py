@@ -113,11 +113,12 @@ class GenieNode:
         self._key = key
         self._new_cache = new_cache
         self._pending = PendingIndex(rules.header_identity, new_keys)
-        self._map_answer = map_answer if rules.miss_policy == "immediate" else None
+        self._make_map_answer = map_answer if rules.miss_policy == "immediate" else None
         self._local, self._remote = suffixes
         self._names_changes = names_changes
         self._inputs, self._outputs = tuple(inputs), tuple(outputs)
         self._caches: dict[str, MessageCache] = {}  # H_DB: a hashmap for each topic of requests
+        # requests come on T and T-remote, answers on P-local and P-remote
         requests = {
             topic + suffix: Arrival(topic, True, suffix == self._remote)
             for suffix in ("", self._remote)
@@ -176,7 +177,7 @@ class GenieNode:
         requester = Requester(message.header, neighbour=is_remote, name=sender)
         answers = cache.get(key, now_ns)  # lines 12 and 17
         if answers is None:
-            return effects + self._on_miss(name, message, key, requester, now_ns)
+            return effects + self._on_miss(name, message, requester, key=key, now_ns=now_ns)
         if len(answers) < len(self._outputs):  # the node may still answer on other topics
             pending = self._pending.by_key(name, key)
             if pending is not None:
@@ -217,7 +218,7 @@ class GenieNode:
         return effects  # line 11
 
     def _on_miss(
-        self, topic: str, message: Request, key: Hashable, requester: Requester, now_ns: int
+        self, topic: str, message: Request, requester: Requester, *, key: Hashable, now_ns: int
     ) -> list[Effect]:
         """Lines 12 to 15: no stored answer. The node is given the requests of clients, and of equal
         ones only the first. Neighbours get hits only, unless ``neighbour_miss`` has theirs run,
@@ -362,12 +363,14 @@ class GenieNode:
         """What a client gets at once although its request missed: the map's confident objects in
         view.
         """
-        if self._map_answer is None or self.object_map is None or request.pose is None:
+        if self._make_map_answer is None or self.object_map is None or request.pose is None:
             return []
         in_view = self.object_map.in_view(
             request.pose, request.horizontal_fov_rad, self.rules.view_range_m
         )
-        answer = self._map_answer(request.header, tuple(entry.as_detection() for entry in in_view))
+        answer = self._make_map_answer(
+            request.header, tuple(entry.as_detection() for entry in in_view)
+        )
         return [Publish(topic, answer.credited("map", self.name)) for topic in self._outputs]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:

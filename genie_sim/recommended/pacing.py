@@ -171,13 +171,13 @@ class Pacer:
     Parameters
     ----------
     every_ns : int
-        Looks of a view fall due this far apart; 0: every frame is due. The frames that go up have
-        this mean gap, or that of the view's frames where it is longer.
+        Looks of a view are due this far apart; 0: every frame is. Between the frames that go up is
+        this time on average, or that between all frames of the view where it is longer.
     in_flight : int
         At most this many frames are on their way at a time.
     stale_ns : int
-        An answer about an older frame counts as no look. While the round trip is longer than this,
-        only one frame is on its way; with each such answer in a row the gap between looks grows: to
+        An answer about an older frame is no look. While the round trip is longer than this, only
+        one frame is on its way; with each such answer in a row the time between looks grows: to
         this time, then twice as long each time, up to 10 s.
     """
 
@@ -203,7 +203,9 @@ class Pacer:
         departures = [other.sent for other in view.values() if other.sent is not None]
         last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
-        if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
+        if self.outstanding >= self._window() or not _is_its_turn(
+            stream, view.values(), due_ns, every_ns
+        ):
             return None
         stream.sent = SentFrame(header.stamp_ns, due_ns)
         self._outstanding[header] = now_ns
@@ -274,7 +276,9 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
     return last.due_ns + every_ns
 
 
-def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int) -> bool:
+def _is_its_turn(
+    stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int
+) -> bool:
     """Whether this stream's newest frame is the one for the look that is due."""
     if due_ns is None:
         return True

@@ -20,7 +20,7 @@ Steps = Generator[simpy.Event, Any, None]  # what a process does
 class Clock(simpy.Environment):
     """The time of a run: ``now`` is in whole nanoseconds since its start.
 
-    Where time ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
+    If it ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
     last span of the path of the message that is handled now. A process that has one in hand waits
     with ``wait``, which continues its path, or takes it out of a queue with ``waited``. A span
     begins where the one before it ends, so the spans of an answer add up to its response time.
@@ -32,7 +32,7 @@ class Clock(simpy.Environment):
         super().__init__()
         self.path: Span | None = None
         self.in_flight = 0
-        self._is_traced = keeps_paths
+        self._keeps_paths = keeps_paths
 
     if TYPE_CHECKING:
 
@@ -87,7 +87,7 @@ class Clock(simpy.Environment):
 
     def begin(self, header: Header) -> None:
         """A new frame is handled from now on."""
-        if self._is_traced:
+        if self._keeps_paths:
             self.path = Span(None, self.now, before=None, header=header)
 
     def wait(self, event: simpy.Event, label: SpanLabel) -> Steps:

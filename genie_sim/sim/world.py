@@ -245,15 +245,9 @@ class World:
 
     def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
         """The resources that the monitor wants to sample."""
-        resources = self.network.resources
-        samples = self.monitor.samples
-        if samples == "all":
-            return resources  # the list itself: a hand-over adds links while time runs
-        if samples == "edges":
-            return edge_resources + self.network.shared
-        if samples == "processors":
-            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
-        return []
+        if self.monitor.samples == "all":
+            return self.network.resources  # the list itself: a hand-over adds links while time runs
+        return edge_resources + self.network.shared if self.monitor.samples == "edges" else []
 
     def _watch_resources(self, progress: OnTime | None) -> Steps:
         """The process that samples resources, and begins to count anew when the warm-up ends,

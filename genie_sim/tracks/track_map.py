@@ -55,9 +55,9 @@ class TrackMap:
     existence : Existence
         How likely a track still exists, and when it is forgotten.
     view_range_m : float
-        How far answers out of the map look [m].
+        How far away objects in view may be [m].
     view_margin_rad : float
-        By how much they look wider than the camera, on each side [rad].
+        By how much the sector in view is wider than the camera's, on each side [rad].
     """
 
     def __init__(
@@ -170,17 +170,14 @@ class TrackMap:
     def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
         """The nearest track of the label's group that a sighting at a place could be."""
         kind = kind_of(label)
-        nearest: tuple[float, int] | None = None
-        nearest_track = None
+        matches: list[tuple[float, int, Track]] = []
         for track in self._inside(area_around(east_m, north_m, kind.gate_m)):
             if track.kind is kind:
-                there_east_m, there_north_m = track.place(at_ns)
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                track_east_m, track_north_m = track.place(at_ns)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
-                    rank = distance_m, track.number
-                    if nearest is None or rank < nearest:
-                        nearest, nearest_track = rank, track
-        return nearest_track
+                    matches.append((distance_m, track.number, track))
+        return min(matches)[2] if matches else None
 
     def _weigh(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float], list[Track]]:
         """Weighs a look. Returns the tracks that it shows, how likely those of them that were there
@@ -217,7 +214,7 @@ class TrackMap:
         return _without_repeats(track_of.values()), before, gone
 
     def _sector(self, viewer: Viewer) -> ViewSector:
-        """Where answers out of the map look for a viewer."""
+        """What counts as in view of a viewer."""
         width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
         return ViewSector(viewer.pose, width_rad, self._view_range_m)
 
@@ -381,9 +378,9 @@ def _pairs(
         assert sighting.location is not None
         kind, (east_m, north_m, _) = kind_of(sighting.label), sighting.location
         area = area_around(east_m, north_m, MAX_GATE_M)
-        for there_east_m, there_north_m, track in grid.inside(area):
+        for track_east_m, track_north_m, track in grid.inside(area):
             if track.kind is kind:
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
                     pairs.append(Pair(distance_m, track.number, index, track))
     pairs.sort()
