@@ -17,7 +17,7 @@ from genie_sim.core.similarity import Similarity
 
 
 def rules_on_car(rules: GenieRules, *, alone: bool = False) -> GenieRules:
-    """The settings of a car's Genie: it serves the consumer by the miss policy, and answers others
+    """The settings of a car's Genie: it answers the consumer by the miss policy, and answers others
     only when they ask. Its misses go up, unless it is ``alone``: nobody listens to ``-remote``.
     """
     return replace(
@@ -30,8 +30,8 @@ def rules_on_car(rules: GenieRules, *, alone: bool = False) -> GenieRules:
 
 
 def rules_on_edge(rules: GenieRules) -> GenieRules:
-    """The settings of an edge's Genie: it serves other Genies, so it answers when it has an answer,
-    and stores all that it gets.
+    """The settings of an edge's Genie: other Genies ask it, so it answers when it has an answer,
+    and it stores all that it gets.
     """
     is_literal = rules.algorithm == "literal"
     miss_policy = rules.miss_policy if is_literal else "blocking"

@@ -36,7 +36,7 @@ class MessageCache:
         return len(self._answers)
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` on a miss. Counts as a use."""
+        """The answers to an equal request, ``None`` on a miss. It is a use."""
         stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             return None
@@ -44,7 +44,7 @@ class MessageCache:
         return self._answers[stored_key]
 
     def peek(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` if there are none. Does not count as a use."""
+        """The answers to an equal request, ``None`` if there are none. It is no use."""
         stored_key = self._expire_and_find(key, now_ns)
         return None if stored_key is None else self._answers[stored_key]
 
@@ -147,7 +147,7 @@ class PendingIndex:
         identity: Literal["stamp_frame_origin", "stamp"],
         new_keys: Callable[[], KeyIndex],
     ) -> None:
-        """``identity``: what of a header counts."""
+        """``identity``: what of a header tells requests apart."""
         self._by_stamp = identity == "stamp"
         self._new_keys = new_keys
         self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline

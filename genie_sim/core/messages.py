@@ -205,7 +205,7 @@ class Look(NamedTuple):
     Parameters
     ----------
     header : Header
-        The frame. It identifies the look: whoever gets it by two ways counts it once.
+        The frame. It identifies the look: whoever gets it by two ways learns it once.
     pose : CameraPose
         Where the camera was.
     horizontal_fov_rad : float
@@ -404,7 +404,7 @@ class MapChange(NamedTuple):
 class ObjectLookups(Observation):
     """The object map was asked ``requests`` times for one message.
 
-    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` counts the
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` are the
     look-ups answered by a stored object with C >= C_T; ``updates`` the confidences changed, by
     ``boost_sum`` in total (C_new - C_old). ``changes`` are the objects that these updates changed,
     and the new ones; ``forgotten`` those that the map no longer holds because of this message. A

@@ -95,7 +95,7 @@ class ObjectMap:
         return answer.with_objects(objects), lookups
 
     def sight(self, sighting: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
-        """Lines 4 to 7: boosts the stored object that ``seen`` shows, or adds it. Returns the
+        """Lines 4 to 7: boosts the stored object that a sighting shows, or adds it. Returns the
         confidence before (``None`` for a new object) and the stored object.
         """
         assert sighting.location is not None

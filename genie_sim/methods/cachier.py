@@ -89,7 +89,7 @@ class PopularityCache(SimilarityCache):
         self._per_entry_ns = settings.per_entry_ns
         self._period_ns = settings.period_ns
         self._next_ns: int | None = None  # when k is computed again
-        self._counted = Nearest()  # the keys of all counts
+        self._requested = Nearest()  # the keys of all counts
         self._missed_ns: dict[Hashable, int] = {}  # misses without an answer, the oldest first
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
@@ -97,9 +97,9 @@ class PopularityCache(SimilarityCache):
             self._resize()
             self._next_ns = now_ns + self._period_ns
         hits = self.near(key, 1, now_ns, self.reach)
-        similar = hits or self._counted.near(key, 1, self.reach)
+        similar = hits or self._requested.near(key, 1, self.reach)
         if not similar:
-            self._counted.add(key)
+            self._requested.add(key)
         self.popularity.requested(similar[0][1] if similar else key)
         if hits:
             return hits[0][1]
@@ -118,13 +118,13 @@ class PopularityCache(SimilarityCache):
             self.cloud_ns += GAIN * (duration_ns - self.cloud_ns)
         counts = self.popularity.counts
         if key not in counts:
-            for _, twin in self._counted.near(key, 1, self.reach):
+            for _, twin in self._requested.near(key, 1, self.reach):
                 counts[key] = counts.pop(twin)
-                self._counted.discard(twin)
+                self._requested.discard(twin)
                 if twin in self._answers:
                     self._remove(twin)
         counts.setdefault(key, 1.0)
-        self._counted.add(key)
+        self._requested.add(key)
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         super().put(key, topic, answer, now_ns)
@@ -138,7 +138,7 @@ class PopularityCache(SimilarityCache):
 
     def _resize(self) -> None:
         for key in self.popularity.age():
-            self._counted.discard(key)
+            self._requested.discard(key)
         if self.cloud_ns is not None:
             counts = self.popularity.counts.values()
             best = best_size(counts, self._per_entry_ns, self.cloud_ns)

@@ -34,7 +34,7 @@ class Loss:
 
 
 class LookArrival(NamedTuple):
-    """What the coming of an answer means: whether it is in time to count as a look, whether it was
+    """What the coming of an answer means: whether it is in time to be a look, whether it was
     still waited for, and which frames it shows to be lost.
     """
 
@@ -160,7 +160,7 @@ class NewestLooks:
         return max(looks_ns, default=None)
 
     def add_look(self, header: Header) -> None:
-        """A detector's answer to this frame has come, in time to count."""
+        """A detector's answer to this frame has come, in time."""
         before_ns = self._looked_ns.get(header.frame_id, header.stamp_ns)
         self._looked_ns[header.frame_id] = max(header.stamp_ns, before_ns)
 

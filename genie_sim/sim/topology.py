@@ -19,7 +19,7 @@ NEAREST = 4  # of more each shares with so many
 
 class EdgeServer(Subscriber):
     """An edge server: its ROS graph, what the method runs there, and the bridges down to the cars
-    that it has served. An answer goes down the bridge to the car whose image it is about, found by
+    that it has had. An answer goes down the bridge to the car whose image it is about, found by
     the header's origin, however many cars there are.
     """
 

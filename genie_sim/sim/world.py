@@ -200,8 +200,8 @@ class World:
         self.monitor.failed(self._fault_spans)
         self.monitor.close()
 
-    def _begin_to_count(self) -> None:
-        """From now on what hosts, links and queues do counts."""
+    def _end_warm_up(self) -> None:
+        """What hosts, links and queues have done until now is left out."""
         self._used_in_warm_up = {usage.host: usage for usage in self._usage()}
         for resource in self._sampled:
             resource.occupancy.restart_most()
@@ -259,7 +259,7 @@ class World:
         while True:
             now_ns = self.clock.now
             if now_ns == warm_up_ns > 0:
-                self._begin_to_count()
+                self._end_warm_up()
             self.monitor.sample(self._sampled, now_ns)
             if progress is not None:
                 progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
