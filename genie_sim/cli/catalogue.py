@@ -56,6 +56,16 @@ def _metrics() -> Listing:
         yield name, f"{metric.title} [{metric.unit}]" if metric.unit else metric.title
 
 
+def _columns() -> Listing:
+    """Every column of the tables of a run, with its unit and meaning."""
+    from genie_sim.record.records import SCHEMAS
+
+    for table in SCHEMAS.values():
+        for column in table.columns:
+            unit = f" [{column.unit}]" if column.unit else ""
+            yield f"{table.name}.{column.name}", f"{column.description}{unit}"
+
+
 def _first_lines(registry: Mapping[str, object]) -> Listing:
     """Each name of a registry with the first paragraph of its class's docstring, on one line."""
     for name in registry:
@@ -79,4 +89,5 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "evictions": lambda: _first_lines(EVICTIONS),
     "rules": lambda: _first_lines(CONFIDENCE_RULES),
     "metrics": _metrics,
+    "columns": _columns,
 }
