@@ -287,7 +287,7 @@ def test_a_month_is_not_too_long():
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
         (
             "perception.town={block: 1e30 km}",
-            "perception.town.block: must be at most 10 km, but is 1",
+            "perception.town.block: must be at most 10000 m, but is",
         ),
     ],
 )

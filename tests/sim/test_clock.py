@@ -149,7 +149,7 @@ def test_a_queue_keeps_the_newest_of_each_flow_and_gives_the_oldest():
         queue.put(Item(flow, number)) for number, flow in enumerate(["a", "b", "a", "a", "b", "a"])
     ]
     assert pushed_out == [None, None, None, Item("a", 0), None, Item("a", 2)]
-    assert queue.in_the_way("a") == Item("a", 3) and queue.in_the_way("c") is None
+    assert queue.oldest_of_full("a") == Item("a", 3) and queue.oldest_of_full("c") is None
 
     def takes():
         while True:
