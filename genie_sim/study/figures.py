@@ -6,7 +6,7 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
@@ -21,6 +21,7 @@ from genie_sim.analysis import style
 from genie_sim.analysis.drawing import character_in, finish, in_style, is_narrow
 from genie_sim.analysis.metric import HEADLINE, SHORT
 from genie_sim.analysis.registry import (
+    Words,
     definition,
     is_drawn_logarithmically,
     shown,
@@ -63,6 +64,8 @@ class SweepFigures:
         Says below the panels what was run.
     width_in : float
         Of a page or a column.
+    words : mapping
+        What is said of metrics of the user's own.
     """
 
     design: Design
@@ -70,6 +73,7 @@ class SweepFigures:
     titles: Mapping[str, str]
     footer: str
     width_in: float = PAGE_IN
+    words: Words = field(default_factory=dict)
 
     def drawn(self) -> Iterator[tuple[str, Figure]]:
         """Every figure with the name of its file.
@@ -114,6 +118,14 @@ class SweepFigures:
         name = (*crossed, *self.design.axes)[0]
         averaged = [columns[other] for other in self.design.axes if crossed and other != name]
         return self.along(name, self.runs, averaged=averaged, metrics=[metric])
+
+    def _label(self, metric: str) -> str:
+        """A metric's title with its unit; ticks have the percent sign of shares."""
+        about = definition(metric, self.words)
+        return about.title if about.unit == "%" else about.label
+
+    def _is_share(self, metric: str) -> bool:
+        return definition(metric, self.words).unit == "%"
 
     def _places(self, axes: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
         """The runs at every combination of values of these axes, with a suffix for file names and
@@ -164,12 +176,14 @@ class SweepFigures:
         axis, column = self.design.axes[name], self.design.columns[name]
         levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
         shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
-        means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
+        means = across_seeds(
+            runs[runs["component"] == ""], [column, *([beside] if beside else [])], own=self.words
+        )
         narrow = is_narrow(self.width_in)
         tier = SHORT if beside is None and not narrow else HEADLINE
         names = metrics or shown(tier, means["metric"])
         shown_metrics = [
-            (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
+            (metric, self._label(metric)) for metric in names if (means["metric"] == metric).any()
         ]
         wide = (2 if narrow else 3) if beside is None else len(shown_levels)
         if len(metrics) == 1:
@@ -206,9 +220,11 @@ class SweepFigures:
             if level is not None and spot.is_first_row():
                 panel.set_title(f"{beside} = {_shortened(level)}")
             of_metric = means["value"][means["metric"] == metric]
-            if _is_share(metric):
+            if self._is_share(metric):
                 panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-            elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
+            elif is_drawn_logarithmically(
+                definition(metric, self.words), values := of_metric.dropna().tolist()
+            ):
                 _scale_logarithmically(panel, min(values), max(values))
         for number in set(range(grid.size)) - set(places):
             grid.flat[number].remove()
@@ -240,7 +256,7 @@ class SweepFigures:
         """
         name, other = self.design.crossed[:2]
         column, other_column = self.design.columns[name], self.design.columns[other]
-        means = across_seeds(runs[runs["component"] == ""], [column, other_column])
+        means = across_seeds(runs[runs["component"] == ""], [column, other_column], own=self.words)
         means = means[(means["metric"] == metric) & means["value"].notna()]
         panels = list(means.groupby(["method", "placement"], sort=False))
         levels = list(dict.fromkeys(means[other_column]))
@@ -261,15 +277,15 @@ class SweepFigures:
             ]
             of_level = [of_panel[of_panel[other_column] == level] for level in levels]
             _draw(panel, self.design.axes[name], column, list(zip(of_level, looks, strict=True)))
-            if _is_share(metric):
+            if self._is_share(metric):
                 panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        figure.supylabel(_label(metric))
+        figure.supylabel(self._label(metric))
         grid[-1, 0].set_xlabel(column)
         if means["value"].min() >= 0:
             grid[0, 0].set_ylim(bottom=0)
         _make_room(figure, 1)
         note = f"at {place}" if place else ""
-        finish(figure, f"{_label(metric)} along {column}", self.footer, figure.axes, note=note)
+        finish(figure, f"{self._label(metric)} along {column}", self.footer, figure.axes, note=note)
         return figure
 
     @in_style()
@@ -282,7 +298,7 @@ class SweepFigures:
         left out where it has one on another, and named above the panels.
         """
         first, second = (self.design.columns[name] for name in self.design.crossed[:2])
-        means = across_seeds(runs[runs["component"] == ""], [first, second])
+        means = across_seeds(runs[runs["component"] == ""], [first, second], own=self.words)
         metrics = metrics or shown(HEADLINE, means["metric"])
         means = means[
             means["placement"].isin(("all", "car"))
@@ -315,18 +331,18 @@ class SweepFigures:
                     panel.remove()
                     continue
                 cells = cells.reindex(index=up, columns=right)
-                _heat_map(panel, cells, scale, percent=_is_share(metric))
+                _heat_map(panel, cells, scale, percent=self._is_share(metric))
                 panel.set_title(self.titles[str(method)])
                 panel.set_xlabel(second)
                 panel.set_ylabel("" if maps else first)
                 maps.append(panel)
             shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
-            bar = figure.colorbar(shades, ax=maps, label=_wrapped(_label(metric)), pad=0.01)
+            bar = figure.colorbar(shades, ax=maps, label=_wrapped(self._label(metric)), pad=0.01)
             if isinstance(scale, LogNorm):
                 ticks = _round_ticks(min(values), max(values))
                 bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
                 bar.ax.yaxis.set_minor_locator(NullLocator())
-            elif _is_share(metric):
+            elif self._is_share(metric):
                 bar.formatter = FuncFormatter(percent_tick)
         title = f"Over {first} and {second}: means across seeds, darker is more"
         _make_room(figure, len(metrics))
@@ -335,16 +351,6 @@ class SweepFigures:
             notes.append(f"the same everywhere: {', '.join(constant)}")
         finish(figure, title, self.footer, note="; ".join(notes))
         return figure
-
-
-def _label(metric: str) -> str:
-    """A metric's title with its unit; ticks have the percent sign of shares."""
-    info = definition(metric)
-    return info.title if _is_share(metric) else info.label
-
-
-def _is_share(metric: str) -> bool:
-    return definition(metric).unit == "%"
 
 
 def _wrapped(label: str, narrow: bool = False) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.analysis import compare_tables
+from genie_sim.analysis import compare_tables, registry
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.points import differences
 from genie_sim.analysis.verdict import verdicts
@@ -12,9 +12,9 @@ from genie_sim.record.results import MethodInfo
 
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
-    unit = "ms" if metric == "first_answer_mean" else "1"
+    about = registry.definition(metric)
     by = SEEDS if low is not None else ""
-    return Difference(metric, "b", 1.0, unit, "a", 1.0, difference, low, high, by=by, n=5)
+    return Difference(metric, "b", 1.0, about, "a", 1.0, difference, low, high, by=by, n=5)
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
