@@ -39,7 +39,6 @@ ACCURACY = (
     "object_recall_moving",
     "streaming_f1",
     "ghost_share",
-    "gospa",
     "place_error",
 )
 

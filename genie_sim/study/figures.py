@@ -344,7 +344,7 @@ class SweepFigures:
                 bar.ax.yaxis.set_minor_locator(NullLocator())
             elif self._is_share(metric):
                 bar.formatter = FuncFormatter(percent_tick)
-        title = f"Over {first} and {second}: means across seeds, darker is more"
+        title = f"Over {first} and {second}: means across seeds"
         _make_room(figure, len(metrics))
         notes = [f"at {place}"] if place else []
         if constant:

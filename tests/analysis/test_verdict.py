@@ -61,7 +61,7 @@ def test_a_sentence_says_in_what_by_how_much_and_how_sure():
         row("first_answer_mean", -340.0, -342.0, -338.0),
         row("streaming_f1", -0.02, -0.03, -0.01),
         row("ghost_share", 0.02, -0.01, 0.05),
-        row("gospa", 1.0, 0.5, 1.5),
+        row("place_error", 1.0, 0.5, 1.5),
     ]
     assert verdicts(comparison(*rows)) == [
         "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "
