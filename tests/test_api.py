@@ -344,6 +344,8 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
     with pytest.raises(gs.UserError, match="jobs: 2 processes do not know a class"):
         api._workers(2, given)
     assert api._workers(2, {"set": {}}).jobs == 2
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", __file__, raising=False)
+    assert api._workers(2, given).jobs == 2, "of a script others know it, too"
 
 
 @pytest.mark.parametrize(

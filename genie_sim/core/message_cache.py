@@ -2,7 +2,7 @@
 theirs.
 """
 
-from collections import deque
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -110,13 +110,13 @@ class Requester:
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the
     middleware tells it).
 
-    ``served`` are the topics on which the cache has already answered.
+    ``answered`` are the topics on which the cache has already answered.
     """
 
     header: Header
     neighbour: bool
     name: str | None
-    served: frozenset[str] = frozenset()
+    answered: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
@@ -132,7 +132,7 @@ class PendingRequest:
     requesters: list[Requester]
     answered: set[str]  # the topics on which an answer came
 
-    def serves(self, header: Header) -> bool:
+    def has_requester(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""
         return any(requester.header == header for requester in self.requesters)
 
@@ -150,17 +150,21 @@ class PendingIndex:
         """``identity``: what of a header counts."""
         self._by_stamp = identity == "stamp"
         self._new_keys = new_keys
-        self._by_header: dict[Hashable, PendingRequest] = {}
-        self._waiting: deque[tuple[Hashable, PendingRequest]] = deque()  # the same by deadline
+        self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline
         self._keys: dict[str, KeyIndex] = {}
         self._open: dict[tuple[str, Hashable], PendingRequest] = {}
-        self.next_deadline_ns: int | None = None  # when the oldest request expires
 
     def __len__(self) -> int:
         return len(self._by_header)
 
     def __iter__(self) -> Iterator[PendingRequest]:
         return iter(self._by_header.values())
+
+    @property
+    def next_deadline_ns(self) -> int | None:
+        """When the oldest request expires, ``None`` for never."""
+        oldest = next(iter(self._by_header.values()), None)
+        return None if oldest is None else oldest.deadline_ns
 
     def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
@@ -182,22 +186,18 @@ class PendingIndex:
         from call to call. Returns those that it pushes out: of requests without a deadline the
         oldest.
         """
-        if not self._waiting:
-            self.next_deadline_ns = pending.deadline_ns
-        identity = header.stamp_ns if self._by_stamp else header
-        self._by_header[identity] = pending
-        self._waiting.append((identity, pending))
+        self._by_header[header.stamp_ns if self._by_stamp else header] = pending
         if pending.forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
-        if pending.deadline_ns is None and len(self._waiting) > MAX_TIMELESS:
+        if pending.deadline_ns is None and len(self._by_header) > MAX_TIMELESS:
             return [self._remove_oldest()]
         return []
 
     def expire(self, now_ns: int) -> list[PendingRequest]:
         """Removes and returns the requests whose deadline has come."""
         expired = []
-        while self.next_deadline_ns is not None and self.next_deadline_ns <= now_ns:
+        while (deadline_ns := self.next_deadline_ns) is not None and deadline_ns <= now_ns:
             expired.append(self._remove_oldest())
         return expired
 
@@ -210,8 +210,6 @@ class PendingIndex:
                 self._keys[pending.topic].discard(pending.key)
 
     def _remove_oldest(self) -> PendingRequest:
-        identity, pending = self._waiting.popleft()
-        self.next_deadline_ns = self._waiting[0][1].deadline_ns if self._waiting else None
-        del self._by_header[identity]
+        _, pending = self._by_header.popitem(last=False)
         self.close(pending)
         return pending

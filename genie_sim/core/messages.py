@@ -25,7 +25,6 @@ OBJECT_BYTES = 400  # class, score, place, velocity, variance and a header of it
 # each detection class (8), score (4) and place (3 x 8).
 LOOK_BYTES = 89
 LOOK_DETECTION_BYTES = 36
-SHARED = "shared"  # the source of what an edge tells of others' looks
 
 
 class CameraPose(NamedTuple):
@@ -53,6 +52,18 @@ class Message(Protocol):
 
     @property
     def size_bytes(self) -> int: ...
+
+
+class Request(Message, Protocol):
+    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is
+    unknown.
+    """
+
+    @property
+    def pose(self) -> CameraPose | None: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
 
 
 class Answer(Message, Protocol):
@@ -84,7 +95,7 @@ class Answer(Message, Protocol):
 
     def with_look(self, look: "Look | None", valid_ns: int | None) -> Self: ...
 
-    def served(self, source: str, by: str, header: Header | None = None) -> Self: ...
+    def credited(self, source: str, by: str, header: Header | None = None) -> Self: ...
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -119,27 +130,6 @@ class Image:
     content: Any = None
 
 
-class Motion(NamedTuple):
-    """What a map that tracks knows besides an object's place.
-
-    Parameters
-    ----------
-    velocity_mps : tuple of float
-        East and north, in metres a second.
-    sigma_m : float
-        How uncertain the place is: a standard deviation in metres.
-    existence : float
-        How likely the object exists, from 0 to 1.
-    seen : Header
-        The frame in which it was seen last.
-    """
-
-    velocity_mps: tuple[float, float]
-    sigma_m: float
-    existence: float
-    seen: Header
-
-
 @dataclass(slots=True, unsafe_hash=True)
 class Detection:
     """One object found in an image.
@@ -160,11 +150,11 @@ class Detection:
         The object map's, from 0 to 1; equal to the score until a map has seen the object.
     placed_by : str
         How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
-    motion : Motion or None
-        What a map that tracks knows of it; ``None`` unless it comes from one.
+    motion : object or None
+        What a map beyond the paper's adds (``tracks.track.Motion``); no rule of the paper reads it.
     seen_in : Header or None
-        The newest frame in which a detector saw an object of a map; ``None`` for what a detector
-        found: the frame is that of the answer.
+        The newest frame in which a detector found an object of a map; ``None`` for what a detector
+        has just found: the frame is that of the answer.
     """
 
     label: str
@@ -173,7 +163,7 @@ class Detection:
     location: Location | None
     confidence: float
     placed_by: str = "unknown"
-    motion: Motion | None = None
+    motion: Any = None
     seen_in: Header | None = field(default=None, compare=False)
 
     def with_confidence(self, confidence: float) -> "Detection":
@@ -262,8 +252,7 @@ class Detections:
     objects : tuple of Detection
         What is there, as far as the sender knows.
     source : str
-        What produced it: ``detector``, ``cache`` or ``map``; ``shared`` is what an edge tells of
-        others' looks.
+        What produced it: ``detector``, ``cache`` or ``map``, or a word of a method's own.
     served_by : str
         The node that gave it, such as ``car1/genie``; empty until one has.
     look : Look or None
@@ -307,52 +296,24 @@ class Detections:
         return newest_look_ns(self.objects, newest_ns)
 
     def restamped(self, header: Header) -> "Detections":
-        return Detections(
-            header=header,
-            objects=self.objects,
-            source=self.source,
-            served_by=self.served_by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in or self.header,
-        )
+        """The answer under another header."""
+        return replace(self, header=header, seen_in=self.seen_in or self.header)
 
     def with_objects(self, objects: Sequence[Detection]) -> "Detections":
-        return Detections(
-            header=self.header,
-            objects=tuple(objects),
-            source=self.source,
-            served_by=self.served_by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in,
-        )
+        """The answer with other objects."""
+        return replace(self, objects=tuple(objects))
 
     def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
         """The answer with this look and the instant for which it holds, or without."""
-        return Detections(
-            header=self.header,
-            objects=self.objects,
-            source=self.source,
-            served_by=self.served_by,
-            look=look,
-            valid_ns=valid_ns,
-            seen_in=self.seen_in,
-        )
+        return replace(self, look=look, valid_ns=valid_ns)
 
-    def served(self, source: str, by: str, header: Header | None = None) -> "Detections":
+    def credited(self, source: str, by: str, header: Header | None = None) -> "Detections":
         """The answer as a node gives it, under another ``header`` if one is given. One out of an
         object map stays that, even when a cache replays it: it was never a detection.
         """
-        return Detections(
-            header=self.header if header is None else header,
-            objects=self.objects,
-            source="map" if self.source == "map" else source,
-            served_by=by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in or self.header,
-        )
+        answer = self if header is None else self.restamped(header)
+        source = "map" if self.source == "map" else source
+        return replace(answer, source=source, served_by=by, seen_in=self.seen_in or self.header)
 
 
 def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int | None:
@@ -378,7 +339,12 @@ class Publish:
 
 
 @dataclass(slots=True)
-class ImageLookup:
+class Observation:
+    """Effect: what a node tells the log. A method may have further kinds."""
+
+
+@dataclass(slots=True)
+class ImageLookup(Observation):
     """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``;
     ``requester`` is ``client`` (its own network) or ``neighbour`` (another Genie on the edge
     network).
@@ -421,7 +387,7 @@ class MapChange(NamedTuple):
 
 
 @dataclass(slots=True)
-class ObjectLookups:
+class ObjectLookups(Observation):
     """The object map was asked ``requests`` times for one message.
 
     ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` counts the
@@ -443,14 +409,14 @@ class ObjectLookups:
 
 
 @dataclass(slots=True)
-class Expired:
+class Expired(Observation):
     """A client's request was forgotten before anybody answered it."""
 
     header: Header
 
 
 @dataclass(slots=True)
-class Forgotten:
+class Forgotten(Observation):
     """Objects that the map holds no longer, because nobody has seen them for long enough; each as
     it was last.
     """
@@ -458,32 +424,4 @@ class Forgotten:
     objects: tuple[MapChange, ...]
 
 
-@dataclass(slots=True)
-class LookEvent:
-    """What became of a frame as a look: a detector's pass over it.
-
-    ``way`` is ``own`` (the car's detector) or ``edge``. ``outcome`` is ``sent``, ``answered``,
-    ``stale`` (answered too late to count), ``overtaken`` (a later frame was answered first, so this
-    one is given up), ``timed_out`` (given up, too) or ``late`` (answered after it was given up).
-    ``gap_ns``, of one that is sent: the time since the frame of its view that went up before.
-    """
-
-    header: Header
-    way: str
-    outcome: str
-    gap_ns: int | None = None
-
-
-@dataclass(slots=True)
-class NewestLook:
-    """Of a frame that is answered out of the map: the stamp of the newest frame of its view that a
-    detector has looked at, ``None`` before the first.
-    """
-
-    header: Header
-    stamp_ns: int | None
-
-
-# for the log
-Observation = ImageLookup | ObjectLookups | Expired | Forgotten | LookEvent | NewestLook
 Effect = Publish | Observation

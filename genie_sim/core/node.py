@@ -24,7 +24,7 @@ Algorithm 1 as the paper numbers them, which gives lines with ``end`` no number.
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from genie_sim.core.message_cache import (
     Answers,
@@ -35,7 +35,6 @@ from genie_sim.core.message_cache import (
 )
 from genie_sim.core.messages import (
     Answer,
-    CameraPose,
     Detection,
     Effect,
     Expired,
@@ -43,25 +42,16 @@ from genie_sim.core.messages import (
     Header,
     ImageLookup,
     MapChange,
-    Message,
     Observation,
     Publish,
+    Request,
 )
 from genie_sim.core.object_map import ObjectMap
 from genie_sim.core.rules import GenieRules
 from genie_sim.core.similarity import KeyIndex
 
-
-class Request(Message, Protocol):
-    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is
-    unknown.
-    """
-
-    @property
-    def pose(self) -> CameraPose | None: ...
-
-    @property
-    def horizontal_fov_rad(self) -> float: ...
+SUFFIXES = "-local", "-remote"  # towards the node, and towards other Genies
+MakeAnswer = Callable[[Header, tuple[Detection, ...]], Answer]
 
 
 class Arrival(NamedTuple):
@@ -82,7 +72,7 @@ class GenieNode:
     subscribed, published : sequence of str
         The encapsulated node's own topics, T_S and T_P.
     rules : GenieRules
-        The settings, as ``genies.make_genie`` has adapted them to the Genie's role.
+        The settings, as they are in the Genie's role (``core.genies``).
     key : callable
         Gives a request its similarity key.
     new_keys : callable
@@ -97,7 +87,7 @@ class GenieNode:
     suffixes : tuple of str
         What is affixed to the topics of the node and of other Genies (Section III-C).
     names_changes : bool
-        Whether facts about the object map name the objects that changed.
+        Whether observations of the object map name the objects that changed.
     """
 
     def __init__(
@@ -111,8 +101,8 @@ class GenieNode:
         new_keys: Callable[[], KeyIndex],
         new_cache: Callable[[], MessageCache],
         object_map: ObjectMap | None,
-        map_answer: Callable[[Header, tuple[Detection, ...]], Answer] | None = None,
-        suffixes: tuple[str, str] = ("-local", "-remote"),
+        map_answer: MakeAnswer | None = None,
+        suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
         self.name = name
@@ -190,7 +180,7 @@ class GenieNode:
         if len(answers) < len(self._published):  # the node may still answer on other topics
             pending = self._pending.by_key(name, key)
             if pending is not None:
-                pending.requesters.append(replace(requester, served=frozenset(answers)))
+                pending.requesters.append(replace(requester, answered=frozenset(answers)))
         return effects + self._on_hit(message, requester, answers)
 
     def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
@@ -238,7 +228,9 @@ class GenieNode:
         equal = None
         if is_run and rules.same_key_pending == "coalesce":
             equal = pending_requests.joinable(topic, key)
-        if pending_requests.by_header(header) is not None or (equal and equal.serves(header)):
+        if pending_requests.by_header(header) is not None or (
+            equal and equal.has_requester(header)
+        ):
             return []  # this very request came before, over another way
         effects = [self._image_lookup(requester, "coalesced" if equal else "miss")]
         if equal is not None:
@@ -271,7 +263,7 @@ class GenieNode:
                     effects.append(lookups)
                 if not requester.neighbour or rules.share_filter == "confident":
                     reply = objects.confident(reply)
-            replay = reply.served("cache", self.name, header)
+            replay = reply.credited("cache", self.name, header)
             effects.append(self._publication(topic, replay, requester))  # line 19
         return effects
 
@@ -349,7 +341,7 @@ class GenieNode:
         if len(pending.answered) == len(self._published):
             self._pending.close(pending)
         for requester in pending.requesters:
-            if topic in requester.served:
+            if topic in requester.answered:
                 continue
             if requester.neighbour:
                 if requester.header == broadcast:
@@ -376,7 +368,7 @@ class GenieNode:
         answer = self._map_answer(
             request.header, tuple(stored.as_detection() for stored in in_view)
         )
-        return [Publish(topic, answer.served("map", self.name)) for topic in self._published]
+        return [Publish(topic, answer.credited("map", self.name)) for topic in self._published]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:
         """The answer on the topic on which the requester listens."""
@@ -403,5 +395,5 @@ def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
     for pending in requests:
         if not pending.answered:
             for requester in pending.requesters:
-                if not requester.neighbour and not requester.served:
+                if not requester.neighbour and not requester.answered:
                     yield Expired(requester.header)

@@ -21,9 +21,6 @@ from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.view import ViewSector
 
-# With ``confidence_source: origins`` a car's sightings of an object count once in this time.
-ORIGIN_NS = 1_000_000_000
-
 
 class ObjectMap:
     """Location -> objects, in metres of one east-north-up frame.
@@ -50,12 +47,11 @@ class ObjectMap:
         self._places: PlaceIndex[StoredObject] = PlaceIndex(view_cell_m, rules.gate_m)
         self._same_location = SameLocation() if rules.location_key == "exact" else None
         self._any_class = rules.one_per_location
-        self._counts_origins = rules.confidence_source == "origins"
         self._count = 0
         self._next_number = 0  # of an object
         self._forget_after_ns = rules.forget_after_ns
         # where objects are forgotten: when each was seen last, the longest ago first
-        self._seen_ns: OrderedDict[StoredObject, int] = OrderedDict()
+        self._last_ns: OrderedDict[StoredObject, int] = OrderedDict()
 
     def __len__(self) -> int:
         return self._count
@@ -76,54 +72,43 @@ class ObjectMap:
         """
         if answer.objects is None:  # line 2
             return answer, None
-        header = answer.header if answer.source == "detector" else None
-        looked_at = answer.seen_in or answer.header
+        looked_in = answer.seen_in or answer.header
         objects: list[Detection] = []
         changes: list[MapChange] = []
         lookups = ObjectLookups(answer.header, "sighting", 0, 0, 0, 0.0, 0)
         threshold = self.threshold
-        for seen in answer.objects:  # line 3
-            if seen.location is not None:
-                from_map = seen.placed_by == "map"
-                before, stored = self.sight(  # lines 4 to 7
-                    seen, now_ns, None if from_map else header
-                )
-                stored.set_seen(seen.seen_in if from_map else looked_at)
+        for sighting in answer.objects:  # line 3
+            if sighting.location is not None:
+                from_map = sighting.placed_by == "map"
+                before, stored = self.sight(sighting, now_ns)  # lines 4 to 7
+                stored.note_frame(sighting.seen_in if from_map else looked_in)
                 lookups.requests += 1
                 if before is not None:
                     lookups.hits += before >= threshold
                     lookups.updates += 1
                     lookups.boost_sum += stored.confidence - before
-                    seen = seen.with_confidence(stored.confidence)
+                    sighting = sighting.with_confidence(stored.confidence)
                 if names_changes:
                     changes.append(MapChange.of(stored))
-            objects.append(seen)
+            objects.append(sighting)
         lookups.changes, lookups.objects = tuple(changes), len(self)
         return answer.with_objects(objects), lookups
 
-    def sight(
-        self, seen: Detection, now_ns: int = 0, header: Header | None = None
-    ) -> tuple[float | None, StoredObject]:
-        """Lines 4 to 7: boosts the stored object that ``seen`` shows, or adds it.
-
-        ``header`` is that of the frame in which a detector saw it, ``None`` if the object comes out
-        of a map or cache. Returns the confidence before (``None`` for a new object) and the stored
-        object.
+    def sight(self, sighting: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
+        """Lines 4 to 7: boosts the stored object that ``seen`` shows, or adds it. Returns the
+        confidence before (``None`` for a new object) and the stored object.
         """
-        assert seen.location is not None
-        stored = self.match(seen.label, seen.location)  # line 4
+        assert sighting.location is not None
+        stored = self.match(sighting.label, sighting.location)  # line 4
         if stored is None:
-            return None, self._add(seen, seen.location, now_ns, header)  # line 7
+            return None, self._add(sighting, sighting.location, now_ns)  # line 7
         if self._forget_after_ns is not None:
-            self._seen_ns[stored] = now_ns
-            self._seen_ns.move_to_end(stored)
+            self._last_ns[stored] = now_ns
+            self._last_ns.move_to_end(stored)
         before = stored.confidence
-        if not self._counts_origins or (
-            header is not None and counts_again(stored.counted_ns, header)
-        ):
-            after = self._boosted_confidence(before, seen.confidence, self._rate)  # line 5
-            stored.set_confidence(after)
-            self._threshold.changed(before, after)
+        after = self._boosted_confidence(before, sighting.confidence, self._rate)  # line 5
+        stored.set_confidence(after)
+        self._threshold.changed(before, after)
         return before, stored
 
     def enhanced_cache_boost_data(
@@ -170,9 +155,9 @@ class ObjectMap:
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects that nobody has seen for ``forget_after``."""
         forgotten: list[StoredObject] = []
-        while self._seen_ns and self._forget_after_ns is not None:
-            stored, seen_ns = next(iter(self._seen_ns.items()))
-            if seen_ns + self._forget_after_ns > now_ns:
+        while self._last_ns and self._forget_after_ns is not None:
+            stored, last_ns = next(iter(self._last_ns.items()))
+            if last_ns + self._forget_after_ns > now_ns:
                 break
             forgotten.append(stored)
             self._remove(stored)
@@ -206,24 +191,20 @@ class ObjectMap:
         threshold = self.threshold
         return [stored for stored in in_sector if stored.confidence >= threshold]
 
-    def _add(
-        self, seen: Detection, location: Location, now_ns: int, header: Header | None
-    ) -> StoredObject:
-        stored = StoredObject(self._next_number, seen, location)
+    def _add(self, sighting: Detection, location: Location, now_ns: int) -> StoredObject:
+        stored = StoredObject(self._next_number, sighting, location)
         if self._forget_after_ns is not None:
-            self._seen_ns[stored] = now_ns
-        if self._counts_origins:
-            stored.counted_ns = {} if header is None else {header.origin: header.stamp_ns}
+            self._last_ns[stored] = now_ns
         self._count += 1
         self._next_number += 1
         self._places.add(stored, stored.label, location[0], location[1])
         if self._same_location is not None:
             self._same_location.add(stored)
-        self._threshold.added(stored.score, stored.confidence)
+        self._threshold.added(stored.confidence)
         return stored
 
     def _remove(self, stored: StoredObject) -> None:
-        del self._seen_ns[stored]
+        del self._last_ns[stored]
         self._places.remove(stored, stored.label, stored.location[0], stored.location[1])
         if self._same_location is not None:
             self._same_location.remove(stored)
@@ -255,14 +236,3 @@ class SameLocation:
     def at(self, location: Location) -> list[StoredObject]:
         """Every object, of any class, at a location."""
         return list(self._objects.get(location, ()))
-
-
-def counts_again(counted_ns: dict[str, int], header: Header) -> bool:
-    """Whether a sighting in the frame with this header counts although its car's earlier ones did:
-    after a second. ``counted_ns`` has the stamp of the last one that counted, by car.
-    """
-    last_ns = counted_ns.get(header.origin)
-    if last_ns is not None and header.stamp_ns - last_ns < ORIGIN_NS:
-        return False
-    counted_ns[header.origin] = header.stamp_ns
-    return True

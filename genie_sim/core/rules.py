@@ -71,17 +71,9 @@ class ObjectMapRules:
     rate: Share = 0.1
     """λ of Algorithm 2, the rate of the confidence rule."""
 
-    threshold: Annotated[
-        Share | Literal["range_60", "empirical"] | Percentile,
-        OneOf("a number from 0 to 1, {percentile: N}"),
-    ] = 0.60
-    """C_T, above which objects are shared and served. The paper's 60 % may be read as a number, as
-    that share of the range of first scores (`range_60`), as their 60th percentile (`empirical`), or
+    threshold: Annotated[Share | Percentile, OneOf("a number from 0 to 1, {percentile: N}")] = 0.60
+    """C_T, above which objects are shared and served. The paper's 60 % may be read as a number, or
     as a percentile of the confidences stored now."""
-
-    confidence_source: Literal["sightings", "origins"] = "sightings"
-    """Whether echoes of a car's own detections, in answers of others, count as sightings. With
-    `origins` only what a detector found counts, and of each car at most once a second."""
 
     forget_after_ns: Annotated[int, Bounds(above=0)] | None = None
     """After this time without a sighting the map forgets an object; `null`: never, as in the
@@ -221,6 +213,11 @@ class GenieRules:
         if self.eviction in ("fifo", "lru", "lfu") and self.ttl_ns is not None:
             text = f"has no effect with eviction {self.eviction!r}; write 'eviction: ttl'"
             raise SettingError("ttl", text)
+
+    @property
+    def capacity_on_car(self) -> Capacity | None:
+        """The capacity of a Genie on a car."""
+        return self.capacity if self.car_capacity is None else self.car_capacity
 
     @classmethod
     def expand(cls, value: object) -> object:

@@ -24,7 +24,7 @@ class Crash(Fault):
 
     def strike(self, network: Network) -> Strike:
         where = f"{self.target}:{self.dropped_by}"
-        network.take_down(self.target, self.dropped_by)
+        network.cut(self.target, self.dropped_by)
         network.void(self.target, where, keeps_memory=self.memory == "warm")
         for processor in network.processors(self.target):
             processor.stall()
@@ -33,4 +33,4 @@ class Crash(Fault):
         network.void(self.target, where, keeps_memory=True)
         for processor in network.processors(self.target):
             processor.go_on()
-        network.put_up(self.target, self.dropped_by)
+        network.restore(self.target, self.dropped_by)

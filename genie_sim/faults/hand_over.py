@@ -38,7 +38,7 @@ class HandOver(Fault):
         return f"{self.target}:hand_over"
 
     def strike(self, network: Network) -> Strike:
-        uplink = network.uplinks.get(self.target)
+        uplink = network.connections.get(self.target)
         if uplink is not None:  # else nothing of the car goes to any edge
             uplink.leave(self.dropped_by)
         yield

@@ -21,6 +21,6 @@ class Outage(Fault):
     dropped_by = "outage"
 
     def strike(self, network: Network) -> Strike:
-        network.take_down(self.target, self.dropped_by)
+        network.cut(self.target, self.dropped_by)
         yield
-        network.put_up(self.target, self.dropped_by)
+        network.restore(self.target, self.dropped_by)

@@ -132,4 +132,4 @@ class OracleInterceptor(LocalAndRemote):
                 lookup,
                 *(Publish(self._images + suffix, message) for suffix in (LOCAL, REMOTE)),
             ]
-        return [lookup, Publish(self._objects, right.served("cache", self.name, message.header))]
+        return [lookup, Publish(self._objects, right.credited("cache", self.name, message.header))]

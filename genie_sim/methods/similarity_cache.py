@@ -9,7 +9,6 @@ from typing import Literal
 
 from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.genies import make_genie
 from genie_sim.core.message_cache import Answers, MessageCache
 from genie_sim.core.messages import Answer, CameraPose, Detection
 from genie_sim.core.node import GenieNode
@@ -88,10 +87,10 @@ class SimilarityCache(MessageCache):
         """The objects of answers to a request from ``pose``, in places that are comparable between
         requests.
         """
-        there = ORIGIN if self._replay == "world" else pose
+        viewpoint = ORIGIN if self._replay == "world" else pose
         places: list[Placed] = []
         for answer in answers:
-            places += placed(moved(answer, there, ORIGIN).objects or ())
+            places += placed(moved(answer, viewpoint, ORIGIN).objects or ())
         return answer_objects(tuple(places))
 
     def stored_objects(self, key: FeatureKey) -> "AnswerObjects":
@@ -108,8 +107,8 @@ class SimilarityCache(MessageCache):
 
 
 class AnswerObjects:
-    """What is in an answer; equal to itself only, so that a comparison made before is quickly found
-    again.
+    """The objects of an answer; equal to itself only, so that results of comparisons can be
+    cached.
     """
 
     __slots__ = ("placed",)
@@ -123,7 +122,7 @@ answer_objects = functools.lru_cache(maxsize=4096)(AnswerObjects)
 
 
 @functools.lru_cache(maxsize=4096)
-def same(objects: AnswerObjects, others: AnswerObjects) -> bool:
+def are_same(objects: AnswerObjects, others: AnswerObjects) -> bool:
     """Whether two answers are taken for the same."""
     return f1(objects.placed, others.placed) >= SAME_F1
 
@@ -157,11 +156,14 @@ def stores_nothing() -> MessageCache:
 
 
 def cache_rules(rules: GenieRules, *, share_requests: bool) -> GenieRules:
-    """The settings of a node with a cache alone: an answer goes to those who asked for it, and it
-    stores all that it gets. Misses go to the detector, and to ``-remote`` if ``share_requests``.
+    """The settings of a node with a cache alone, on cars and edges alike: an answer goes to those
+    who asked for it, when it is there, and all answers are stored. Misses go to the detector, and
+    to ``-remote`` if ``share_requests``.
     """
     return replace(
         rules,
+        miss_policy="blocking",
+        car_learns="all",
         share_answers="on_request",
         share_requests=share_requests,
         header_identity="stamp_frame_origin",
@@ -194,7 +196,9 @@ class SimilarityCaching(Method):
             return HostConfig(detector=True)
         return HostConfig(
             detector=True,
-            interceptor=partial(self._node, host, on_edge=False, forwards_misses=host.has_edge),
+            interceptor=partial(
+                self._node, host, host.genie.capacity_on_car, forwards_misses=host.has_edge
+            ),
             uplink=REMOTE_UPLINK if host.has_edge else None,
             key=self.feature,
         )
@@ -202,32 +206,27 @@ class SimilarityCaching(Method):
     def on_edge(self, host: HostContext) -> HostConfig:
         if not host.gets_images:
             return HostConfig()
-        node = partial(self._node, host, on_edge=True, forwards_misses=False)
+        node = partial(self._node, host, host.rules.capacity, forwards_misses=False)
         return HostConfig(detector=True, interceptor=node)
 
     def _node(
         self,
         host: HostContext,
+        capacity: Capacity | None,
         subscribed: tuple[str, ...],
         published: tuple[str, ...],
         *,
-        on_edge: bool,
         forwards_misses: bool,
     ) -> GenieNode:
         """A node with a new cache; ``forwards_misses``: they go to ``-remote``, too."""
-        rules = host.genie
-        assert rules is not None
-        own_capacity = not on_edge and rules.car_capacity is not None
-        cache = self.cache(host, rules.car_capacity if own_capacity else rules.capacity)
-        return make_genie(
-            cache_rules(rules, share_requests=forwards_misses),
+        cache = self.cache(host, capacity)
+        return GenieNode(
             f"{host.name}/cache",
             subscribed,
             published,
-            on_edge=True,
-            miss_policy="blocking",
+            cache_rules(host.rules, share_requests=forwards_misses),
             key=key_of(self.feature),
-            new_cache=lambda: cache,
             new_keys=lambda: Nearest(lambda: cache.reach),
+            new_cache=lambda: cache,
             object_map=None,
         )

@@ -34,12 +34,10 @@ ABOUT_ACCURACY = (
     "detector's own answer without any delay."
 )
 ACCURACY = (
-    "object_precision",
     "object_recall_static",
     "object_recall_moving",
     "streaming_f1",
     "ghost_share",
-    "place_error",
 )
 
 

@@ -15,7 +15,8 @@ from typing import Annotated, Literal
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import Bounds, Count, Share
 from genie_sim.core.messages import Detections
-from genie_sim.recommended.paced_genie import MakeAnswer, PacedGenie
+from genie_sim.core.node import MakeAnswer
+from genie_sim.recommended.paced_genie import PacedGenie
 from genie_sim.recommended.pacing import Pacer
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules
 from genie_sim.recommended.sharing import SharingGenie
@@ -55,10 +56,6 @@ class Recommended(Method):
     only one frame is on its way; with each such answer in a row the gap between looks grows: to
     this time, then twice as long each time, up to 10 s."""
 
-    own: Literal["all", "free", "rest"] = "all"
-    """Which frames go to the car's own detector, whose queue keeps the newest: all, those that come
-    while it is free, or those that do not go up."""
-
     view_range_m: Annotated[float, Bounds(above=0)] = 50.0
     """Answers out of the map look this far."""
 
@@ -69,7 +66,7 @@ class Recommended(Method):
     """The map serves what exists with at least this probability."""
 
     tau_ns: int = 100_000_000
-    """Looks within this time are no independent evidence; 0 counts every look whole."""
+    """Looks within this time are no independent evidence; 0 weighs every look in full."""
 
     measured: bool = True
     """Whether detection probability and score distributions are those that were measured for the
@@ -146,9 +143,8 @@ class Recommended(Method):
             subscribed,
             published,
             pacer=pacer if has_edge else None,
-            own=self.own,
             object_map=object_map,
-            shared=None if sharing is None else SharedTracks(sharing, object_map.contradicts),
+            shared=None if sharing is None else SharedTracks(sharing, object_map),
             map_answer=map_answer,
             suffixes=suffixes,
             names_changes=names_changes,

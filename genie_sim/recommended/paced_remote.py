@@ -63,7 +63,7 @@ class PacedSender(LocalAndRemote):
             expired += [Expired(loss.header) for loss in arrival.lost]
             return [*expired, Publish(self._objects, message)]
         assert isinstance(message, Image)
-        if not self._pacer.sends(message.header, message.pose.heading_rad, now_ns):
+        if self._pacer.dispatch(message.header, message.pose.heading_rad, now_ns) is None:
             return [*expired, Expired(message.header)]
         return [*expired, Publish(self._images + REMOTE, message)]
 

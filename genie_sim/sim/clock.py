@@ -20,7 +20,7 @@ Steps = Generator[simpy.Event, Any, None]  # what a process does
 class Clock(simpy.Environment):
     """The time of a run: ``now`` is in whole nanoseconds since its start.
 
-    Where time ``is_traced``, every frame is followed, which changes nothing else: ``path`` is the
+    Where time ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
     last span of the path of the message that is handled now. A process that has one in hand waits
     with ``wait``, which continues its path, or takes it out of a queue with ``waited``. A span
     begins where the one before it ends, so the spans of an answer add up to its response time.
@@ -28,11 +28,11 @@ class Clock(simpy.Environment):
     ``in_flight`` is how many calls are due that carry a message on.
     """
 
-    def __init__(self, *, is_traced: bool = False) -> None:
+    def __init__(self, *, keeps_paths: bool = False) -> None:
         super().__init__()
         self.path: Span | None = None
         self.in_flight = 0
-        self._is_traced = is_traced
+        self._is_traced = keeps_paths
 
     if TYPE_CHECKING:
 

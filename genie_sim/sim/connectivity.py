@@ -3,7 +3,7 @@ run ends before it begins.
 """
 
 from genie_sim.base.errors import UserError
-from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, Uplink
+from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, UplinkTopics
 from genie_sim.sim.ros_graph import Graph
 
 
@@ -47,7 +47,9 @@ def _topics(graph: Graph) -> tuple[set[str], set[str]]:
     return subscribed, published
 
 
-def _check_uplink(car: str, uplink: Uplink, subscribed: set[str], published: set[str]) -> None:
+def _check_uplink(
+    car: str, uplink: UplinkTopics, subscribed: set[str], published: set[str]
+) -> None:
     if uplink.up != IMAGES and uplink.up not in published:
         raise UserError(
             f"frames of {car} do not go up: its uplink takes {uplink.up}, which nothing there "

@@ -1,6 +1,8 @@
 """Faults: what goes wrong in a run, and when.
 
 A fault is a generator: what stands before its ``yield`` begins it, what stands after it ends it.
+To add one, write a class like ``Fault``, put it into a file of ``genie_sim/faults`` and name it in
+``FAULTS`` (or in a scenario as ``package.module:Class``).
 """
 
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
@@ -14,6 +16,18 @@ from genie_sim.sim.settings import ALL
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
 
+# Each fault by its name in a scenario.
+FAULTS: dict[str, str] = {
+    "outage": "genie_sim.faults.outage:Outage",
+    "hand_over": "genie_sim.faults.hand_over:HandOver",
+    "crash": "genie_sim.faults.crash:Crash",
+    "stall": "genie_sim.faults.stall:Stall",
+    "slow": "genie_sim.faults.slow:Slow",
+    "partition": "genie_sim.faults.partition:Partition",
+    "gnss": "genie_sim.faults.gnss:Gnss",
+    "camera": "genie_sim.faults.camera:CameraFault",
+}
+FAULT_PARTS = ("strike",)
 Problem = tuple[int, str, str]  # the fault's index, the field, and what is wrong with it
 Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the fault's end
 
@@ -21,8 +35,8 @@ Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the
 class Fault:
     """The base of all faults. A class of your own has arguments, which are its settings.
 
-    ``dropped_by`` stands in the ``drop`` column of the frames that it loses; ``duration_ns`` is how
-    long it takes if nothing else says so, ``None`` for good.
+    ``dropped_by`` stands in the ``drop`` column of the frames that it loses, if any.
+    ``duration_ns`` is how long it takes if nothing else says so, ``None`` for good.
     """
 
     target: str | tuple[str, ...]

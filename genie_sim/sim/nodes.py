@@ -130,17 +130,13 @@ class InterceptorNode(Node):
             self._timer_set = True
             self.clock.process(self._watch_deadlines(self.clock.path))
 
-    def void(self, where: str) -> None:
-        super().void(where)
+    def forget(self, where: str) -> None:
         for record in self.pure.on_void():
             if isinstance(record, Expired):
                 self.graph.dropped(Detections(record.header, ()), where)
             else:
                 self._observe(self.name, record, self.clock.now)
         self.pure = self._make()
-
-    def void_work(self, where: str) -> None:
-        super().void(where)
 
     def _carry_out(self, effects: list[Effect]) -> None:
         path = self.clock.path

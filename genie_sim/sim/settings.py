@@ -62,15 +62,6 @@ FOUR_CAMERAS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Admission:
-    """Which pictures an edge's detector takes in."""
-
-    deadline_ns: Annotated[int, Bounds(above=0)]
-    """A picture is refused if, by mean times and what waits when it arrives, its detection would
-    end later than this after it was taken."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Serving:
     """How an edge's detector serves pictures: as the dynamic batcher of an inference server."""
 
@@ -84,13 +75,6 @@ class Serving:
     queue: Literal["shared", "per_camera"] = "shared"
     """Where pictures wait: all in one queue of `queue_length`, or each camera's in one of its
     own."""
-
-    order: Literal["fifo", "edf"] = "fifo"
-    """Which pictures come first: those that arrived first, or, with the earliest deadline first,
-    those that were taken first."""
-
-    admit: Admission | None = None
-    """Refuses pictures that would be late; by default none are."""
 
 
 @dataclass(frozen=True)

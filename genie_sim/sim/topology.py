@@ -30,7 +30,7 @@ class EdgeServer(Subscriber):
         self.target: Graph | Coder = graph  # takes what comes over links
         self.address = f"{self.name}/cars"
         self.bridge_to: dict[str, Bridge] = {}  # by the car
-        graph.bridge(OBJECTS, self)
+        graph.add_bridge(OBJECTS, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         bridge = self.bridge_to.get(message.header.origin)
@@ -110,4 +110,4 @@ def join_edges(
                     codec=network.codec,
                     border=network.border(name, neighbour.graph.name),
                 )
-                edges[name].graph.bridge(topic, bridge)
+                edges[name].graph.add_bridge(topic, bridge)

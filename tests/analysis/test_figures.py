@@ -16,11 +16,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from genie_sim.analysis import figures, metrics, style
 from genie_sim.analysis.breakdown import parts_of, time_parts
 from genie_sim.cli.main import main
-from genie_sim.methods import METHODS as METHOD_CLASSES
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 from genie_sim.record.tables import Table
+from genie_sim.sim.method import METHODS as METHOD_CLASSES
 from tests import made_up_run
 from tests.drawn_text import faults
 from tests.made_up_run import METHODS

@@ -24,7 +24,7 @@ from genie_sim.scenario.checks import MAX_DAYS, check_time
 from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY
 
-SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
 
 
 @pytest.fixture(scope="module")
@@ -395,14 +395,20 @@ def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys)
     assert Path("mine.yaml").read_bytes() == before
 
 
-def test_a_comparison_leaves_the_tables_of_others_alone(capsys):
-    settings = SHORT | {"methods": ["local", "genie"]}
-    folder = gs.run("street_1car_homo", settings, out="results", report=False).folder
+def test_a_comparison_leaves_the_tables_of_others_alone(folder, capsys):
     Path("out").mkdir()
     Path("out/table.csv").write_text("what,who\nmine,me\n")
     assert main(["compare", str(folder), "--out", "out"]) == 1
     assert "out/table.csv: is there already" in capsys.readouterr().err
     assert Path("out/table.csv").read_text() == "what,who\nmine,me\n"
+
+
+@pytest.mark.parametrize("format", ["csv", "markdown"])
+def test_a_table_for_a_program_stands_alone_on_the_screen(format, folder, monkeypatch, capsys):
+    monkeypatch.setattr("genie_sim.report.comparison.figures", lambda *_: {})
+    assert main(["compare", str(folder), "--format", format, "--out", "compared"]) == 0
+    said = capsys.readouterr()
+    assert ("Report: " in said.err) == (format == "csv") != ("Report: " in said.out)
 
 
 @pytest.mark.parametrize("label", ["", "another"])

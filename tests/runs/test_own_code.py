@@ -23,9 +23,9 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import main
-from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
+from genie_sim.sim.method import METHODS
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
