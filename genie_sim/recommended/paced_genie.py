@@ -24,7 +24,7 @@ class PacedGenie(TrackingGenie):
 
     Parameters
     ----------
-    name, subscribed, published, object_map, names_changes
+    name, inputs, outputs, object_map, names_changes
         As those of ``TrackingGenie``.
     pacer : Pacer
         Decides what goes up; ``None`` on a car without an edge.
@@ -39,8 +39,8 @@ class PacedGenie(TrackingGenie):
     def __init__(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         *,
         pacer: Pacer | None,
         object_map: TrackMap,
@@ -49,9 +49,7 @@ class PacedGenie(TrackingGenie):
         suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
-        super().__init__(
-            name, subscribed, published, object_map=object_map, names_changes=names_changes
-        )
+        super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
         self._shared = shared
         self._pacer = pacer
         self._map_answer = map_answer
@@ -105,13 +103,13 @@ class PacedGenie(TrackingGenie):
         effects.append(Publish(self._to_node, frame))  # whose queue keeps the newest
         return effects
 
-    def _on_answer(self, answer: Answer, own: bool, now_ns: int) -> list[Effect]:
+    def _on_answer(self, answer: Answer, is_own: bool, now_ns: int) -> list[Effect]:
         """A detector looked at one of the frames: the map learns it, and the answer to that frame
         is published once more, with what the map then shows.
         """
         effects: list[Effect] = []
         is_in_time = True
-        if own or self._pacer is None:
+        if is_own or self._pacer is None:
             effects.append(LookEvent(answer.header, "own", "answered"))
         else:
             arrival = self._pacer.answered(answer.header, now_ns)
@@ -122,7 +120,7 @@ class PacedGenie(TrackingGenie):
                 LookEvent(answer.header, "edge", outcome if arrival.is_awaited else "late")
             )
         viewer = self._viewers.get(answer.header)
-        if viewer is None and own:  # nobody knows where the camera was: the answer itself counts
+        if viewer is None and is_own:  # nobody knows where the camera was: the answer itself counts
             return [*effects, Publish(self._objects, answer)]
         if viewer is None or not is_in_time:
             return effects

@@ -68,9 +68,9 @@ class ImageCodec:
             if frame is None:  # a position
                 return message
             change = getattr(content, "change", None)  # a fault of the camera
-            found = frame.detections
+            detections = frame.detections
             content = EncodedContent(
-                detections=found if change is None else change(found),
+                detections=detections if change is None else change(detections),
                 encoded_bytes=min(frame.size_bytes, message.size_bytes),
                 raw_bytes=message.size_bytes,
                 features=getattr(content, "features", {}),

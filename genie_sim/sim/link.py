@@ -307,11 +307,11 @@ class Bridge(Subscriber):
         if self._codec is not None:
             message = self._codec.encoded(message)
         if self._border is not None and self._border.at_source:
-            bent = self._border.leave(message)
-            if isinstance(bent, str):
-                self.link.lose(message, f"{self.link.name}:{bent}")
+            outcome = self._border.leave(message)
+            if isinstance(outcome, str):
+                self.link.lose(message, f"{self.link.name}:{outcome}")
                 return
-            message = bent
+            message = outcome
         flow = (self.address, self._topic, message.header.frame_id)
         arguments = (message, sender, self._connections)
         self.link.send(
@@ -324,11 +324,11 @@ class Bridge(Subscriber):
             self._lose(message)
             return
         if self._border is not None and self._border.at_destination:
-            bent = self._border.enter(message)
-            if isinstance(bent, str):
-                self.link.lose(message, f"{self.link.name}:{bent}")
+            outcome = self._border.enter(message)
+            if isinstance(outcome, str):
+                self.link.lose(message, f"{self.link.name}:{outcome}")
                 return
-            message = bent
+            message = outcome
         self._target.inject(self._topic, message, sender)
 
     def _lose(self, message: Message) -> None:

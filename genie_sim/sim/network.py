@@ -89,7 +89,7 @@ class Network:
         self._tail_times_ns = tail_times_ns
         self._bends: dict[str, list[Bend]] = defaultdict(list)  # by the host
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
-        self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+        self.outages: list[tuple[str, str]] = []  # targets that are cut off now, and by what
         self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
     def stream(self, *names: str | int) -> np.random.Generator:
