@@ -149,6 +149,7 @@ def test_a_format_that_agrees_with_the_file_is_accepted(seeds, capsys):
     ("mean", "message"),
     [
         ("45", "--mean: duration '45' has no unit"),
+        ("0 ms", "--mean: must be more than zero, but is 0 ms"),
         ("45 ms +- 5 ms", "--mean: '45 ms +- 5 ms': write --mean '45 ms' --sd '5 ms'"),
         ("45ms±5ms", "--mean: '45ms±5ms': write --mean '45ms' --sd '5ms'"),
     ],

@@ -384,6 +384,7 @@ def test_an_output_replaces_its_own_kind_and_an_empty_file(command, folder):
     Path("out.svg").touch()
     for _ in range(2):
         assert main([*OUTPUTS[command], "out.svg"]) == 0
+        assert Path("out.svg").stat().st_size > 50
 
 
 def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys):
