@@ -102,7 +102,8 @@ class SentFrame(NamedTuple):
 @dataclass(slots=True)
 class Stream:
     """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, the
-    time [ns] to it from the one before, and the frame that went up last. ``None`` before the first.
+    time [ns] to it from the one before, and the frame that went up last; ``None`` until there is
+    one.
     """
 
     stamp_ns: int
@@ -112,8 +113,8 @@ class Stream:
 
     def next_ns(self, newest: "Stream") -> float:
         """When its next frame is expected, at the time of the ``newest`` frame of its view, whose
-        interval counts where its own is not known yet. Infinity if neither is, or if the frame
-        should have been there for more than half an interval: then the camera stands still.
+        interval stands in for its own where that is unknown. Infinity if both are, or if the frame
+        is overdue by more than half an interval: then the camera stands still.
         """
         interval_ns = self.interval_ns or newest.interval_ns
         if interval_ns is None:
