@@ -137,7 +137,7 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
         "run_id": run.run_id,
         **({"label": run.label} if run.label else {}),
         "facts": run.facts,
-        "metrics": registry.words(metric.metric for metric in run.measured),
+        "metrics": registry.words((metric.metric for metric in run.measured), run.words),
         "digests": provenance.digests(folder, FILES),
         **more,
         **provenance.environment(),
@@ -163,7 +163,7 @@ def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
 
 def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
     """The run that wrote these tables."""
-    from genie_sim.analysis import metrics
+    from genie_sim.analysis import metrics, registry
 
     columns = {name: table.columns() for name, table in tables.items()}
     measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
@@ -173,6 +173,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
         yaml=as_yaml(prepared.facts["scenario"]),
         tables=columns,
         measured=measured,
+        words=registry.words_of_code(prepared.scenario.metrics),
     )
 
 
