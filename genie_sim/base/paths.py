@@ -1,10 +1,8 @@
 """Paths as users write them, and files that are complete or not there at all."""
 
 import functools
-import hashlib
 import os
 import re
-import secrets
 import signal
 import stat
 import sys
@@ -110,6 +108,8 @@ def read_bytes(path: Path) -> bytes:
 
 def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
+    import hashlib
+
     with regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -188,7 +188,7 @@ def atomic_write(path: Path, kind: OutputKind | None = None) -> Iterator[Path]:
             )
         if kind is not None:
             kind.check(path)
-        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
+        beside = path.with_name(f".{path.name}.{os.urandom(4).hex()}{PARTIAL}")
         try:
             yield beside
             replace_durably(beside, path)

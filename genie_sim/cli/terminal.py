@@ -1,4 +1,4 @@
-"""What the command line shows besides results: where to begin, lists, progress.
+"""What the command line shows besides results: lists, progress.
 
 Everything fits the terminal's width and needs no colour.
 """
@@ -13,54 +13,27 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from genie_sim.base import add_ons
 from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import unknown
-from genie_sim.base.import_report import ImportReport
 from genie_sim.base.plugins import own_faults_told
+
+if TYPE_CHECKING:
+    from genie_sim.base.import_report import ImportReport
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
 LINE_EVERY_S = 10  # at least, between lines of progress where there is no terminal
 WIDE = 72  # from here on a command and what it does stand side by side
-FIRST_STEPS = (
-    ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
-    ("genie-sim list scenarios", "what else can be run"),
-    ("genie-sim run 3car_hetero --set cars[0].device=orin_nano", "change a setting"),
-    ("genie-sim reproduce --quick", "the paper's evaluation, roughly"),
-    ("genie-sim --help", "everything else"),
-)
 
 
 def width() -> int:
     """Columns of the terminal; 100 where there is none."""
     return shutil.get_terminal_size((100, 24)).columns
-
-
-def welcome(columns: int, results: Path = Path("results")) -> str:
-    """What to do next, for someone who typed ``genie-sim`` alone."""
-    about = (
-        "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
-    )
-    lines = [textwrap.fill(about, columns), "", "What to do next:"]
-    side_by_side = max(len(command) for command, _ in FIRST_STEPS) + 4
-    for command, what in FIRST_STEPS:
-        if columns >= side_by_side + 40:
-            lines.append(f"  {command:{side_by_side}}{what}")
-        else:
-            inside = " " * 6
-            lines += [
-                f"  {command}",
-                *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside),
-            ]
-    pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
-    if pages:
-        lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]
-    return "\n".join(lines)
 
 
 def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[str]:
@@ -176,7 +149,7 @@ def machine_said(error: OSError | MemoryError) -> str:
     return f"{where}{error.strerror or error}"
 
 
-def tell(report: ImportReport) -> None:
+def tell(report: "ImportReport") -> None:
     """Prints the report of an import below what it belongs to."""
     for line in report.lines():
         click.echo(f"  {line}")

@@ -46,11 +46,9 @@ def run_to_folder(
     output: Output = DEFAULT_OUTPUT,
     *,
     label: str = "",
-    workers: int = 1,
 ) -> Run:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``, with what ``output`` says;
-    ``label`` is what the user calls the run. Its methods run side by side in as many processes as
-    there are ``workers``; results do not depend on it.
+    ``label`` is what the user calls the run.
 
     Raises ``UserError`` before it simulates.
     """
@@ -60,7 +58,7 @@ def run_to_folder(
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder, SHOWN) as unfinished:
-        run = write(unfinished, prepared, run_id, progress=progress, label=label, workers=workers)
+        run = write(unfinished, prepared, run_id, progress=progress, label=label)
     output.write(run, folder)
     return replace(run, folder=folder)
 
@@ -70,16 +68,15 @@ def run_in_memory(
     progress: Progress | None = None,
     *,
     label: str = "",
-    workers: int = 1,
     observer: Observer | None = None,
 ) -> Run:
-    """Simulates a scenario and writes nothing. An ``observer`` sees what one worker simulates.
+    """Simulates a scenario and writes nothing. An ``observer`` sees what is simulated.
     Raises ``UserError`` before it simulates.
     """
     label = checked_label(label)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
-    tables = simulate(prepared, progress, workers=workers, observer=observer)
+    tables = simulate(prepared, progress, observer=observer)
     return replace(finished(prepared, run_id, tables), label=label)
 
 
@@ -90,7 +87,6 @@ def write(
     *,
     progress: Progress | None = None,
     label: str = "",
-    workers: int = 1,
 ) -> Run:
     """Simulates a run and writes the files of its result folder. Raises ``UserError``.
 
@@ -106,11 +102,9 @@ def write(
         Called with the time now and at the end [s], and what is done.
     label : str
         What the user calls the run; may be empty.
-    workers : int
-        How many processes simulate its methods.
     """
     began_s = time.perf_counter()
-    tables = simulate(prepared, progress, spill=folder, workers=workers)
+    tables = simulate(prepared, progress, spill=folder)
     for name, table in tables.items():
         table.write(folder / f"{name}.parquet")
     run = replace(finished(prepared, run_id, tables), label=label)

@@ -19,7 +19,7 @@ from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
 from genie_sim.scenario.fleet import MAX_EDGES
-from genie_sim.scenario.methods import MethodEntry, method_class
+from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
@@ -234,7 +234,7 @@ def _check_model(
     expiry_ns = settings.genie.request_expiry_ns
     if expiry_ns is None or expiry_ns > median_ns:
         return
-    if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
+    if plugins.is_own(entry.method.name) or not METHOD.resolve(entry.method.name).baseline:
         takes, expiry = duration_text(median_ns), duration_text(expiry_ns)
         text = (
             f"{expiry} is over before {settings.model} answers on {profile.name} ({takes}): "

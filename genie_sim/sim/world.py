@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import simpy
 
-from genie_sim.base import seeds
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
@@ -321,10 +320,3 @@ class HostContexts(NamedTuple):
             edges=self.edges,
             is_one_world=self.setup.is_one_world,
         )
-
-
-def answered_cars(setup: Setup, method: Method) -> set[str]:
-    """The cars on which a method runs something; it is asked, and no world is built."""
-    streams = partial(seeds.stream, setup.seed)
-    contexts = HostContexts(setup, streams, tuple(edge.name for edge in setup.edges))
-    return {car.name for car in setup.cars if method.on_car(contexts.car(car)) is not None}

@@ -77,28 +77,9 @@ def plain(shown: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
 
 
-def test_genie_sim_alone_tells_what_to_do_next(capsys):
+def test_genie_sim_alone_shows_the_help(capsys):
     assert main([]) == 0
-    said = capsys.readouterr().out
-    assert "What to do next:" in said
-    assert "genie-sim run 3car_hetero" in said
-    assert "report.html" not in said
-
-
-def test_it_points_to_the_latest_report(capsys):
-    for age, name in ((1, "first"), (3, "second"), (2, "also")):
-        page = Path("results") / name / terminal.PAGE
-        page.parent.mkdir(parents=True)
-        page.touch()
-        os.utime(page, (age, age))
-    assert main([]) == 0
-    assert "results/second/report.html" in capsys.readouterr().out
-
-
-def test_every_first_step_is_a_command_that_exists(run_cli):
-    for line, _ in terminal.FIRST_STEPS:
-        command = line.split()[1]
-        assert command == "--help" or run_cli(command, "--help").returncode == 0
+    assert capsys.readouterr().out.startswith("Usage: genie-sim")
 
 
 def test_help_shows_three_examples_and_every_command(capsys):
@@ -131,7 +112,7 @@ def test_every_screen_fits_its_window(columns):
     """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by
     its library.
     """
-    for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
+    for arguments in (["list"], ["--help"], ["run", "--help"]):
         room = max(columns, 50) if "--help" in arguments else columns
         for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
             assert len(line) <= room or " --set " in line or len(line.split()) <= 3, (
