@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import seed_runs, summary
+from genie_sim.analysis import seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns, with_methods
 from genie_sim.base.errors import Suggesting, UserError
@@ -15,7 +15,6 @@ from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
 from genie_sim.record import provenance, results
-from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.result import Comparison, Result, figure_of_runs
 
 if TYPE_CHECKING:
@@ -86,10 +85,14 @@ class _OfRuns(Result):
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """See ``Result``."""
+        from genie_sim.analysis import summary
+
         with provenance.of_this_version(self.folder):
             return summary.table(self._self, format, metrics)
 
     def _repr_html_(self) -> str:
+        from genie_sim.report import notebook
+
         return notebook.run_html(self._self)
 
 
@@ -127,6 +130,8 @@ class Run(results.Run, _OfRuns):
 
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
+        from genie_sim.report import html_page
+
         return html_page.page(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
@@ -174,6 +179,8 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
 
     def page(self) -> str:
         """The text of the page about all runs."""
+        from genie_sim.report import comparison
+
         return comparison.seeds_page(self)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
