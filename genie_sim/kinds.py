@@ -11,9 +11,7 @@ from genie_sim.analysis import seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns, with_methods
 from genie_sim.base.errors import Suggesting, UserError
-from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.base.python_values import typed
 from genie_sim.record import provenance, results
 from genie_sim.report.result import Comparison, Result, figure_of_runs
 
@@ -119,15 +117,6 @@ class Run(results.Run, _OfRuns):
 
         return reading.read_scenario(self.facts["scenario"], where=self.name)
 
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
-        returns its path. Raises ``UserError``.
-        """
-        from genie_sim.runs import folder as run_folder
-
-        return run_folder.save(self, expanded(out))
-
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
         from genie_sim.report import html_page
@@ -167,15 +156,6 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
         import pandas as pd
 
         return pd.concat([run.metrics.assign(seed=run.seed) for run in self.runs])
-
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
-        each. Raises ``UserError``.
-        """
-        for run in self.runs:
-            run.save(out)
-        return expanded(out)
 
     def page(self) -> str:
         """The text of the page about all runs."""

@@ -159,18 +159,20 @@ def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Conten
     return reader
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, limit_bytes: int = MAX_TEXT_BYTES) -> str:
     """The text of a regular file in UTF-8, with or without its mark, lines ending in a newline.
-    Raises UserError, also for a file of more than ``MAX_TEXT_BYTES``.
+    Raises UserError, also for a file of more bytes than the limit.
     """
     with usable(path, "cannot be read"):
         size_bytes = path.stat().st_size
-    if size_bytes > MAX_TEXT_BYTES:
-        raise UserError(
-            f"{path}: cannot be read: {size_bytes:,} bytes, more than {MAX_TEXT_BYTES:,}"
-        )
-    with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
-        text = read_bytes(path).decode("utf-8-sig")
+    if size_bytes > limit_bytes:
+        raise UserError(f"{path}: cannot be read: {size_bytes:,} bytes, more than {limit_bytes:,}")
+    data = read_bytes(path)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise UserError(f"{path}: line {line}: is not UTF-8 text") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 

@@ -18,7 +18,6 @@ from genie_sim.base.settings import SettingError, check_unique, join, own_argume
 from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
-from genie_sim.scenario.fleet import MAX_EDGES
 from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
@@ -72,23 +71,17 @@ def _faults(scenario: Scenario, own: bool = False) -> Iterator[tuple[str, str]]:
 
 
 def _check_cars_or_fleet(scenario: Scenario) -> None:
-    """Somebody drives: cars of their own, or a fleet in a town."""
+    """Somebody drives: cars of their own, or a fleet; whether its town fits is told once that is
+    open.
+    """
     source = scenario.source
-    is_map = source is not None and source.is_map  # one of the user's own is looked at when open
     if scenario.fleet is None and not scenario.cars:
         raise SettingError("cars", "must not be empty")
     if scenario.fleet is not None:
         for key in ("cars", "edges"):
             if getattr(scenario, key):
                 raise SettingError(key, "a fleet brings its own; leave them out, or 'fleet'")
-        if source is not None and not is_map:
-            text = "needs a town to drive in: 'perception: {source: town}'"
-            raise SettingError("fleet", text)
-        if scenario.fleet.cars is None and not (source is None or source.has_cars):
-            raise SettingError("fleet.cars", "missing")
-        if source is not None and source.cells(scenario.fleet.cell_m) > MAX_EDGES:
-            raise SettingError("fleet.cell", f"makes more than {MAX_EDGES:,} edges of this town")
-    if is_map:
+    if source is not None and source.is_map:
         _check_on_map(scenario)
 
 

@@ -97,7 +97,7 @@ def test_counters_are_the_queues_whenever_they_change(events, run):
 
 
 def test_the_command_writes_the_methods_that_are_asked_for(run, capsys):
-    folder = run.save("results")
+    folder = gs.run(run.scenario, out="results", report=False).folder
     assert main(["export", str(folder), "--format", "perfetto", "--methods", "remote"]) == 0
     path = folder / "run.perfetto.json"
     assert capsys.readouterr().out.startswith(f"{path}: ")

@@ -3,7 +3,6 @@ known.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -70,12 +69,6 @@ class InTown(FrameSource):
         if self.town.block_m > MAX_BLOCK_M:
             text = f"must be at most {MAX_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m"
             raise SettingError("town.block", text)
-
-    def cells(self, cell_m: float) -> float:
-        """About how many cells of that size the town has."""
-        return math.prod(
-            max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks
-        )
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
