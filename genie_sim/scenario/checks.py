@@ -403,11 +403,11 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     begin_ns, end_ns = route.window_ns
     where = f"{scenario.name}: cars[{index}].route.window"
     stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
-    if begin_ns > max(stamps_ns):
-        begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
+    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
+        first_s, last_s = min(stamps_ns) / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(
-            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} "
-            f"at {last_s:g} s"
+            f"{where}: no camera takes a frame in it; {drive.name} has frames from {first_s:g} s "
+            f"to {last_s:g} s"
         )
     period_ns = max(
         (
@@ -421,10 +421,4 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
         end_s, last_s = end_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(
             f"{where}: ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
-        )
-    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
-        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
-        raise UserError(
-            f"{where}: no camera takes a frame in it; the next one of {drive.name} "
-            f"is at {after_s:g} s"
         )
