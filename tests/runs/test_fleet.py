@@ -366,10 +366,6 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
             {"cars": [{"name": "a", "device": "jetson_tx2"}]},
             "cars: a fleet brings its own; leave them out, or 'fleet'",
         ),
-        (
-            {"perception": {"source": "recorded"}},
-            "fleet: needs a town to drive in: 'perception: {source: town}'",
-        ),
         ({"fleet": None}, "cars: missing"),
         ({"origin": [49, 8, 100]}, "origin: a town is where it is; leave it out"),
         (

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import NoReturn
 
-from genie_sim.base.errors import UserError
+from genie_sim.base.settings import SettingError
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
 # from the middle of a junction to where a car begins to turn, and to its stop lines
@@ -93,9 +93,8 @@ class TownRules:
     def __post_init__(self) -> None:
         two = tuple(self.blocks) if isinstance(self.blocks, list | tuple) else ()
         if len(two) != 2 or any(type(n) is not int or not 1 <= n <= MAX_BLOCKS for n in two):
-            raise UserError(
-                f"town: blocks: {self.blocks!r} is not two whole numbers from 1 to {MAX_BLOCKS}"
-            )
+            text = f"{self.blocks!r} is not two whole numbers from 1 to {MAX_BLOCKS}"
+            raise SettingError("blocks", text)
         object.__setattr__(self, "blocks", two)
         positive = ("speed_mps", "main_speed_mps", "acceleration_mps2", "braking_mps2", "view_m")
         for field in fields(self)[1:]:
@@ -140,10 +139,8 @@ class TownRules:
 
     def _refuse(self, name: str, why: str) -> NoReturn:
         """Names the rule and its value as scenarios write them: ``view: 500 m``."""
-        value = getattr(self, name)
-        raise UserError(
-            f"town: {name.removesuffix('_m')}: {value!r}{' m' if name.endswith('_m') else ''} {why}"
-        )
+        text = f"{getattr(self, name)!r}{' m' if name.endswith('_m') else ''} {why}"
+        raise SettingError(name.removesuffix("_m"), text)
 
     @property
     def parking_slots(self) -> int:

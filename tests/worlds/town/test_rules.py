@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from genie_sim.base.errors import UserError
+from genie_sim.base.settings import SettingError
 from genie_sim.worlds.scene.noise import SMOOTH_MASK, mix, normals, smooth_normals
 from genie_sim.worlds.town.rules import TownRules
 
@@ -41,7 +41,7 @@ from genie_sim.worlds.town.rules import TownRules
 )
 def test_a_rule_holds_up_to_its_border(right: Any, wrong: Any, message: str):
     TownRules(**right)
-    with pytest.raises(UserError, match=r"^town: ") as error:
+    with pytest.raises(SettingError) as error:
         TownRules(**wrong)
     assert message in str(error.value)
 
@@ -51,10 +51,10 @@ def test_a_block_is_long_enough_to_stop_in_from_the_higher_limit():
     few = {"parked_cars_per_100m": 0.0, "main_speed_mps": 20.0}
     TownRules(block_m=124.0, **few)
     with pytest.raises(
-        UserError, match="too short to stop in from the speed limit; at least 124 m"
+        SettingError, match="too short to stop in from the speed limit; at least 124 m"
     ):
         TownRules(block_m=123.9, **few)
-    with pytest.raises(UserError, match="at least 124 m"):
+    with pytest.raises(SettingError, match="at least 124 m"):
         TownRules(block_m=123.9, speed_mps=20.0, parked_cars_per_100m=0.0)
 
 
@@ -62,7 +62,7 @@ def test_parked_cars_have_room_between_junctions():
     """122 of 150 m are free, 18 slots of 6.5 m on each side: 24 cars per 100 m."""
     rules = TownRules(parked_cars_per_100m=24.0)
     assert rules.parking_slots == 18
-    with pytest.raises(UserError, match=r"do not fit; between junctions there is room for 24.0"):
+    with pytest.raises(SettingError, match=r"do not fit; between junctions there is room for 24.0"):
         TownRules(parked_cars_per_100m=24.1)
 
 
