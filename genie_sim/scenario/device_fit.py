@@ -168,8 +168,8 @@ def from_table(
     if RATES.search(title) and not is_latency:
         raise UserError(f"{named} holds rates, no latencies: invert them ({_choices(table)})")
     if title and not is_latency and not (own and column):
-        text = f"{named} says no latencies and their unit, as latency_ms does"
-        raise UserError(f"{text}: say --column, or call it so ({_choices(table)})")
+        text = f"{named} does not say latency and a unit of time, as latency_ms does"
+        raise UserError(f"{text} ({_choices(table)})")
     if unit is not None and own and UNITS[own] != UNITS[unit]:
         raise UserError(f"{named} says {own}, --unit {unit}")
     unit = unit or own
