@@ -74,7 +74,7 @@ FULL = Sizes(
     rounds=5,
     laps=10,
     least_frames=5_000,
-    fleets={3: 100, 100: 5, 1000: 5},
+    fleets={3: 100, 100: 5},
     growth=(3, 10, 30, 100, 300, 1000),
 )
 QUICK = Sizes(rounds=1, laps=10, least_frames=2_000, fleets={3: 20, 100: 1}, growth=(3, 30))

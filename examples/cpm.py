@@ -101,7 +101,8 @@ def seen_since(objects: Objects, since_ns: int) -> Objects:
 def seen_ns(item: Detection) -> int:
     """When the frame was taken that shows it."""
     assert item.motion is not None
-    return item.motion.seen.stamp_ns
+    stamp_ns: int = item.motion.seen_in.stamp_ns
+    return stamp_ns
 
 
 def moved(objects: Objects, now_ns: int) -> Objects:
@@ -187,7 +188,7 @@ class Listening(Interceptor):
         """What the car has seen and takes to be there, each where it was seen."""
         existences = {track: self._tracks.existence(track, now_ns) for track in self._tracks}
         return {
-            (self._car, track.number): track.as_detection(track.seen_ns, existence, existence)
+            (self._car, track.number): track.as_detection(track.seen_ns, existence)
             for track, existence in existences.items()
             if existence >= self._tracks.p_min
         }
@@ -209,7 +210,7 @@ class Listening(Interceptor):
             return answer
         placed = tuple(seen for seen in answer.objects if seen.location is not None)
         look = Look(answer.header, frame.pose, frame.horizontal_fov_rad, placed)
-        self._tracks.count(look, now_ns)
+        self._tracks.learn(look, now_ns)
         heard = self._heard.objects(now_ns)
         others = {key: item for key, item in heard.items() if away_m(item, frame.pose) > SELF_M}
         objects = together(moved(self.own(now_ns), now_ns), others)

@@ -33,11 +33,11 @@ from genie_sim.extend import (
     ImportReport,
     Sensor,
     UserError,
+    are_plausible,
     as_user_error,
     cars_of_tables,
-    lines,
+    numbered_lines,
     read_bytes,
-    within,
     write_cars,
 )
 
@@ -246,13 +246,13 @@ def _rows(
     ``texts`` are the places of fields that are no numbers.
     """
     last = 0
-    for line, fields in lines(path):
+    for line, fields in numbered_lines(path):
         place = f"{path}: line {line}"
         if len(fields) != columns:
             raise UserError(f"{place}: {len(fields)} fields, expected {columns}")
         with as_user_error(place, ValueError):
             numbers = [float(text) for n, text in enumerate(fields) if n not in texts]
-        if not within(numbers):
+        if not are_plausible(numbers):
             raise UserError(f"{place}: a number is not finite, or too large")
         frame = int(numbers[0])
         if frame != numbers[0] or not 0 <= frame < MAX_FRAMES:

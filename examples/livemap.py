@@ -128,7 +128,8 @@ class Controller:
         longest_unused = min(self._used_ns, key=lambda one: self._used_ns[one])
         if now_ns - self._used_ns[longest_unused] >= self._probe_ns:
             way = longest_unused
-        if not self._pacers[way].sends(image.header, image.pose.heading_rad, now_ns):
+        departure = self._pacers[way].dispatch(image.header, image.pose.heading_rad, now_ns)
+        if departure is None:
             return None
         self._used_ns[way] = now_ns
         return way
@@ -252,7 +253,7 @@ class MapServer(Interceptor):
 
     def _combined(self, answer: Detections, look: Look, now_ns: int) -> Iterator[Effect]:
         """Counts a look. Its car gets the map, and so does who has not had one for long."""
-        self._tracks.count(look, now_ns)
+        self._tracks.learn(look, now_ns)
         origin = look.header.origin
         self._cars[origin] = look
         for car, newest in self._cars.items():
@@ -277,7 +278,7 @@ class MapServer(Interceptor):
             away_m = math.dist(track.place(now_ns), car.pose[:2])
             if existence < self._tracks.p_min or not SELF_M < away_m <= REACH_M:
                 continue
-            seen = track.as_detection(now_ns, existence, existence)
+            seen = track.as_detection(now_ns, existence)
             others = tuple(
                 origin
                 for origin, stamp_ns in sorted(track.seen_by_ns.items())

@@ -40,14 +40,13 @@ class LyingCar(Fault):
     """How sure a detector is of it, from 0 to 1."""
 
     befalls = "car"
-    dropped_by = "lying_car"  # it drops nothing
 
     def __post_init__(self) -> None:
         if not 0 < self.score <= 1:
             raise ValueError(f"score: must be above 0 and at most 1, but is {self.score:g}")
 
     def strike(self, network: Network) -> Strike:
-        bend = Bend(_unchanged, self._told, self.dropped_by)
+        bend = Bend(_unchanged, self._told)
         network.bend(self.target, bend)
         yield
         network.unbend(self.target, bend)

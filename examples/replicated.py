@@ -73,9 +73,9 @@ class Replicated(Method):
     def wire(self, network: Network) -> None:
         for further in self._further:
             model = LINK.make(further.link)
-            for car, uplink in network.uplinks.items():
-                upwards, _ = uplink.connect(further.edge, model, network.interface(car))
-                uplink.bridge(upwards)
+            for car, connection in network.connections.items():
+                upwards, _ = connection.add_bridges(further.edge, model, network.add_interface(car))
+                connection.add_bridge(upwards)
 
 
 class FirstAnswer(Interceptor):

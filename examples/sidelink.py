@@ -136,7 +136,7 @@ class Station(Sender):
         self._losses = network.draws(f"{host}.broadcast", "loss")
         self._heard: dict[Broadcasting, None] = {}
         self._is_sending = False
-        self._is_up = True
+        self._is_available = True
         self._busy_since_ns: int | None = None
         self._busy_ns = 0
         self._change: simpy.Event | None = None  # the channel gets busy or idle
@@ -160,18 +160,18 @@ class Station(Sender):
         assert site is not None, "an edge that broadcasts has a place"
         return site
 
-    def sent(self, size_bytes: int) -> simpy.Event:
+    def transmit(self, size_bytes: int) -> simpy.Event:
         """Sends a message, see ``Sender``; then ``heard_by`` says who has received it."""
         self.heard_by = ()
-        if not self._is_up:  # lost by what took it down
+        if not self._is_available:  # lost by what took it away
             return self.clock.timeout(0)
         return self.clock.process(self._send(size_bytes))
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         return 0
 
-    def set_up(self, is_up: bool) -> None:
-        self._is_up = is_up
+    def set_available(self, is_available: bool) -> None:
+        self._is_available = is_available
 
     def _send(self, size_bytes: int) -> Steps:
         """Waits for the channel, then occupies it. A backoff that another message interrupts goes
@@ -189,7 +189,7 @@ class Station(Sender):
             if waited_ns >= wait_ns:  # also if another begins in the same slot
                 break
             slots -= max(waited_ns - IDLE_NS, 0) // SLOT_NS
-        if not self._is_up:  # taken down while it waited
+        if not self._is_available:  # taken away while it waited
             return
         broadcasting = Broadcasting(sidelink.near(self))
         self._begin(broadcasting)
@@ -226,7 +226,7 @@ class Station(Sender):
             del station._heard[broadcasting]
             station.occupancy.leave()
             station._sense()
-            is_whole = self._is_up and station not in broadcasting.lost_at
+            is_whole = self._is_available and station not in broadcasting.lost_at
             if is_whole and not self._is_lost(station, loss_key):
                 station.completed += 1
                 heard_by.append(station.host)
@@ -293,7 +293,7 @@ class Broadcast(Subscriber):
         self._network, self._graph, self._others = network, graph, others
         others[graph.name] = self
         for topic in topics:
-            graph.bridge(topic, self)
+            graph.add_bridge(topic, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """The host has published something: it waits for the medium."""
@@ -312,7 +312,7 @@ class Broadcast(Subscriber):
         """
         for host in heard_by:
             other = self._others[host]
-            received = None if other._link.down_by else self._across(message, host)
+            received = None if other._link.cut_by else self._across(message, host)
             if received is None:
                 other._link.drops += 1
             else:

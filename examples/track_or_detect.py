@@ -212,7 +212,7 @@ class Handler(LocalAndRemote):
         self._at_edge = None
         self._detected_ns = image.header.stamp_ns
         look = Look(image.header, image.pose, image.horizontal_fov_rad, answer.objects)
-        self._tracks.count(look, now_ns)
+        self._tracks.learn(look, now_ns)
         return self._answer(image, answer, now_ns)
 
     def _answer(self, image: Image, answer: Detections, now_ns: int) -> Effect:
@@ -220,5 +220,5 @@ class Handler(LocalAndRemote):
         self._choice.handled(now_ns - image.header.stamp_ns)
         self._tracks.forget(now_ns)
         viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
-        objects = self._tracks.visible(viewer, now_ns)
+        objects = self._tracks.in_view(viewer, now_ns)
         return Publish(self._objects, answer.with_objects(objects).with_look(None, now_ns))

@@ -36,9 +36,9 @@ from genie_sim.extend import (
     Share,
     SimilarityCache,
     SimilarityCaching,
+    are_same,
     frame_key,
     is_wrong,
-    same,
     share,
 )
 
@@ -189,7 +189,7 @@ class VerifiedCache(SimilarityCache):
         """Learns from an exploration; what was evicted meanwhile teaches nothing."""
         if stored not in self._answers:
             return False
-        was_same = same(self.objects_of([answer], key.pose), self.stored_objects(stored))
+        was_same = are_same(self.objects_of([answer], key.pose), self.stored_objects(stored))
         self.law(stored).observe(similarity, was_same)
         return was_same
 

@@ -79,7 +79,7 @@ class _OfRuns(Result):
                 drawn = of_paper.of_run(self._self, width_in)
                 if name in drawn:
                     return drawn[name]
-            return figure_of_runs(self._self, self._self.footer, name, width_in)
+            return figure_of_runs(self._self, name, width_in)
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """See ``Result``."""

@@ -56,9 +56,6 @@ class ComparedMethod:
 class Difference(NamedTuple):
     """A metric of an arm and, where there is another to compare with, that one's value, and the
     difference of both. ``by`` says what the interval is over, ``n`` over how many.
-
-    ``variance_ratio``, over seeds: the variance of the paired differences, divided by the sum of
-    both variances. 1: common random numbers gain nothing; 0.25: an interval half as wide.
     """
 
     metric: str
@@ -72,7 +69,6 @@ class Difference(NamedTuple):
     high: float | None = None
     by: str = ""
     n: int = 0
-    variance_ratio: float | None = None
 
     @property
     def verdict(self) -> str:
@@ -367,8 +363,7 @@ def _difference(
     if len(pairs) == 1:
         return row
     low, high = interval([own - other for own, other in pairs])
-    ratio = _variance_ratio(pairs)
-    return row._replace(low=low, high=high, by=SEEDS, n=len(pairs), variance_ratio=ratio)
+    return row._replace(low=low, high=high, by=SEEDS, n=len(pairs))
 
 
 def _over_blocks(
@@ -401,13 +396,6 @@ def _values(arm: ComparedMethod, metric: str) -> dict[int, float]:
             if place == (metric, arm.method.name, "all", "") and of_run.value is not None:
                 of_arm[seed] = of_run.value
     return of_arm
-
-
-def _variance_ratio(pairs: Sequence[tuple[float, float]]) -> float | None:
-    """What pairing leaves of the variance of a difference; ``None`` where nothing varies."""
-    own, other = np.array(pairs).T
-    unpaired = float(np.var(own) + np.var(other))
-    return float(np.var(own - other)) / unpaired if unpaired else None
 
 
 def _settings(runs: Sequence[Run]) -> dict[str, list[str]]:
@@ -449,24 +437,22 @@ def _flat(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
         yield path, value
 
 
-def as_metrics(comparison: ComparedRuns) -> tuple[list[MetricValue], list[MethodInfo]]:
+def as_metrics(
+    comparison: ComparedRuns, names: Sequence[str] = ()
+) -> tuple[list[MetricValue], list[MethodInfo]]:
     """The arms as if each were a method, for figures: means over seeds, or the run's own numbers
-    with intervals.
+    with intervals. By default the numbers of arms as a whole; of ``names`` all that there are.
     """
-    chosen = comparison.metrics or _shown(comparison.arms)
+    chosen = names or comparison.metrics or _shown(comparison.arms)
     metrics = []
     for arm in comparison.arms:
         runs = list(arm.runs.values())
-        measured = runs[0].measured if len(runs) == 1 else means_of(runs)
-        by_name = {
-            metric.metric: metric
-            for metric in measured
-            if (metric.method, metric.placement, metric.component) == (arm.method.name, "all", "")
-        }
-        metrics += [
-            replace(by_name[name], method=arm.label)
-            for name in chosen
-            if name in by_name and by_name[name].value is not None
-        ]
+        by_name: dict[str, list[MetricValue]] = {}
+        for metric in runs[0].measured if len(runs) == 1 else means_of(runs):
+            is_whole = (metric.placement, metric.component) == ("all", "")
+            if metric.method == arm.method.name and (names or is_whole):
+                by_name.setdefault(metric.metric, []).append(replace(metric, method=arm.label))
+        of_arm = (metric for name in chosen for metric in by_name.get(name, ()))
+        metrics += [metric for metric in of_arm if metric.value is not None]
     methods = [MethodInfo(arm.label, arm.title, arm.method.baseline) for arm in comparison.arms]
     return metrics, methods

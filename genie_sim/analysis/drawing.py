@@ -1,10 +1,10 @@
 """What all figures share: their style and legend."""
 
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from string import ascii_lowercase
-from typing import TYPE_CHECKING, Any, Literal, Union
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib import rcParams
@@ -16,53 +16,17 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedLocator, NullLocator, StrMethodFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, LINE_IN, PAGE_IN
-from genie_sim.record.columns import Columns
+from genie_sim.analysis.style import CHARACTER_IN, COLUMN_IN, LINE_IN
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-Table = Union[Columns, "pd.DataFrame"]
-# by label: the table of a run, or those of its seeds
-Panels = Mapping[str, Table | Sequence[Table]]
 BAND_OPACITY = 0.22
 MAX_LEGEND = 0.2  # of the figure's height, if a column leaves room for it
 # height of a figure in a column, and of its panels, all of them and a row
 MAX_COLUMN_IN, MIN_PANELS_IN, MIN_ROW_IN = 3.2, 1.3, 0.9
-MAX_PANELS = 3  # side by side
 MANY_LABELS = 6  # in a legend
 COLOUR_BAR = "<colorbar>"  # matplotlib's label of its axes
 # Within it, and in a function that it decorates, matplotlib draws in this style, whatever the
 # user's is.
 in_style = partial(context, ["default", style.RC])
-
-
-def seeds_of(panel: Table | Sequence[Table]) -> list[Columns]:
-    """The table of each seed; a run has one."""
-    tables: Sequence[Any] = panel if isinstance(panel, list | tuple) else [panel]
-    return [Columns.of(table) for table in tables]
-
-
-def figure_grid(
-    panels: Mapping[str, object], width_in: float | None, ax: Axes | None = None
-) -> tuple[Figure, list[Axes]]:
-    """One panel a run, at most ``MAX_PANELS`` side by side, as in the paper. With ``ax``, that one
-    alone. Raises ValueError for several panels in one.
-    """
-    if ax is not None:
-        if len(panels) > 1:
-            raise ValueError("several runs need several panels: leave out 'ax'")
-        return _figure_of(ax), [ax]
-    columns = min(len(panels), MAX_PANELS)
-    rows = -(-len(panels) // columns)
-    width_in = width_in or (COLUMN_IN if columns == 1 else PAGE_IN)
-    row_in = 1.2 if is_narrow(width_in) and columns > 1 else 1.75
-    figure = Figure(figsize=(width_in, 0.3 + row_in * rows))
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    axes = list(grid.flat)
-    for axis in axes[len(panels) :]:
-        axis.remove()
-    return figure, axes[: len(panels)]
 
 
 def is_narrow(width_in: float | None) -> bool:
@@ -84,25 +48,55 @@ def _figure_of(ax: Axes) -> Figure:
     return figure
 
 
-def finish_axes(ax: Axes) -> None:
-    """The legend of a user's own panel, inside it; its figure is left alone."""
-    if named := handles([ax]):
+def finish_panel(axis: Axes, ax: Axes | None, title: str, footer: str) -> Figure:
+    """The figure of one panel, finished; a user's own panel ``ax`` gets its legend inside it, and
+    its figure is left alone.
+    """
+    figure = _figure_of(axis)
+    if ax is None:
+        finish(figure, title, footer, [axis])
+    elif named := handles([ax]):
         ax.legend(list(named.values()), list(named))
+    return figure
+
+
+def draw_point(
+    axis: Axes,
+    x: tuple[float, float | None, float | None],
+    y: tuple[float, float | None, float | None],
+    style_number: int,
+    label: str = "",
+) -> None:
+    """The mark of a method at two values, each with the ends of its interval where it has one."""
+    reach = [
+        None if low is None or high is None else [[max(value - low, 0.0)], [max(high - value, 0.0)]]
+        for value, low, high in (x, y)
+    ]
+    axis.errorbar(
+        x[0],
+        y[0],
+        xerr=reach[0],
+        yerr=reach[1],
+        color=style.method_colour(style_number),
+        marker=style.method_marker(style_number),
+        markersize=4,
+        capsize=2.5,
+        linestyle="",
+        label=label or None,
+    )
+
+
+def name_rows(axis: Axes, names: Sequence[str]) -> None:
+    """Rows of points, the first at the top, by these names."""
+    axis.set_yticks(range(len(names)), names)
+    axis.set_ylim(max(len(names), 1) - 0.5, -0.5)
+    axis.grid(axis="y", visible=False)
 
 
 def draw_band(axis: Axes, x: Any, low: Any, high: Any, *, colour: str, step: Any = None) -> None:
     """A light band from ``low`` to ``high``: the interval of a curve."""
     look: dict[str, Any] = {"color": colour, "alpha": BAND_OPACITY, "linewidth": 0}
     axis.fill_between(x, low, high, step=step, **look)
-
-
-def label_outer(axes: Sequence[Axes], x_label: str, y_label: str) -> None:
-    """Labels the outer panels of a grid."""
-    for axis in axes:
-        axis.set_xlabel(x_label)
-        axis.set_ylabel(y_label)
-        if len(axes) > 1:
-            axis.label_outer()
 
 
 def finish(

@@ -4,16 +4,14 @@
 The energy of a host is ``P_idle T + P_accelerator t_accelerator + P_core t_cores``, that of a car's
 network interface ``P_port T + P_transfer t_transfer + P_tail t_tail`` and what each megabit takes.
 T is the time in which a host is there: a car from its start to its last frame or the last answer to
-one, an edge until that of all cars; afterwards a run only waits. So energy is linear in the powers,
-and whether one method takes less than another over all their ranges is decided exactly.
+one, an edge until that of all cars; afterwards a run only waits.
 """
 
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,27 +32,9 @@ from genie_sim.record.records import CONSUMER
 
 BITS_PER_MEGABIT = 10**6
 Key = tuple[str, str, str]  # kind, name and part of a power
-End = Literal["value", "low", "high"]
-ENDS: tuple[End, ...] = ("value", "low", "high")
+ENDS = ("value", "low", "high")
 PRICES = "Prices"
-READ = ("frames", "hosts", "power", "held")  # the tables
-
-
-@dataclass(frozen=True)
-class Ledger:
-    """The energy of the hosts of one method and placement: how long each power is taken [s], or
-    how many megabits are carried, and the powers. ``unknown`` names those without known power.
-    """
-
-    amounts: Mapping[Key, float]
-    powers: Mapping[Key, Mapping[End, float]]
-    unknown: Sequence[str] = ()
-
-    def joules(self, end: End = "value") -> float | None:
-        """The energy with all powers at one end of their ranges; ``None`` if any is unknown."""
-        if self.unknown:
-            return None
-        return math.fsum(amount * self.powers[key][end] for key, amount in self.amounts.items())
+READ = ("frames", "hosts", "power")  # the tables
 
 
 INSTANTS = ("stamp_ns", "first_answer_ns", "fresh_answer_ns", "result_answer_ns")
@@ -83,7 +63,16 @@ def with_time(hosts: Columns, frames: Columns) -> Columns:
     return hosts.assign(there_s=np.maximum(there_ns, 0.0) / NS_PER_S)
 
 
-def ledger(hosts: Columns, power: Columns | None) -> Ledger:
+class Energy(NamedTuple):
+    """What some hosts took [J], with all powers as they are and at the lower and the upper end of
+    their ranges; ``None`` each where one is ``unknown``, of which device or interface it says.
+    """
+
+    joules: Sequence[float | None]
+    unknown: Sequence[str]
+
+
+def energy(hosts: Columns, power: Columns | None) -> Energy:
     """The energy of these hosts, all of one method.
 
     Parameters
@@ -93,24 +82,11 @@ def ledger(hosts: Columns, power: Columns | None) -> Ledger:
     power : Columns or None
         Rows of the table ``power`` of the same method; ``None``: none is known.
     """
-    powers: dict[Key, dict[End, float]] = {}
-    if power is not None:
-        keys = zip(*(power[name].tolist() for name in ("kind", "name", "part")), strict=True)
-        columns = {end: power.floats(end).tolist() for end in ENDS}
-        powers = {key: {end: columns[end][row] for end in ENDS} for row, key in enumerate(keys)}
-    amounts: defaultdict[Key, float] = defaultdict(float)
-    unknown: dict[str, None] = {}
+    amounts: defaultdict[Key, float] = defaultdict(float)  # how long [s], or how many megabits
     for device, of_device in hosts.groups("device"):
-        times = {
-            "idle": float(of_device["there_s"].sum()),
-            "accelerator": float(of_device["accelerator_ns"].sum()) / NS_PER_S,
-            "core": float(of_device["cpu_ns"].sum()) / NS_PER_S,
-        }
-        for part, amount in times.items():
-            key = ("device", device, part)
-            amounts[key] += amount
-            if key not in powers:
-                unknown[device] = None
+        amounts["device", device, "idle"] += float(of_device["there_s"].sum())
+        for part, column in (("accelerator", "accelerator_ns"), ("core", "cpu_ns")):
+            amounts["device", device, part] += float(of_device[column].sum()) / NS_PER_S
     for interface, of_interface in hosts.groups("interface"):
         of_parts = {
             "port": float(of_interface["there_s"].sum()),
@@ -121,19 +97,22 @@ def ledger(hosts: Columns, power: Columns | None) -> Ledger:
         }
         for part, amount in of_parts.items():
             amounts["interface", interface, part] += amount
+    powers: dict[Key, tuple[float, ...]] = {}
+    if power is not None:
+        keys = zip(*(power[name].tolist() for name in ("kind", "name", "part")), strict=True)
+        ends = zip(*(power.floats(end).tolist() for end in ENDS), strict=True)
+        powers = dict(zip(keys, ends, strict=True))
+    unknown = dict.fromkeys(key[1] for key in amounts if key not in powers)
     carried = hosts["bytes_up"] + hosts["bytes_down"]
     if ((carried > 0) & ~hosts["interface"].has_text).any():
         unknown["the cars' network interfaces"] = None
-    return Ledger(amounts, powers, tuple(unknown))
-
-
-def ledgers(tables: Tables) -> dict[str, Ledger]:
-    """The energy of a method's hosts by placement; empty where it took no frame."""
-    return {
-        seen.placement: ledger(seen.rows.hosts, seen.rows.power)
-        for seen in views(tables)
-        if seen.kind == "hosts"
-    }
+    if unknown:
+        return Energy([None] * len(ENDS), list(unknown))
+    joules = [
+        math.fsum(amount * powers[key][place] for key, amount in amounts.items())
+        for place in range(len(ENDS))
+    ]
+    return Energy(joules, [])
 
 
 class Hosts(NamedTuple):
@@ -174,9 +153,11 @@ def _batches(hosts: Hosts) -> Measured | None:
 def _energy(hosts: Hosts, per: str) -> Measured | None:
     if per not in hosts.counts:
         return None
-    energy, n = ledger(hosts.hosts, hosts.power), hosts.counts[per]
-    joules = (energy.joules(end) for end in ENDS)
-    value, low, high = (None if of_end is None or not n else of_end / n for of_end in joules)
+    n = hosts.counts[per]
+    value, low, high = (
+        None if of_end is None or not n else of_end / n
+        for of_end in energy(hosts.hosts, hosts.power).joules
+    )
     return Measured(value, n=n, range_low=low, range_high=high)
 
 
@@ -245,66 +226,13 @@ METRICS = {
 }
 
 
-def takes_less(ours: Ledger, theirs: Ledger) -> bool | None:
-    """Whether we take less than they do whatever the powers are within their ranges; ``None`` if
-    that depends on them. Both have the same powers.
-
-    The difference is linear in each power, so its extremes are at the ends of the ranges.
-    """
-    if ours.unknown or theirs.unknown:
-        return None
-    least = most = 0.0
-    for key in {**ours.amounts, **theirs.amounts}:
-        amount = ours.amounts.get(key, 0.0) - theirs.amounts.get(key, 0.0)
-        power = (ours.powers if key in ours.powers else theirs.powers)[key]
-        least += amount * power["low" if amount > 0 else "high"]
-        most += amount * power["high" if amount > 0 else "low"]
-    if most < 0:
-        return True
-    return False if least > 0 else None
-
-
-def unknown_powers(runs: Sequence[Mapping[str, Columns]], methods: Sequence[str]) -> list[str]:
+def unknown_powers(runs: Sequence[Tables], methods: Sequence[str]) -> list[str]:
     """The devices and interfaces of some runs without known power."""
-    names = [name for method in methods for name in per_frame(runs, method).unknown]
-    return list(dict.fromkeys(names))
-
-
-def order(runs: Sequence[Mapping[str, Columns]], methods: Sequence[str]) -> dict[str, list[str]]:
-    """For each method those that take more energy per frame in every run, whatever the powers are
-    within their ranges; the method that takes least on average comes first.
-    """
-    means = {method: per_frame(runs, method).joules() for method in methods}
-    known = [method for method in methods if means[method] is not None]
-    known.sort(key=lambda method: means[method] or 0.0)
-    of_runs = [{method: per_frame([tables], method) for method in known} for tables in runs]
-    return {
-        method: [
-            other
-            for other in known
-            if all(takes_less(of_run[method], of_run[other]) for of_run in of_runs)
-        ]
-        for method in known
-    }
-
-
-def per_frame(runs: Sequence[Mapping[str, Columns]], method: str) -> Ledger:
-    """The energy of all hosts of a method per published frame, mean over runs of one setting."""
-    amounts: defaultdict[Key, float] = defaultdict(float)
-    powers: dict[Key, Mapping[End, float]] = {}
     unknown: dict[str, None] = {}
     for tables in runs:
-        of_method = {
-            name: table.where(method=method) for name, table in tables.items() if name in READ
-        }
-        of_all = ledgers({name: table for name, table in of_method.items() if len(table)}).get(
-            "all"
-        )
-        if of_all is None:
-            return Ledger({}, {}, ("hosts that took no frame",))
-        n = len(of_method["frames"]) * len(runs)
-        for key, amount in of_all.amounts.items():
-            amounts[key] += amount / n
-        powers.update(of_all.powers)
-        unknown.update(dict.fromkeys(of_all.unknown))
-    return Ledger(amounts, powers, tuple(unknown))
+        for method in methods:
+            of_method = {name: tables[name].where(method=method) for name in READ if name in tables}
+            for seen in views({name: rows for name, rows in of_method.items() if len(rows)}):
+                hosts: Hosts = seen.rows
+                unknown.update(dict.fromkeys(energy(hosts.hosts, hosts.power).unknown))
+    return list(unknown)

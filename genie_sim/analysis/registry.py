@@ -16,7 +16,6 @@ from genie_sim.analysis import (
     correctness,
     frame_metrics,
     genie_metrics,
-    looks,
     outages,
     prices,
     resource_metrics,
@@ -54,7 +53,6 @@ MODULES = (
     correctness,
     prices,
     resource_metrics,
-    looks,
     outages,
 )
 METRICS: Mapping[str, Metric] = {

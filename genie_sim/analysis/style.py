@@ -53,7 +53,6 @@ TITLE_CHARACTERS = 24  # in a line beside or below an axis
 RUN_FIGURES = (  # of a run or several seeds, by the names of their files
     "latency_accuracy",
     "latency_cdf",
-    "latency_cdf_of_answered",
     "time_parts",
     "resources",
     "image_reuse",

@@ -1,11 +1,10 @@
 """The results of a run as tables: that for a terminal and for papers, those of ``summary.md``."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from genie_sim.analysis import compare_tables, correctness, prices, renderers
-from genie_sim.analysis.compare import compared
+from genie_sim.analysis import correctness, prices, renderers
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES, of_clients
@@ -31,7 +30,6 @@ from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.statistics import MIN_SEEDS
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.text import one_line
-from genie_sim.record.columns import Columns
 from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 
 OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
@@ -246,16 +244,13 @@ def table(run: Run | SeedRuns, format: str, metrics: Sequence[str] = ()) -> str:
         ]
         return renderers.csv_of_rows(TIDY_FIELDS, rows, run.changed)
     if format == "latex":
-        return _latex(run, main, metrics)
+        return _latex(run, main)
     notes = [about_seeds(run)] if isinstance(run, SeedRuns) else []
     return renderers.markdown(replace(main, notes=[*notes, run.warning]))
 
 
-def _latex(run: Run | SeedRuns, table: ResultTable, metrics: Sequence[str]) -> str:
-    """The table, of several seeds followed by the paired differences of its methods from the first
-    one.
-    """
-    several = isinstance(run, SeedRuns)
+def _latex(run: Run | SeedRuns, table: ResultTable) -> str:
+    """The table with a caption that says what it is of."""
     seeds = seeds_text([of_seed.seed for of_seed in run.runs])
     about = about_seeds(run) if isinstance(run, SeedRuns) else IN_ONE_RUN
     titled = replace(
@@ -263,10 +258,7 @@ def _latex(run: Run | SeedRuns, table: ResultTable, metrics: Sequence[str]) -> s
         title=f"{run.title}: response times, correctness and cost ({seeds})",
         notes=[about, *table.notes, run.warning],
     )
-    text = renderers.latex(titled, run.title)
-    if several and len(run.methods) > 1:
-        text += "\n" + compare_tables.differences_latex(compared([run], metrics=metrics), run.title)
-    return text
+    return renderers.latex(titled, run.title)
 
 
 def about_seeds(runs: SeedRuns) -> str:
@@ -447,7 +439,9 @@ def _notes(section: str, numbers: _Numbers) -> Iterator[str]:
             yield from (ABOUT_PROXIES, METRICS["wrong_hit_share"].meaning)
         yield _about_truth(numbers)
     elif section == prices.PRICES:
-        yield energy_note(numbers.runs, numbers.titles)
+        yield ABOUT_ENERGY
+        if unknown := prices.unknown_powers(numbers.runs, list(numbers.titles)):
+            yield f"Not known: the power of {', '.join(unknown)}."
 
 
 def _about_truth(numbers: _Numbers) -> str:
@@ -455,32 +449,3 @@ def _about_truth(numbers: _Numbers) -> str:
     if not numbers.is_measured(correctness.HELD):
         return NO_TRUTH
     return f"{ABOUT_TRUTH} {ABOUT_ZERO_DELAY}" if numbers.zero_delay() else ABOUT_TRUTH
-
-
-def energy_note(runs: Sequence[Mapping[str, Columns]], titles: Mapping[str, str]) -> str:
-    """What energy means, whose power nobody knows, and which methods take less than others over
-    all ranges of the powers.
-
-    Parameters
-    ----------
-    runs : sequence of mappings of str to Columns
-        The tables of each run.
-    titles : mapping of str to str
-        The titles of its methods by their names.
-    """
-    sentences = [ABOUT_ENERGY]
-    unknown = prices.unknown_powers(runs, list(titles))
-    if unknown:
-        sentences.append(f"Not known: the power of {', '.join(unknown)}.")
-    orders = prices.order(runs, list(titles))
-    certain = [
-        f"{titles[method]} than {', '.join(titles[other] for other in others)}"
-        for method, others in orders.items()
-        if others
-    ]
-    if certain:
-        less = "; ".join(certain)
-        sentences.append(f"Less energy per frame, whatever the powers in their ranges: {less}.")
-    if len(orders) > 1:
-        sentences.append("All other pairs depend on the powers.")
-    return " ".join(sentences)

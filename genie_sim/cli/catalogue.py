@@ -10,12 +10,12 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
-from genie_sim.faults import FAULTS
 from genie_sim.links.presets import LINKS
-from genie_sim.methods import METHODS
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK_MODELS
+from genie_sim.sim.method import METHODS
 
 Listing = Iterable[tuple[str, str]]
 
@@ -56,6 +56,16 @@ def _metrics() -> Listing:
         yield name, f"{metric.title} [{metric.unit}]" if metric.unit else metric.title
 
 
+def _columns() -> Listing:
+    """Every column of the tables of a run, with its unit and meaning."""
+    from genie_sim.record.records import SCHEMAS
+
+    for table in SCHEMAS.values():
+        for column in table.columns:
+            unit = f" [{column.unit}]" if column.unit else ""
+            yield f"{table.name}.{column.name}", f"{column.description}{unit}"
+
+
 def _first_lines(registry: Mapping[str, object]) -> Listing:
     """Each name of a registry with the first paragraph of its class's docstring, on one line."""
     for name in registry:
@@ -79,4 +89,5 @@ KINDS: dict[str, Callable[[], Listing]] = {
     "evictions": lambda: _first_lines(EVICTIONS),
     "rules": lambda: _first_lines(CONFIDENCE_RULES),
     "metrics": _metrics,
+    "columns": _columns,
 }

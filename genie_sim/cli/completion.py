@@ -32,7 +32,7 @@ def _of_files(*kinds: str) -> Completion:
 
 
 def _methods() -> Iterable[str]:
-    from genie_sim.methods import METHODS
+    from genie_sim.sim.method import METHODS
 
     return METHODS
 

@@ -19,7 +19,7 @@ from genie_sim.cli.arguments import (
 if TYPE_CHECKING:
     from genie_sim.record.results import Run
 
-FORMATS = ("perfetto", *add_ons.OF_ROS[add_ons.EXPORTERS])
+FORMATS = add_ons.OF_ROS[add_ons.EXPORTERS]
 OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
 
 
@@ -27,38 +27,33 @@ OF_EVERY_METHOD = ("poses", "power")  # tables whose rows belong to all methods
 @click.argument("folder", type=PATH, help="A result folder of a run.")
 @click.option(
     "--format",
-    default="perfetto",
+    default="mcap",
     shell_complete=completion.fixed(*FORMATS),
-    help="perfetto (a timeline of hosts and frames for ui.perfetto.dev); with the add-on "
-    "packages/genie-sim-ros also mcap (Foxglove, ROS 2) and bag (RViz, ROS 1).",
+    help="mcap (Foxglove, ROS 2) or bag (RViz, ROS 1), both with the add-on "
+    "packages/genie-sim-ros; default: mcap.",
 )
 @shown_methods_option
 @click.option(
     "--out",
     type=PATH,
-    help="The file; default: run.perfetto.json and so on in the folder.",
+    help="The file; default: run.mcap and so on in the folder.",
 )
 @changed_option
 @own_code_option
 def export(
     folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
 ) -> None:
-    """Write a run for Perfetto, Foxglove or RViz."""
+    """Write a run for Foxglove or RViz."""
     from genie_sim.record import results
-    from genie_sim.report import perfetto
-
-    if format == "perfetto":
-        write, ending = perfetto.export, "perfetto.json"
-    else:
-        write, ending = add_ons.offered(add_ons.EXPORTERS, format), format
-    if write is None:
-        known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}
-        raise UserError(f"--format: {unknown('format', format, known)}")
 
     run = _of_methods(
         results.load(folder, allow_changed=allow_changed), listed("--methods", methods)
     )
-    path = out if out is not None else folder / f"run.{ending}"
+    write = add_ons.offered(add_ons.EXPORTERS, format)
+    if write is None:
+        known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}
+        raise UserError(f"--format: {unknown('format', format, known)}")
+    path = out if out is not None else folder / f"run.{format}"
     click.echo(f"{path}: {write(run, path):,} entries")
 
 

@@ -1,59 +1,61 @@
-"""A Genie out of its rules. The simulator and real ROS build theirs here."""
+"""A Genie out of its settings. The simulator and real ROS build theirs here."""
 
 import functools
+from collections.abc import Sequence
 from dataclasses import replace
 from numbers import Real
-from typing import Any
 
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.core.confidence import CONFIDENCE_RULES, ConfidenceRule
 from genie_sim.core.message_cache import MessageCache
 from genie_sim.core.messages import Detections
-from genie_sim.core.node import GenieNode
+from genie_sim.core.node import SUFFIXES, GenieNode, MakeAnswer
 from genie_sim.core.object_map import ObjectMap
-from genie_sim.core.rules import (
-    CONFIDENCE_RULE,
-    EVICTION,
-    SIMILARITY,
-    GenieRules,
-    MissPolicy,
-)
+from genie_sim.core.rules import CONFIDENCE_RULE, EVICTION, SIMILARITY, GenieRules
 from genie_sim.core.similarity import Similarity
+
+
+def rules_on_car(rules: GenieRules, *, alone: bool = False) -> GenieRules:
+    """The settings of a car's Genie: it answers the consumer by the miss policy, and answers others
+    only when they ask. Its misses go up, unless it is ``alone``: nobody listens to ``-remote``.
+    """
+    return replace(
+        rules,
+        capacity=rules.capacity_on_car,
+        share_answers="on_request",
+        share_requests=not alone,
+        share_filter="confident",
+    )
+
+
+def rules_on_edge(rules: GenieRules) -> GenieRules:
+    """The settings of an edge's Genie: other Genies ask it, so it answers when it has an answer,
+    and it stores all that it gets.
+    """
+    is_literal = rules.algorithm == "literal"
+    miss_policy = rules.miss_policy if is_literal else "blocking"
+    return replace(rules, car_learns="all", miss_policy=miss_policy)
 
 
 def make_genie(
     rules: GenieRules,
     name: str,
-    subscribed: tuple[str, ...],
-    published: tuple[str, ...],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
     *,
-    on_edge: bool,
-    alone: bool = False,
-    miss_policy: MissPolicy | None = None,
-    **others: Any,
+    map_answer: MakeAnswer | None = Detections,
+    suffixes: tuple[str, str] = SUFFIXES,
+    names_changes: bool = True,
 ) -> GenieNode:
-    """The Genie called ``name`` for a node with the topics T_S and T_P.
-
-    On an edge it serves other Genies, so it answers when it has an answer, and shares what its node
-    finds; on a car it serves the consumer by the miss policy and sends only its misses up.
+    """A Genie with a cache and a map.
 
     Parameters
     ----------
     rules : GenieRules
-        The settings.
-    name : str
-        The Genie's name.
-    subscribed, published : tuple of str
-        The encapsulated node's own topics, T_S and T_P.
-    on_edge : bool
-        Whether it is an edge's Genie or a car's.
-    alone : bool
-        Whether nobody listens to ``-remote``.
-    miss_policy : str, optional
-        What clients get whose request missed, in the place of what settings and role say.
-    **others
-        Arguments of ``GenieNode`` beside, or in the place of, those that follow from the settings.
+        The settings, as they are in its role: ``rules_on_car``, ``rules_on_edge``.
+    name, inputs, outputs, map_answer, suffixes, names_changes
+        As those of ``GenieNode``.
 
     Raises
     ------
@@ -62,33 +64,26 @@ def make_genie(
     """
     similarity: Similarity = SIMILARITY.make(rules.similarity)
     new_eviction = EVICTION.resolve(rules.eviction)
-    capacity = rules.capacity if on_edge or rules.car_capacity is None else rules.car_capacity
 
     def new_cache() -> MessageCache:
         ttl = () if rules.ttl_ns is None else (rules.ttl_ns,)
         eviction = plugins.call("eviction", rules.eviction, new_eviction, *ttl)
-        return MessageCache(similarity.index(), eviction, capacity)
+        return MessageCache(similarity.index(), eviction, rules.capacity)
 
-    if miss_policy is None:
-        miss_policy = "blocking" if on_edge and rules.algorithm != "literal" else rules.miss_policy
-    role_rules = replace(
+    rule = confidence_rule(rules.object_map.rule)
+    return GenieNode(
+        name,
+        inputs,
+        outputs,
         rules,
-        share_answers=rules.share_answers if on_edge else "on_request",
-        share_requests=rules.share_requests if on_edge else not alone,
-        share_filter=rules.share_filter if on_edge else "confident",
-        car_learns="all" if on_edge else rules.car_learns,
-        miss_policy=miss_policy,
+        key=similarity.key,
+        new_keys=similarity.index,
+        new_cache=new_cache,
+        object_map=ObjectMap(rules.object_map, rules.view_range_m, rule),
+        map_answer=map_answer,
+        suffixes=suffixes,
+        names_changes=names_changes,
     )
-    arguments: dict[str, Any] = {
-        "key": similarity.key,
-        "new_cache": new_cache,
-        "new_keys": similarity.index,
-        "object_map": ObjectMap(
-            rules.object_map, rules.view_range_m, confidence_rule(rules.object_map.rule)
-        ),
-        "map_answer": Detections,
-    }
-    return GenieNode(name, subscribed, published, role_rules, **(arguments | others))
 
 
 def confidence_rule(name: str) -> ConfidenceRule:
@@ -101,9 +96,9 @@ def confidence_rule(name: str) -> ConfidenceRule:
         return rule
 
     @functools.wraps(rule)
-    def checked(before: float, seen: float, rate: float) -> float:
+    def checked(before: float, sighting: float, rate: float) -> float:
         try:
-            confidence = rule(before, seen, rate)
+            confidence = rule(before, sighting, rate)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
         if (
@@ -114,7 +109,7 @@ def confidence_rule(name: str) -> ConfidenceRule:
             return float(confidence)
         raise UserError(
             f"confidence rule {name!r}: returned {short_repr(confidence)} for"
-            f" ({before:g}, {seen:g}, {rate:g}); expected a number from 0 to 1"
+            f" ({before:g}, {sighting:g}, {rate:g}); expected a number from 0 to 1"
         )
 
     checked(0.5, 0.5, 0.1)

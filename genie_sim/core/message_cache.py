@@ -2,9 +2,9 @@
 theirs.
 """
 
-from collections import deque
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from genie_sim.base.contracts import class_of, whole
@@ -36,16 +36,16 @@ class MessageCache:
         return len(self._answers)
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` on a miss. Counts as a use."""
-        stored_key = self._find(key, now_ns)
+        """The answers to an equal request, ``None`` on a miss. It is a use."""
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             return None
         self._eviction.used(stored_key, now_ns)
         return self._answers[stored_key]
 
     def peek(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` if there are none. Does not count as a use."""
-        stored_key = self._find(key, now_ns)
+        """The answers to an equal request, ``None`` if there are none. It is no use."""
+        stored_key = self._expire_and_find(key, now_ns)
         return None if stored_key is None else self._answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
@@ -57,7 +57,7 @@ class MessageCache:
         size_bytes = answer.size_bytes
         if self._capacity is not None and not self._capacity.holds(0, size_bytes):
             return
-        stored_key = self._find(key, now_ns)
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             while self._answers and not self._fits(1, size_bytes):
                 self._evict()
@@ -72,8 +72,8 @@ class MessageCache:
         while not self._fits(0, 0):  # an answer grew
             self._evict()
 
-    def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
-        """The stored key that equals ``key``; those whose time is over go on the way."""
+    def _expire_and_find(self, key: Hashable, now_ns: int) -> Hashable | None:
+        """The stored key that equals ``key``; equal ones whose time is over are removed."""
         stored_key = self._index.find(key)
         while stored_key is not None:
             expires_ns = self._eviction.expires_ns(stored_key)
@@ -110,29 +110,29 @@ class Requester:
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the
     middleware tells it).
 
-    ``served`` are the topics on which the cache has already answered.
+    ``answered_topics`` are those on which the cache has already answered.
     """
 
     header: Header
     neighbour: bool
     name: str | None
-    served: frozenset[str] = frozenset()
+    answered_topics: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works
-    on it.
+    """A request that was opened and has not expired; ``is_forwarded`` as long as a node of ours
+    works on it.
     """
 
     topic: str
     key: Hashable
     deadline_ns: int | None
-    forwarded: bool
+    is_forwarded: bool
     requesters: list[Requester]
-    answered: set[str]  # the topics on which an answer came
+    answered_topics: set[str] = field(default_factory=set)  # on which an answer came
 
-    def serves(self, header: Header) -> bool:
+    def has_requester(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""
         return any(requester.header == header for requester in self.requesters)
 
@@ -147,20 +147,24 @@ class PendingIndex:
         identity: Literal["stamp_frame_origin", "stamp"],
         new_keys: Callable[[], KeyIndex],
     ) -> None:
-        """``identity``: what of a header counts."""
+        """``identity``: what of a header tells requests apart."""
         self._by_stamp = identity == "stamp"
         self._new_keys = new_keys
-        self._by_header: dict[Hashable, PendingRequest] = {}
-        self._waiting: deque[tuple[Hashable, PendingRequest]] = deque()  # the same by deadline
+        self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline
         self._keys: dict[str, KeyIndex] = {}
         self._open: dict[tuple[str, Hashable], PendingRequest] = {}
-        self.next_deadline_ns: int | None = None  # when the oldest request expires
 
     def __len__(self) -> int:
         return len(self._by_header)
 
     def __iter__(self) -> Iterator[PendingRequest]:
         return iter(self._by_header.values())
+
+    @property
+    def next_deadline_ns(self) -> int | None:
+        """When the oldest request expires, ``None`` for never."""
+        oldest = next(iter(self._by_header.values()), None)
+        return None if oldest is None else oldest.deadline_ns
 
     def by_header(self, header: Header) -> PendingRequest | None:
         """The request that an answer with this header belongs to."""
@@ -175,43 +179,37 @@ class PendingIndex:
     def joinable(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request whose answer a request with an equal message can wait for."""
         pending = self.by_key(topic, key)
-        return None if pending is None or pending.answered else pending
+        return None if pending is None or pending.answered_topics else pending
 
     def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
         """A request waits from now on, one of this header at a time. Deadlines must not decrease
         from call to call. Returns those that it pushes out: of requests without a deadline the
         oldest.
         """
-        if not self._waiting:
-            self.next_deadline_ns = pending.deadline_ns
-        identity = header.stamp_ns if self._by_stamp else header
-        self._by_header[identity] = pending
-        self._waiting.append((identity, pending))
-        if pending.forwarded:
+        self._by_header[header.stamp_ns if self._by_stamp else header] = pending
+        if pending.is_forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
-        if pending.deadline_ns is None and len(self._waiting) > MAX_TIMELESS:
+        if pending.deadline_ns is None and len(self._by_header) > MAX_TIMELESS:
             return [self._remove_oldest()]
         return []
 
     def expire(self, now_ns: int) -> list[PendingRequest]:
         """Removes and returns the requests whose deadline has come."""
-        expired = []
-        while self.next_deadline_ns is not None and self.next_deadline_ns <= now_ns:
-            expired.append(self._remove_oldest())
-        return expired
+        overdue = []
+        while (deadline_ns := self.next_deadline_ns) is not None and deadline_ns <= now_ns:
+            overdue.append(self._remove_oldest())
+        return overdue
 
     def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; a second answer still finds it."""
-        if pending.forwarded:
-            pending.forwarded = False
+        if pending.is_forwarded:
+            pending.is_forwarded = False
             if self._open.get((pending.topic, pending.key)) is pending:
                 del self._open[pending.topic, pending.key]
                 self._keys[pending.topic].discard(pending.key)
 
     def _remove_oldest(self) -> PendingRequest:
-        identity, pending = self._waiting.popleft()
-        self.next_deadline_ns = self._waiting[0][1].deadline_ns if self._waiting else None
-        del self._by_header[identity]
+        _, pending = self._by_header.popitem(last=False)
         self.close(pending)
         return pending

@@ -5,6 +5,7 @@ slots: they cost three fifths of named tuples. Locations are metres in the scena
 east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, Self
@@ -23,7 +24,6 @@ OBJECT_BYTES = 400  # class, score, place, velocity, variance and a header of it
 # each detection class (8), score (4) and place (3 x 8).
 LOOK_BYTES = 89
 LOOK_DETECTION_BYTES = 36
-SHARED = "shared"  # the source of what an edge tells of others' looks
 
 
 class CameraPose(NamedTuple):
@@ -42,6 +42,19 @@ class CameraPose(NamedTuple):
     up_m: float
     heading_rad: float
 
+    def carried(self, location: Location, to: "CameraPose") -> Location:
+        """The place that is as far ahead, aside and above of pose ``to`` as a location is of this
+        one.
+        """
+        turn_rad = to.heading_rad - self.heading_rad
+        cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+        east_m, north_m = location[0] - self.east_m, location[1] - self.north_m
+        return (
+            to.east_m + cosine * east_m - sine * north_m,
+            to.north_m + sine * east_m + cosine * north_m,
+            to.up_m + (location[2] - self.up_m),
+        )
+
 
 class Message(Protocol):
     """What Algorithm 1 needs of a message; the payload stays opaque."""
@@ -51,6 +64,18 @@ class Message(Protocol):
 
     @property
     def size_bytes(self) -> int: ...
+
+
+class Request(Message, Protocol):
+    """A message that a client sends. ``pose`` is where its camera stood, ``None`` where that is
+    unknown.
+    """
+
+    @property
+    def pose(self) -> CameraPose | None: ...
+
+    @property
+    def horizontal_fov_rad(self) -> float: ...
 
 
 class Answer(Message, Protocol):
@@ -82,7 +107,7 @@ class Answer(Message, Protocol):
 
     def with_look(self, look: "Look | None", valid_ns: int | None) -> Self: ...
 
-    def served(self, source: str, by: str, header: Header | None = None) -> Self: ...
+    def credited(self, source: str, by: str, header: Header | None = None) -> Self: ...
 
 
 @dataclass(slots=True, unsafe_hash=True)
@@ -117,27 +142,6 @@ class Image:
     content: Any = None
 
 
-class Motion(NamedTuple):
-    """What a map that tracks knows besides an object's place.
-
-    Parameters
-    ----------
-    velocity_mps : tuple of float
-        East and north, in metres a second.
-    sigma_m : float
-        How uncertain the place is: a standard deviation in metres.
-    existence : float
-        How likely the object exists, from 0 to 1.
-    seen : Header
-        The frame in which it was seen last.
-    """
-
-    velocity_mps: tuple[float, float]
-    sigma_m: float
-    existence: float
-    seen: Header
-
-
 @dataclass(slots=True, unsafe_hash=True)
 class Detection:
     """One object found in an image.
@@ -158,11 +162,11 @@ class Detection:
         The object map's, from 0 to 1; equal to the score until a map has seen the object.
     placed_by : str
         How it was placed: ``scan``, ``ground``, ``table``, ``none`` if it was not, ``unknown``.
-    motion : Motion or None
-        What a map that tracks knows of it; ``None`` unless it comes from one.
+    motion : object or None
+        What a map beyond the paper's adds (``tracks.track.Motion``); no rule of the paper reads it.
     seen_in : Header or None
-        The newest frame in which a detector saw an object of a map; ``None`` for what a detector
-        found: the frame is that of the answer.
+        The newest frame in which a detector found an object of a map; ``None`` for what a detector
+        has just found: the frame is that of the answer.
     """
 
     label: str
@@ -171,7 +175,7 @@ class Detection:
     location: Location | None
     confidence: float
     placed_by: str = "unknown"
-    motion: Motion | None = None
+    motion: Any = None
     seen_in: Header | None = field(default=None, compare=False)
 
     def with_confidence(self, confidence: float) -> "Detection":
@@ -199,7 +203,7 @@ class Look(NamedTuple):
     Parameters
     ----------
     header : Header
-        The frame. It identifies the look: whoever gets it by two ways counts it once.
+        The frame. It identifies the look: whoever gets it by two ways learns it once.
     pose : CameraPose
         Where the camera was.
     horizontal_fov_rad : float
@@ -260,8 +264,7 @@ class Detections:
     objects : tuple of Detection
         What is there, as far as the sender knows.
     source : str
-        What produced it: ``detector``, ``cache`` or ``map``; ``shared`` is what an edge tells of
-        others' looks.
+        What produced it: ``detector``, ``cache`` or ``map``, or a word of a method's own.
     served_by : str
         The node that gave it, such as ``car1/genie``; empty until one has.
     look : Look or None
@@ -305,52 +308,24 @@ class Detections:
         return newest_look_ns(self.objects, newest_ns)
 
     def restamped(self, header: Header) -> "Detections":
-        return Detections(
-            header=header,
-            objects=self.objects,
-            source=self.source,
-            served_by=self.served_by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in or self.header,
-        )
+        """The answer under another header."""
+        return replace(self, header=header, seen_in=self.seen_in or self.header)
 
     def with_objects(self, objects: Sequence[Detection]) -> "Detections":
-        return Detections(
-            header=self.header,
-            objects=tuple(objects),
-            source=self.source,
-            served_by=self.served_by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in,
-        )
+        """The answer with other objects."""
+        return replace(self, objects=tuple(objects))
 
     def with_look(self, look: Look | None, valid_ns: int | None) -> "Detections":
         """The answer with this look and the instant for which it holds, or without."""
-        return Detections(
-            header=self.header,
-            objects=self.objects,
-            source=self.source,
-            served_by=self.served_by,
-            look=look,
-            valid_ns=valid_ns,
-            seen_in=self.seen_in,
-        )
+        return replace(self, look=look, valid_ns=valid_ns)
 
-    def served(self, source: str, by: str, header: Header | None = None) -> "Detections":
+    def credited(self, source: str, by: str, header: Header | None = None) -> "Detections":
         """The answer as a node gives it, under another ``header`` if one is given. One out of an
         object map stays that, even when a cache replays it: it was never a detection.
         """
-        return Detections(
-            header=self.header if header is None else header,
-            objects=self.objects,
-            source="map" if self.source == "map" else source,
-            served_by=by,
-            look=self.look,
-            valid_ns=self.valid_ns,
-            seen_in=self.seen_in or self.header,
-        )
+        answer = self if header is None else self.restamped(header)
+        source = "map" if self.source == "map" else source
+        return replace(answer, source=source, served_by=by, seen_in=self.seen_in or self.header)
 
 
 def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int | None:
@@ -376,7 +351,12 @@ class Publish:
 
 
 @dataclass(slots=True)
-class ImageLookup:
+class Observation:
+    """Effect: what a node tells the log. A method may have further kinds."""
+
+
+@dataclass(slots=True)
+class ImageLookup(Observation):
     """The message cache was asked once. ``outcome`` is ``hit``, ``miss`` or ``coalesced``;
     ``requester`` is ``client`` (its own network) or ``neighbour`` (another Genie on the edge
     network).
@@ -413,16 +393,16 @@ class MapChange(NamedTuple):
     confidence: float
 
     @classmethod
-    def of(cls, stored: MapObject) -> "MapChange":
+    def of(cls, item: MapObject) -> "MapChange":
         """An object of a map as it is now."""
-        return cls(stored.number, stored.label, stored.location, stored.confidence)
+        return cls(item.number, item.label, item.location, item.confidence)
 
 
 @dataclass(slots=True)
-class ObjectLookups:
+class ObjectLookups(Observation):
     """The object map was asked ``requests`` times for one message.
 
-    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` counts the
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` are the
     look-ups answered by a stored object with C >= C_T; ``updates`` the confidences changed, by
     ``boost_sum`` in total (C_new - C_old). ``changes`` are the objects that these updates changed,
     and the new ones; ``forgotten`` those that the map no longer holds because of this message. A
@@ -431,24 +411,24 @@ class ObjectLookups:
 
     header: Header
     kind: str
-    requests: int
-    hits: int
-    updates: int
-    boost_sum: float
-    objects: int
+    requests: int = 0
+    hits: int = 0
+    updates: int = 0
+    boost_sum: float = 0.0
+    objects: int = 0
     changes: tuple[MapChange, ...] = ()
     forgotten: tuple[MapChange, ...] = ()
 
 
 @dataclass(slots=True)
-class Expired:
+class Expired(Observation):
     """A client's request was forgotten before anybody answered it."""
 
     header: Header
 
 
 @dataclass(slots=True)
-class Forgotten:
+class Forgotten(Observation):
     """Objects that the map holds no longer, because nobody has seen them for long enough; each as
     it was last.
     """
@@ -456,32 +436,4 @@ class Forgotten:
     objects: tuple[MapChange, ...]
 
 
-@dataclass(slots=True)
-class LookEvent:
-    """What became of a frame as a look: a detector's pass over it.
-
-    ``way`` is ``own`` (the car's detector) or ``edge``. ``outcome`` is ``sent``, ``answered``,
-    ``stale`` (answered too late to count), ``overtaken`` (a later frame was answered first, so this
-    one is given up), ``timed_out`` (given up, too) or ``late`` (answered after it was given up).
-    ``gap_ns``, of one that is sent: the time since the frame of its view that went up before.
-    """
-
-    header: Header
-    way: str
-    outcome: str
-    gap_ns: int | None = None
-
-
-@dataclass(slots=True)
-class NewestLook:
-    """Of a frame that is answered out of the map: the stamp of the newest frame of its view that a
-    detector has looked at, ``None`` before the first.
-    """
-
-    header: Header
-    stamp_ns: int | None
-
-
-# for the log
-Observation = ImageLookup | ObjectLookups | Expired | Forgotten | LookEvent | NewestLook
 Effect = Publish | Observation

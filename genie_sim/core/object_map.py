@@ -21,9 +21,6 @@ from genie_sim.core.stored_object import StoredObject
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.core.view import ViewSector
 
-# With ``confidence_source: origins`` a car's sightings of an object count once in this time.
-ORIGIN_NS = 1_000_000_000
-
 
 class ObjectMap:
     """Location -> objects, in metres of one east-north-up frame.
@@ -50,12 +47,11 @@ class ObjectMap:
         self._places: PlaceIndex[StoredObject] = PlaceIndex(view_cell_m, rules.gate_m)
         self._same_location = SameLocation() if rules.location_key == "exact" else None
         self._any_class = rules.one_per_location
-        self._counts_origins = rules.confidence_source == "origins"
         self._count = 0
         self._next_number = 0  # of an object
         self._forget_after_ns = rules.forget_after_ns
         # where objects are forgotten: when each was seen last, the longest ago first
-        self._seen_ns: OrderedDict[StoredObject, int] = OrderedDict()
+        self._last_ns: OrderedDict[StoredObject, int] = OrderedDict()
 
     def __len__(self) -> int:
         return self._count
@@ -76,55 +72,44 @@ class ObjectMap:
         """
         if answer.objects is None:  # line 2
             return answer, None
-        header = answer.header if answer.source == "detector" else None
-        looked_at = answer.seen_in or answer.header
+        looked_in = answer.seen_in or answer.header
         objects: list[Detection] = []
         changes: list[MapChange] = []
-        lookups = ObjectLookups(answer.header, "sighting", 0, 0, 0, 0.0, 0)
+        lookups = ObjectLookups(answer.header, "sighting")
         threshold = self.threshold
-        for seen in answer.objects:  # line 3
-            if seen.location is not None:
-                from_map = seen.placed_by == "map"
-                before, stored = self.sight(  # lines 4 to 7
-                    seen, now_ns, None if from_map else header
-                )
-                stored.set_seen(seen.seen_in if from_map else looked_at)
+        for sighting in answer.objects:  # line 3
+            if sighting.location is not None:
+                from_map = sighting.placed_by == "map"
+                before, entry = self.sight(sighting, now_ns)  # lines 4 to 7
+                entry.note_frame(sighting.seen_in if from_map else looked_in)
                 lookups.requests += 1
                 if before is not None:
                     lookups.hits += before >= threshold
                     lookups.updates += 1
-                    lookups.boost_sum += stored.confidence - before
-                    seen = seen.with_confidence(stored.confidence)
+                    lookups.boost_sum += entry.confidence - before
+                    sighting = sighting.with_confidence(entry.confidence)
                 if names_changes:
-                    changes.append(MapChange.of(stored))
-            objects.append(seen)
+                    changes.append(MapChange.of(entry))
+            objects.append(sighting)
         lookups.changes, lookups.objects = tuple(changes), len(self)
         return answer.with_objects(objects), lookups
 
-    def sight(
-        self, seen: Detection, now_ns: int = 0, header: Header | None = None
-    ) -> tuple[float | None, StoredObject]:
-        """Lines 4 to 7: boosts the stored object that ``seen`` shows, or adds it.
-
-        ``header`` is that of the frame in which a detector saw it, ``None`` if the object comes out
-        of a map or cache. Returns the confidence before (``None`` for a new object) and the stored
-        object.
+    def sight(self, sighting: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
+        """Lines 4 to 7: boosts the stored object that a sighting shows, or adds it. Returns the
+        confidence before (``None`` for a new object) and the stored object.
         """
-        assert seen.location is not None
-        stored = self.match(seen.label, seen.location)  # line 4
-        if stored is None:
-            return None, self._add(seen, seen.location, now_ns, header)  # line 7
+        assert sighting.location is not None
+        entry = self.match(sighting.label, sighting.location)  # line 4
+        if entry is None:
+            return None, self._add(sighting, sighting.location, now_ns)  # line 7
         if self._forget_after_ns is not None:
-            self._seen_ns[stored] = now_ns
-            self._seen_ns.move_to_end(stored)
-        before = stored.confidence
-        if not self._counts_origins or (
-            header is not None and counts_again(stored.counted_ns, header)
-        ):
-            after = self._boosted_confidence(before, seen.confidence, self._rate)  # line 5
-            stored.set_confidence(after)
-            self._threshold.changed(before, after)
-        return before, stored
+            self._last_ns[entry] = now_ns
+            self._last_ns.move_to_end(entry)
+        before = entry.confidence
+        after = self._boosted_confidence(before, sighting.confidence, self._rate)  # line 5
+        entry.set_confidence(after)
+        self._threshold.changed(before, after)
+        return before, entry
 
     def enhanced_cache_boost_data(
         self, answer: Answer, header: Header
@@ -135,28 +120,28 @@ class ObjectMap:
         if answer.objects is None:  # line 9
             return answer, None
         objects: list[Detection] = []
-        others: list[StoredObject] = []
-        shown: set[int] = set()
-        lookups = ObjectLookups(header, "boost", 0, 0, 0, 0.0, len(self))
+        additions: list[StoredObject] = []
+        numbers: set[int] = set()
+        lookups = ObjectLookups(header, "boost", objects=len(self))
         for detection in answer.objects:  # line 10
             if detection.location is not None:
                 confident = [
-                    stored
-                    for stored in self.at(detection.location)  # line 11
-                    if stored.confidence >= self.threshold  # line 12
+                    entry
+                    for entry in self.at(detection.location)  # line 11
+                    if entry.confidence >= self.threshold  # line 12
                 ]
-                others += confident  # line 13; added below, lest line 10 iterates over them
+                additions += confident  # line 13; added below, lest line 10 iterates over them
                 lookups.requests += 1
                 lookups.hits += bool(confident)
                 itself = self.match(detection.label, detection.location)
                 if itself is not None:
-                    shown.add(itself.number)
+                    numbers.add(itself.number)
                     detection = detection.with_confidence(itself.confidence)
             objects.append(detection)
-        for stored in others:
-            if stored.number not in shown:
-                shown.add(stored.number)
-                objects.append(stored.as_detection())
+        for entry in additions:
+            if entry.number not in numbers:
+                numbers.add(entry.number)
+                objects.append(entry.as_detection())
         return answer.with_objects(objects), lookups
 
     def confident(self, answer: Answer) -> Answer:
@@ -169,14 +154,14 @@ class ObjectMap:
 
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects that nobody has seen for ``forget_after``."""
-        forgotten: list[StoredObject] = []
-        while self._seen_ns and self._forget_after_ns is not None:
-            stored, seen_ns = next(iter(self._seen_ns.items()))
-            if seen_ns + self._forget_after_ns > now_ns:
+        entries: list[StoredObject] = []
+        while self._last_ns and self._forget_after_ns is not None:
+            entry, last_ns = next(iter(self._last_ns.items()))
+            if last_ns + self._forget_after_ns > now_ns:
                 break
-            forgotten.append(stored)
-            self._remove(stored)
-        return forgotten
+            entries.append(entry)
+            self._remove(entry)
+        return entries
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest
@@ -204,30 +189,26 @@ class ObjectMap:
             sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m
         )
         threshold = self.threshold
-        return [stored for stored in in_sector if stored.confidence >= threshold]
+        return [entry for entry in in_sector if entry.confidence >= threshold]
 
-    def _add(
-        self, seen: Detection, location: Location, now_ns: int, header: Header | None
-    ) -> StoredObject:
-        stored = StoredObject(self._next_number, seen, location)
+    def _add(self, sighting: Detection, location: Location, now_ns: int) -> StoredObject:
+        entry = StoredObject(self._next_number, sighting, location)
         if self._forget_after_ns is not None:
-            self._seen_ns[stored] = now_ns
-        if self._counts_origins:
-            stored.counted_ns = {} if header is None else {header.origin: header.stamp_ns}
+            self._last_ns[entry] = now_ns
         self._count += 1
         self._next_number += 1
-        self._places.add(stored, stored.label, location[0], location[1])
+        self._places.add(entry, entry.label, location[0], location[1])
         if self._same_location is not None:
-            self._same_location.add(stored)
-        self._threshold.added(stored.score, stored.confidence)
-        return stored
+            self._same_location.add(entry)
+        self._threshold.added(entry.confidence)
+        return entry
 
-    def _remove(self, stored: StoredObject) -> None:
-        del self._seen_ns[stored]
-        self._places.remove(stored, stored.label, stored.location[0], stored.location[1])
+    def _remove(self, entry: StoredObject) -> None:
+        del self._last_ns[entry]
+        self._places.remove(entry, entry.label, entry.location[0], entry.location[1])
         if self._same_location is not None:
-            self._same_location.remove(stored)
-        self._threshold.removed(stored.confidence)
+            self._same_location.remove(entry)
+        self._threshold.removed(entry.confidence)
         self._count -= 1
 
 
@@ -239,30 +220,19 @@ class SameLocation:
     def __init__(self) -> None:
         self._objects: dict[Location, list[StoredObject]] = {}
 
-    def add(self, stored: StoredObject) -> None:
-        self._objects.setdefault(stored.location, []).append(stored)
+    def add(self, entry: StoredObject) -> None:
+        self._objects.setdefault(entry.location, []).append(entry)
 
-    def remove(self, stored: StoredObject) -> None:
-        self._objects[stored.location].remove(stored)
+    def remove(self, entry: StoredObject) -> None:
+        self._objects[entry.location].remove(entry)
 
     def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         """The oldest object of a class (``None``: of any) at a location."""
-        for stored in self._objects.get(location, ()):
-            if label is None or stored.label == label:
-                return stored
+        for entry in self._objects.get(location, ()):
+            if label is None or entry.label == label:
+                return entry
         return None
 
     def at(self, location: Location) -> list[StoredObject]:
         """Every object, of any class, at a location."""
         return list(self._objects.get(location, ()))
-
-
-def counts_again(counted_ns: dict[str, int], header: Header) -> bool:
-    """Whether a sighting in the frame with this header counts although its car's earlier ones did:
-    after a second. ``counted_ns`` has the stamp of the last one that counted, by car.
-    """
-    last_ns = counted_ns.get(header.origin)
-    if last_ns is not None and header.stamp_ns - last_ns < ORIGIN_NS:
-        return False
-    counted_ns[header.origin] = header.stamp_ns
-    return True

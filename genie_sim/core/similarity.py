@@ -11,7 +11,7 @@ from math import floor
 from typing import Any, Protocol
 
 from genie_sim.base.settings import SettingError
-from genie_sim.core.messages import Image
+from genie_sim.core.messages import Image, Request
 
 TURN_RAD = 2 * math.pi
 
@@ -80,7 +80,9 @@ class PoseGrid:
         self._cell_m = cell_m
         self._sectors = max(1, round(TURN_RAD / heading_rad))
 
-    def key(self, image: Image) -> Hashable:
+    def key(self, image: Request) -> Hashable:
+        if image.pose is None:  # then it equals no other
+            return image.header
         (east_m, north_m, _, heading_rad), cell_m = image.pose, self._cell_m
         sector = floor(heading_rad / TURN_RAD * self._sectors + 0.5) % self._sectors
         return (
@@ -135,7 +137,7 @@ class _NearHashes(dict[Any, None]):
     def find(self, key: Any) -> Hashable | None:
         nearest: int | None = key
         if key not in self:
-            nearest = min(self, key=lambda stored: (stored ^ key).bit_count(), default=None)
+            nearest = min(self, key=lambda other: (other ^ key).bit_count(), default=None)
         if nearest is None or (nearest ^ key).bit_count() > self._radius:
             return None
         return nearest

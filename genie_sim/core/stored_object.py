@@ -1,25 +1,18 @@
 """An object of the map of Algorithm 2."""
 
-from types import MappingProxyType
-from typing import Any
-
 from genie_sim.core.messages import Detection, Header, Location
-
-NO_NOTES: Any = MappingProxyType({})  # where no setting asks for them
 
 
 class StoredObject:
     """An object of the map. The location is that of the first sighting.
 
-    ``number`` counts the objects of this map from 0. ``counted_ns`` has the stamp of the last
-    sighting that counted, by car. ``seen_in`` is the newest frame in which a detector saw it,
+    ``number`` is its own, from 0 on. ``seen_in`` is the newest frame in which a detector found it,
     ``None`` where that is unknown.
     """
 
     __slots__ = (
         "_detection",
         "confidence",
-        "counted_ns",
         "label",
         "location",
         "number",
@@ -27,13 +20,12 @@ class StoredObject:
         "seen_in",
     )
 
-    def __init__(self, number: int, seen: Detection, location: Location) -> None:
+    def __init__(self, number: int, sighting: Detection, location: Location) -> None:
         self.number = number
-        self.label = seen.label
-        self.score = seen.score
-        self.confidence = seen.confidence
+        self.label = sighting.label
+        self.score = sighting.score
+        self.confidence = sighting.confidence
         self.location = location
-        self.counted_ns: dict[str, int] = NO_NOTES
         self.seen_in: Header | None = None
         self._detection: Detection | None = None  # as others get it, once they ask
 
@@ -57,8 +49,8 @@ class StoredObject:
             )
         return self._detection
 
-    def set_seen(self, header: Header | None) -> None:
-        """A detector saw it in a frame; ``None``: in one that nobody knows."""
+    def note_frame(self, header: Header | None) -> None:
+        """A detector found it in a frame; ``None``: in one that nobody knows."""
         if header is not None and (
             self.seen_in is None or self.seen_in.stamp_ns <= header.stamp_ns
         ):

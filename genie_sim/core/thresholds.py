@@ -5,10 +5,6 @@ import math
 
 from genie_sim.core.rules import Percentile
 
-# 60 % of the way up the range of scores that the detector reports
-RANGE_60 = 0.30 + 0.60 * (1.0 - 0.30)
-EMPIRICAL_PERCENT = 60.0
-
 
 class Threshold:
     """A fixed C_T. ``value`` is what holds now."""
@@ -16,7 +12,7 @@ class Threshold:
     def __init__(self, value: float) -> None:
         self.value = value
 
-    def added(self, score: float, confidence: float) -> None:
+    def added(self, confidence: float) -> None:
         """The map stores a new object."""
 
     def changed(self, before: float, after: float) -> None:
@@ -36,7 +32,7 @@ class PercentileOfStored(Threshold):
         self._percent = percent
         self._ranked: list[float] = []
 
-    def added(self, score: float, confidence: float) -> None:
+    def added(self, confidence: float) -> None:
         bisect.insort(self._ranked, confidence)
         self._set_value()
 
@@ -54,23 +50,8 @@ class PercentileOfStored(Threshold):
         self.value = self._ranked[rank - 1] if self._ranked else 1.0
 
 
-class PercentileOfFirstScores(PercentileOfStored):
-    """C_T is a percentile of the scores with which objects were found first, forgotten ones too."""
-
-    def added(self, score: float, confidence: float) -> None:
-        super().added(score, score)
-
-    def changed(self, before: float, after: float) -> None:
-        pass
-
-    def removed(self, confidence: float) -> None:
-        pass
-
-
-def threshold_of(setting: float | str | Percentile) -> Threshold:
+def threshold_of(setting: float | Percentile) -> Threshold:
     """The C_T that a setting chooses."""
     if isinstance(setting, Percentile):
         return PercentileOfStored(setting.percentile)
-    if setting == "empirical":
-        return PercentileOfFirstScores(EMPIRICAL_PERCENT)
-    return Threshold(RANGE_60 if isinstance(setting, str) else setting)
+    return Threshold(setting)

@@ -9,7 +9,7 @@ from genie_sim.sim.network import Network
 
 @dataclass(frozen=True)
 class Crash(Fault):
-    """The host ``target`` crashes, and is back at the end. Meanwhile its links are down. What is
+    """The host ``target`` crashes, and is back at the end. Meanwhile its links are cut. What is
     queued and in service there is lost.
     """
 
@@ -24,7 +24,7 @@ class Crash(Fault):
 
     def strike(self, network: Network) -> Strike:
         where = f"{self.target}:{self.dropped_by}"
-        network.take_down(self.target, self.dropped_by)
+        network.cut(self.target, self.dropped_by)
         network.void(self.target, where, keeps_memory=self.memory == "warm")
         for processor in network.processors(self.target):
             processor.stall()
@@ -33,4 +33,4 @@ class Crash(Fault):
         network.void(self.target, where, keeps_memory=True)
         for processor in network.processors(self.target):
             processor.go_on()
-        network.put_up(self.target, self.dropped_by)
+        network.restore(self.target, self.dropped_by)

@@ -75,7 +75,6 @@ class Gnss(Fault):
     """Correlation time of the noise. Urban multipath: 10 to 30 s. Assumed."""
 
     befalls = "car"
-    dropped_by = "gnss"  # it drops nothing
 
     def strike(self, network: Network) -> Strike:
         (rng,) = network.stream("gnss", self.target).spawn(1)  # no other fault draws from it
@@ -83,14 +82,14 @@ class Gnss(Fault):
             rng, bias_m=self.bias_m, noise_m=self.noise_m, correlation_ns=self.correlation_ns
         )
         outward, inward = (partial(_displaced, network, error, sign) for sign in (1, -1))
-        bend = Bend(inward, outward, self.dropped_by)
+        bend = Bend(inward, outward)
         network.bend(self.target, bend)
         yield
         network.unbend(self.target, bend)
 
 
 def _displaced(
-    network: Network, error: PositionError, sign: int, message: Message, other: str
+    network: Network, error: PositionError, sign: int, message: Message, host: str
 ) -> Message:
     east_m, north_m = error.at(network.clock.now)
     return shifted(message, sign * east_m, sign * north_m)

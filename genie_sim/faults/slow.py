@@ -19,8 +19,6 @@ class Slow(Fault):
     factor: Annotated[float, Bounds(above=0)] = 2.0
     """How much longer jobs take. Assumed."""
 
-    dropped_by = "slow"  # it drops nothing itself: full queues do
-
     def strike(self, network: Network) -> Strike:
         for processor in network.processors(self.target):
             processor.slow(self.factor)

@@ -15,8 +15,6 @@ class Stall(Fault):
     target: str
     """A car or an edge."""
 
-    dropped_by = "stall"  # it drops nothing itself: full queues do
-
     def strike(self, network: Network) -> Strike:
         for processor in network.processors(self.target):
             processor.stall()

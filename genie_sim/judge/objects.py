@@ -121,7 +121,7 @@ class Objects:
             for place, motion in enumerate(motions):
                 if motion is not None:
                     velocities_mps[place] = motion.velocity_mps
-                    seen_by[place] = self.cars[motion.seen.origin]
+                    seen_by[place] = self.cars[motion.seen_in.origin]
         self._parts.append(
             ShownColumns(
                 *np.frombuffer(codes, dtype=np.int64).reshape(-1, 2).T,

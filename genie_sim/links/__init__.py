@@ -1,3 +1,4 @@
-"""Link models, one file each (``sim.link_model``): how long a message occupies a link, when it
-arrives, and whether it is lost. It may import ``base``, ``core`` and ``sim``.
+"""Link models, one file each: how long a message occupies a link, when it arrives, and whether it
+is lost. ``sim.link_model`` says what one is, and names them. They may import ``base``, ``core`` and
+``sim``.
 """

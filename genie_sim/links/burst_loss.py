@@ -39,7 +39,7 @@ class BurstLoss:
             raise SettingError("mean", text)
 
     @property
-    def begins(self) -> float:
+    def begin_probability(self) -> float:
         """Probability that a loss follows what was not lost."""
         return self.mean / ((1 - self.mean) * self.burst)
 
@@ -56,7 +56,7 @@ class LossProcess:
     """
 
     def __init__(self, loss: BurstLoss, rng: np.random.Generator) -> None:
-        self._begins = loss.begins
+        self._begins = loss.begin_probability
         self._ends = 1 / loss.burst
         self._rng = rng
         self._bursts: deque[tuple[int, int]] = deque()  # from which step until which
@@ -64,9 +64,9 @@ class LossProcess:
         if loss.mean and rng.random() < loss.mean:
             self._add_burst(0)
 
-    def hits(self, first: int, count: int) -> bool:
-        """Whether any of ``count`` steps from ``first`` on is bad. Steps before the ``first`` of
-        the last call are forgotten.
+    def pass_steps(self, first: int, count: int) -> bool:
+        """Goes on by ``count`` steps from ``first`` on, and forgets those before; whether any of
+        them is bad.
         """
         if not self._begins:
             return False

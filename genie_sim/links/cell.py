@@ -188,8 +188,8 @@ class CellSender(Sender):
         self._cell = cell
         self._direction = direction
         self._loss = loss
-        self._sent: simpy.Event | None = None  # happens when the present message has left
-        self._is_up = True
+        self._done: simpy.Event | None = None  # happens when the present message has left
+        self._is_available = True
         self._is_lost = False
 
     def alone_bps(self) -> int:
@@ -200,30 +200,30 @@ class CellSender(Sender):
             return self._cell.rate_bps(up)
         return self._cell.rate_bps(up, self._loss.db(*self._network.place(car)))
 
-    def sent(self, size_bytes: int) -> simpy.Event:
+    def transmit(self, size_bytes: int) -> simpy.Event:
         self._is_lost = False
-        if not self._is_up:  # lost by what took the link down
+        if not self._is_available:  # lost by what took the link away
             return self.clock.timeout(0)
-        self._sent = self.clock.event()
+        self._done = self.clock.event()
         self._direction.begin(self, size_bytes)
-        return self._sent
+        return self._done
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
         return None if self._is_lost else self._cell.delay_ns
 
-    def set_up(self, is_up: bool) -> None:
-        """Bits that were still to be sent when the link goes down take nothing of the cell."""
-        self._is_up = is_up
-        if not is_up and self._sent is not None:
+    def set_available(self, is_available: bool) -> None:
+        """Bits that were still to be sent when the link is taken away take nothing of the cell."""
+        self._is_available = is_available
+        if not is_available and self._done is not None:
             self._direction.give_up(self)
             self.end()
 
     def end(self, is_lost: bool = False) -> None:
         """The transmission is over."""
-        sent, self._sent = self._sent, None
+        done, self._done = self._done, None
         self._is_lost = is_lost
-        assert sent is not None, "a message is being sent"
-        sent.succeed()
+        assert done is not None, "a message is being sent"
+        done.succeed()
 
 
 @dataclass(slots=True, eq=False)
@@ -254,10 +254,10 @@ class CellDirection:
         self.drops = 0  # by lack of coverage
         self.sent_bytes = 0
         self._follows_places = follows_places
-        self._sent_by: list[Transmission] = []
+        self._transmissions: list[Transmission] = []
         self.occupancy = Occupancy(self.clock)  # of the cars that send
-        self._served = 0  # how many of them have a rate
-        self._since_ns = 0  # until when what was sent is subtracted
+        self._active = 0  # how many of them have a rate
+        self._since_ns = 0  # until when sent bits are subtracted
         self._busy_ns = 0
         self._next_end: simpy.Event | None = None  # of a transmission, as planned now
         self._is_following = False
@@ -265,19 +265,19 @@ class CellDirection:
     @property
     def queued(self) -> int:
         """How many cars send now."""
-        return len(self._sent_by)
+        return len(self._transmissions)
 
     @property
     def busy_ns(self) -> int:
         """How long somebody has been sending until now."""
-        return self._busy_ns + (self.clock.now - self._since_ns if self._served else 0)
+        return self._busy_ns + (self.clock.now - self._since_ns if self._active else 0)
 
     def begin(self, sender: CellSender, size_bytes: int) -> None:
         """A sender has a message."""
         self._advance()
         rate_bps = sender.alone_bps()
         uncovered_ns = None if rate_bps else self.clock.now
-        self._sent_by.append(
+        self._transmissions.append(
             Transmission(
                 sender,
                 size_bytes,
@@ -293,52 +293,56 @@ class CellDirection:
             self.clock.process(self._follow())
 
     def give_up(self, sender: CellSender) -> None:
-        """A sender's link goes down."""
+        """A sender's link is taken away."""
         self._advance()
-        given_up = [sent for sent in self._sent_by if sent.sender is sender]
-        for sent in given_up:
-            self._sent_by.remove(sent)
-        self.occupancy.leave(len(given_up))
+        (transmission,) = (item for item in self._transmissions if item.sender is sender)
+        self._transmissions.remove(transmission)
+        self.occupancy.leave()
         self._replan()
 
     def _advance(self) -> None:
         """Subtracts what was sent since the last time."""
         elapsed_ns = self.clock.now - self._since_ns
         self._since_ns = self.clock.now
-        if not self._served or not elapsed_ns:
+        if not self._active or not elapsed_ns:
             return
         self._busy_ns += elapsed_ns
-        for sent in self._sent_by:
-            sent.left -= sent.rate_bps * elapsed_ns // self._served
+        for transmission in self._transmissions:
+            transmission.left -= transmission.rate_bps * elapsed_ns // self._active
 
     def _replan(self) -> None:
         """Schedules the next end of a transmission."""
         self._next_end = None
-        served = [sent for sent in self._sent_by if sent.rate_bps]
-        self._served = count = len(served)
-        if served:
-            next_ns = min(-(-max(sent.left, 0) * count // sent.rate_bps) for sent in served)
+        active = [item for item in self._transmissions if item.rate_bps]
+        self._active = count = len(active)
+        if active:
+            next_ns = min(
+                -(-max(transmission.left, 0) * count // transmission.rate_bps)
+                for transmission in active
+            )
             self._next_end = self.clock.timeout(next_ns)
             self._next_end.callbacks.append(self._end_next)
 
-    def _end_next(self, planned: simpy.Event) -> None:
-        if planned is not self._next_end:
+    def _end_next(self, event: simpy.Event) -> None:
+        if event is not self._next_end:
             return
         self._advance()
-        ended = [sent for sent in self._sent_by if sent.left <= 0]
-        self._sent_by = [sent for sent in self._sent_by if sent.left > 0]
-        self.occupancy.leave(len(ended))
+        complete = [transmission for transmission in self._transmissions if transmission.left <= 0]
+        self._transmissions = [
+            transmission for transmission in self._transmissions if transmission.left > 0
+        ]
+        self.occupancy.leave(len(complete))
         self._replan()
-        for sent in ended:
+        for transmission in complete:
             self.completed += 1
-            self.sent_bytes += sent.size_bytes
-            sent.sender.end()
+            self.sent_bytes += transmission.size_bytes
+            transmission.sender.end()
 
     def _follow(self) -> Steps:
         """The rates follow the places of the cars, as long as somebody sends."""
         while True:
             yield self.clock.timeout(PLACES_NS)
-            if not self._sent_by:
+            if not self._transmissions:
                 self._is_following = False
                 return
             self._update_rates()
@@ -346,28 +350,34 @@ class CellDirection:
 
     def _update_rates(self) -> None:
         now_ns = self.clock.now
-        rates_bps = [sent.sender.alone_bps() for sent in self._sent_by]
-        if rates_bps == [sent.rate_bps for sent in self._sent_by]:
+        rates_bps = [transmission.sender.alone_bps() for transmission in self._transmissions]
+        if rates_bps == [transmission.rate_bps for transmission in self._transmissions]:
             return
         self._advance()
-        for sent, rate_bps in zip(self._sent_by, rates_bps, strict=True):
-            sent.rate_bps = rate_bps
+        for transmission, rate_bps in zip(self._transmissions, rates_bps, strict=True):
+            transmission.rate_bps = rate_bps
             if rate_bps:
-                sent.uncovered_ns = None
-            elif sent.uncovered_ns is None:
-                sent.uncovered_ns = now_ns
+                transmission.uncovered_ns = None
+            elif transmission.uncovered_ns is None:
+                transmission.uncovered_ns = now_ns
         self._replan()
 
     def _give_up_failed(self) -> None:
         """What has had no coverage for too long is lost."""
-        failed = [sent for sent in self._sent_by if _has_failed(sent, self.clock.now)]
-        for sent in failed:
-            self._sent_by.remove(sent)
+        failures = [
+            transmission
+            for transmission in self._transmissions
+            if _has_failed(transmission, self.clock.now)
+        ]
+        for transmission in failures:
+            self._transmissions.remove(transmission)
             self.occupancy.leave()
             self.drops += 1
-        for sent in failed:
-            sent.sender.end(is_lost=True)
+        for transmission in failures:
+            transmission.sender.end(is_lost=True)
 
 
-def _has_failed(sent: Transmission, now_ns: int) -> bool:
-    return sent.uncovered_ns is not None and now_ns - sent.uncovered_ns >= FAILURE_NS
+def _has_failed(transmission: Transmission, now_ns: int) -> bool:
+    return (
+        transmission.uncovered_ns is not None and now_ns - transmission.uncovered_ns >= FAILURE_NS
+    )

@@ -1,4 +1,6 @@
-"""A wire: every bit takes its time, then comes the same delay for all, with jitter and losses."""
+"""A wire: a message takes the time of its bits at a constant rate, then a delay, which is the same
+for all but for jitter; some messages are lost.
+"""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -6,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.base.units import NS_PER_S
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
-from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.link_model import LinkEnds, TimedSender
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
@@ -44,8 +46,8 @@ class Wire:
     overhead_bytes: int = ETHERNET_OVERHEAD_BYTES
     """Headers, preamble and gap of a segment."""
 
-    def wire_bits(self, size_bytes: int) -> int:
-        """What a message of ``size_bytes`` takes on the wire: every segment has its overhead."""
+    def link_bits(self, size_bytes: int) -> int:
+        """The bits of a message of ``size_bytes`` with the overhead of its segments."""
         return (size_bytes + self.segments(size_bytes) * self.overhead_bytes) * 8
 
     def segments(self, size_bytes: int) -> int:
@@ -56,7 +58,7 @@ class Wire:
         return WireSender(self, network, ends)
 
 
-class WireSender(Sender):
+class WireSender(TimedSender):
     """One direction of a wire."""
 
     def __init__(self, wire: Wire, network: "Network", ends: LinkEnds) -> None:
@@ -66,7 +68,7 @@ class WireSender(Sender):
         self._loss = wire.loss
         self._jitter_ns = wire.jitter_ns
         self._occupied_ns: dict[int, int] = {}  # by the message's size
-        self._sent = 0  # segments or messages, where losses do not pass in time
+        self._steps = 0  # segments or messages so far, where losses do not pass in time
         self._losses: LossProcess | None = None
         if isinstance(wire.loss, BurstLoss):
             self._losses = LossProcess(wire.loss, self.random.spawn(1)[0])
@@ -77,7 +79,7 @@ class WireSender(Sender):
             return 0
         occupied_ns = self._occupied_ns.get(size_bytes)
         if occupied_ns is None:
-            occupied_ns = -(-self._wire.wire_bits(size_bytes) * NS_PER_S // self._rate_bps)
+            occupied_ns = -(-self._wire.link_bits(size_bytes) * NS_PER_S // self._rate_bps)
             self._occupied_ns[size_bytes] = occupied_ns
         return occupied_ns
 
@@ -89,19 +91,21 @@ class WireSender(Sender):
             return delay_ns
         if not isinstance(loss, BurstLoss):
             return None if self.random.random() < loss else delay_ns
-        if not self._is_hit(loss, size_bytes, now_ns):
+        if not self._pass_bursts(loss, size_bytes, now_ns):
             return delay_ns
         return None if loss.repair_ns is None else delay_ns + loss.repair_ns
 
-    def _is_hit(self, loss: BurstLoss, size_bytes: int, now_ns: int) -> bool:
-        """Whether bursts take something of a message whose last bit has left now."""
+    def _pass_bursts(self, loss: BurstLoss, size_bytes: int, now_ns: int) -> bool:
+        """Takes a message whose last bit has left now through the bursts; whether they take any of
+        it.
+        """
         assert self._losses is not None
         wire, count = self._wire, 1
         if loss.per == "segment":
             count = max(1, wire.segments(size_bytes))
             if self._rate_bps is not None:  # a step is the time of a full segment
                 begin_ns = now_ns - self.occupied_ns(size_bytes, now_ns)
-                step_bits = wire.wire_bits(wire.mtu_payload_bytes) * NS_PER_S
-                return self._losses.hits(begin_ns * self._rate_bps // step_bits, count)
-        first, self._sent = self._sent, self._sent + count
-        return self._losses.hits(first, count)
+                step_bits = wire.link_bits(wire.mtu_payload_bytes) * NS_PER_S
+                return self._losses.pass_steps(begin_ns * self._rate_bps // step_bits, count)
+        first, self._steps = self._steps, self._steps + count
+        return self._losses.pass_steps(first, count)

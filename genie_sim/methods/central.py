@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from genie_sim.base.errors import UserError, unknown
-from genie_sim.core.genies import make_genie
+from genie_sim.core.genies import make_genie, rules_on_edge
 from genie_sim.core.node import GenieNode
+from genie_sim.core.rules import SIMILARITY
 from genie_sim.methods.similarity_cache import stores_nothing
 from genie_sim.sim.method import (
     DIRECT_UPLINK,
@@ -55,27 +56,25 @@ class Central(Method):
         )
 
 
-def _hub(host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
+def _hub(host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GenieNode:
     """The Genie with the only cache. It answers the other edges, and sends them nothing unasked."""
-    assert host.genie is not None
-    rules = replace(host.genie, share_requests=False, share_answers="on_request")
-    name = f"{host.name}/genie"
-    return make_genie(rules, name, subscribed, published, on_edge=True)
+    rules = replace(rules_on_edge(host.rules), share_requests=False, share_answers="on_request")
+    return make_genie(rules, f"{host.name}/genie", inputs, outputs)
 
 
-def _requester(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
-) -> GenieNode:
+def _requester(host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GenieNode:
     """A node that stores nothing: a request goes to its detector and to the hub, and the first
     answer goes back.
     """
-    assert host.genie is not None
-    return make_genie(
-        host.genie,
+    rules = rules_on_edge(host.rules)
+    similarity = SIMILARITY.make(rules.similarity)
+    return GenieNode(
         f"{host.name}/asker",
-        subscribed,
-        published,
-        on_edge=True,
+        inputs,
+        outputs,
+        rules,
+        key=similarity.key,
+        new_keys=similarity.index,
         new_cache=stores_nothing,
         object_map=None,
     )

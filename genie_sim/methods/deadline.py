@@ -23,13 +23,13 @@ from genie_sim.sim.method import (
 )
 
 GAIN = 1 / 8  # of exponential means, as TCP's of round-trip times (RFC 6298)
-Route = Literal["local", "remote"]
+Way = Literal["local", "remote"]
 
 
-class RouteChoice(NamedTuple):
-    """The route that a frame takes, and the size of its image on it."""
+class SentImage(NamedTuple):
+    """The way that a frame takes, and the size of its image on it."""
 
-    route: Route
+    way: Way
     size_bytes: int
 
 
@@ -58,7 +58,7 @@ class LinearEstimate:
 
 
 class Scheduler:
-    """Chooses each frame's route and image size.
+    """Chooses each frame's way and image size.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Scheduler:
     shares : sequence of float
         The share of an image's bytes that each quality takes, best quality first.
     probe_ns : int
-        A route that was not used for so long is tried again [ns].
+        A way that was not used for so long is tried again [ns].
     """
 
     def __init__(self, deadline_ns: int, shares: Sequence[float], probe_ns: int) -> None:
@@ -77,30 +77,33 @@ class Scheduler:
         self._service_ns: float | None = None  # mean of the car's own detector
         self._remote = LinearEstimate()
         # frames without an answer: their bytes, and when they were sent
-        self._pending: dict[Route, dict[Header, tuple[int, int]]] = {"local": {}, "remote": {}}
-        self._used_ns: dict[Route, int] = {}  # when a route was last chosen
+        self._pending: dict[Way, dict[Header, tuple[int, int]]] = {
+            "local": {},
+            "remote": {},
+        }
+        self._used_ns: dict[Way, int] = {}  # when a way was last chosen
         self._free_ns = 0  # when the car's own detector gave its last answer
 
-    def choose(self, header: Header, size_bytes: int, now_ns: int) -> list[RouteChoice]:
-        """The routes of a frame: the best one if it meets the deadline, and those that have not
+    def choose(self, header: Header, size_bytes: int, now_ns: int) -> list[SentImage]:
+        """The ways of a frame: the best one if it meets the deadline, and those that have not
         been tried for too long.
         """
-        choices: list[RouteChoice] = []
+        choices: list[SentImage] = []
         best = self._best(size_bytes)
         if best is not None:
             choices.append(best)
-        for route in ("local", "remote"):
-            last_ns = self._used_ns.get(route)
+        for way in ("local", "remote"):
+            last_ns = self._used_ns.get(way)
             is_stale = last_ns is None or now_ns - last_ns >= self._probe_ns
-            if is_stale and all(choice.route != route for choice in choices):
-                choices.append(RouteChoice(route, size_bytes))
+            if is_stale and all(choice.way != way for choice in choices):
+                choices.append(SentImage(way, size_bytes))
         for choice in choices:
-            self._used_ns[choice.route] = now_ns
-            self._pending[choice.route][header] = (choice.size_bytes, now_ns)
+            self._used_ns[choice.way] = now_ns
+            self._pending[choice.way][header] = (choice.size_bytes, now_ns)
         return choices
 
-    def _best(self, size_bytes: int) -> RouteChoice | None:
-        """The faster route, in the best quality for which it meets the deadline."""
+    def _best(self, size_bytes: int) -> SentImage | None:
+        """The faster way, in the best quality for which it meets the deadline."""
         local_ns = None
         if self._service_ns is not None:
             waiting = min(len(self._pending["local"]), 2)
@@ -108,8 +111,8 @@ class Scheduler:
         for share_of_bytes in self._shares:
             sent_bytes = round(share_of_bytes * size_bytes)
             options = [
-                (local_ns, RouteChoice("local", size_bytes)),
-                (self._remote.at(sent_bytes), RouteChoice("remote", sent_bytes)),
+                (local_ns, SentImage("local", size_bytes)),
+                (self._remote.at(sent_bytes), SentImage("remote", sent_bytes)),
             ]
             estimates = [(time_ns, choice) for time_ns, choice in options if time_ns is not None]
             if estimates:
@@ -118,16 +121,18 @@ class Scheduler:
                     return choice
         return None
 
-    def answered(self, route: Route, header: Header, now_ns: int) -> None:
-        """An answer came back on a route. Frames sent earlier and not answered were dropped on the
+    def answered(self, way: Way, header: Header, now_ns: int) -> None:
+        """An answer came back on a way. Frames sent earlier and not answered were dropped on the
         way.
         """
-        pending = self._pending[route]
+        pending = self._pending[way]
         if header not in pending:
             return
         size_bytes, sent_ns = pending[header]
-        self._pending[route] = {other: sent for other, sent in pending.items() if sent[1] > sent_ns}
-        if route == "remote":
+        self._pending[way] = {
+            frame: departure for frame, departure in pending.items() if departure[1] > sent_ns
+        }
+        if way == "remote":
             self._remote.add(size_bytes, now_ns - sent_ns)
             return
         duration_ns = now_ns - max(sent_ns, self._free_ns)
@@ -151,7 +156,7 @@ class Deadline(Method):
     """How many of an image's bytes each quality takes, best first."""
 
     probe_ns: int = NS_PER_S
-    """A route that was not used for so long is tried again."""
+    """A way that was not used for so long is tried again."""
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
@@ -163,14 +168,14 @@ class Deadline(Method):
         )
 
     def _router(
-        self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+        self, host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> "Router":
         scheduler = Scheduler(self.deadline_ns, self.shares, self.probe_ns)
-        return Router(f"{host.name}/router", scheduler, subscribed, published)
+        return Router(f"{host.name}/router", scheduler, inputs, outputs)
 
 
 class Router(LocalAndRemote):
-    """Sends each image on the route that its scheduler chooses, and answers with what comes
+    """Sends each image on the way that its scheduler chooses, and answers with what comes
     back.
     """
 
@@ -182,8 +187,8 @@ class Router(LocalAndRemote):
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
         if topic != self._images:
-            route: Route = "local" if topic.endswith(LOCAL) else "remote"
-            self._scheduler.answered(route, message.header, now_ns)
+            way: Way = "local" if topic.endswith(LOCAL) else "remote"
+            self._scheduler.answered(way, message.header, now_ns)
             return [Publish(self._objects, message)]
         assert isinstance(message, Image)
         choices = self._scheduler.choose(message.header, message.size_bytes, now_ns)
@@ -191,6 +196,6 @@ class Router(LocalAndRemote):
             return [Expired(message.header)]
         return [self._request(message, choice) for choice in choices]
 
-    def _request(self, image: Image, choice: RouteChoice) -> Publish:
-        suffix = LOCAL if choice.route == "local" else REMOTE
+    def _request(self, image: Image, choice: SentImage) -> Publish:
+        suffix = LOCAL if choice.way == "local" else REMOTE
         return Publish(self._images + suffix, replace(image, size_bytes=choice.size_bytes))

@@ -12,10 +12,9 @@ from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity_cache import (
     AnswerObjects,
-    Replay,
     SimilarityCache,
     SimilarityCaching,
-    same,
+    are_same,
 )
 from genie_sim.sim.method import HostContext
 
@@ -26,41 +25,19 @@ class VotingCache(SimilarityCache):
     Equal answers form clusters of sizes n_i; their homogeneity is max n_i / sqrt(sum n_i^2). A hit
     is the nearest key of the largest cluster, if that has two members or more and the homogeneity
     is at least ``theta``.
-
-    Parameters
-    ----------
-    capacity : Capacity or None
-        A limit in entries or bytes; ``None``: no limit.
-    replay : {"camera", "world"}
-        Where the objects of a replayed answer are (see ``SimilarityCache``).
-    theta : float
-        The least homogeneity of a hit, 0 to 1.
-    neighbours : int
-        How many keys vote at most.
-    radius : float
-        The distance up to which a key votes.
     """
 
-    def __init__(
-        self,
-        capacity: Capacity | None,
-        *,
-        replay: Replay = "world",
-        theta: float = 0.8,
-        neighbours: int = 10,
-        radius: float = 0.3,
-    ) -> None:
-        super().__init__(LRU(), capacity, replay)
-        self._theta = theta
-        self._neighbours = neighbours
-        self._radius = radius
+    def __init__(self, settings: "FoggyCache", capacity: Capacity | None) -> None:
+        super().__init__(LRU(), capacity, settings.replay)
+        self._settings = settings
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
+        settings = self._settings
         clusters: list[tuple[AnswerObjects, list[FeatureKey]]] = []
-        for _, neighbour in self.near(key, self._neighbours, now_ns, self._radius):
+        for _, neighbour in self.near(key, settings.neighbours, now_ns, settings.radius):
             objects = self.stored_objects(neighbour)
             for cluster_objects, members in clusters:
-                if same(objects, cluster_objects):
+                if are_same(objects, cluster_objects):
                     members.append(neighbour)
                     break
             else:
@@ -69,7 +46,7 @@ class VotingCache(SimilarityCache):
         if len(largest) < 2:
             return None
         homogeneity = len(largest) / math.sqrt(sum(len(members) ** 2 for _, members in clusters))
-        return largest[0] if homogeneity >= self._theta else None
+        return largest[0] if homogeneity >= settings.theta else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +67,4 @@ class FoggyCache(SimilarityCaching):
     """The distance up to which a key votes."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
-        return VotingCache(
-            capacity,
-            replay=self.replay,
-            theta=self.theta,
-            neighbours=self.neighbours,
-            radius=self.radius,
-        )
+        return VotingCache(self, capacity)

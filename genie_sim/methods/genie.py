@@ -10,11 +10,10 @@ follow Algorithm 1 as every Genie does; they only have no node behind them.
 
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
-from genie_sim.core.genies import make_genie
+from genie_sim.core.genies import make_genie, rules_on_car, rules_on_edge
 from genie_sim.core.node import GenieNode
-from genie_sim.core.rules import MissPolicy
+from genie_sim.core.rules import GenieRules
 from genie_sim.sim.method import (
     IMAGES,
     OBJECTS,
@@ -24,12 +23,6 @@ from genie_sim.sim.method import (
     HostContext,
     Method,
 )
-
-# The remote phantom has no detector that could answer later: it answers at once from its map. The
-# local one waits for it, because its own map holds no more than what the remote one has sent
-# before.
-PHANTOM_ON_CAR: MissPolicy = "blocking"
-PHANTOM_ON_EDGE: MissPolicy = "immediate"
 
 
 class Genie(Method):
@@ -41,44 +34,46 @@ class Genie(Method):
 
     def on_car(self, host: HostContext) -> HostConfig | None:
         if not host.gets_images:
-            phantom = partial(_genie, host, miss_policy=PHANTOM_ON_CAR)
-            return HostConfig(interceptor=phantom, uplink=REMOTE_UPLINK)
+            return HostConfig(interceptor=partial(_phantom_on_car, host), uplink=REMOTE_UPLINK)
         if host.genie is None:
             return HostConfig(detector=True)
-        genie = partial(_genie, host, alone=not host.has_edge)
+        genie = partial(_genie, host, rules_on_car(host.genie, alone=not host.has_edge))
         uplink = REMOTE_UPLINK if host.has_edge else None
         return HostConfig(detector=True, interceptor=genie, uplink=uplink)
 
     def on_edge(self, host: HostContext) -> HostConfig:
         if not host.gets_images:  # it has no results of its own for its neighbours: it only listens
-            phantom = partial(_genie, host, on_edge=True, miss_policy=PHANTOM_ON_EDGE)
+            phantom = partial(_phantom_on_edge, host)
             return HostConfig(interceptor=phantom, neighbour_topics=(OBJECTS + REMOTE,))
         return HostConfig(
             detector=True,
-            interceptor=partial(_genie, host, on_edge=True),
+            interceptor=partial(_genie, host, rules_on_edge(host.rules)),
             neighbour_topics=(IMAGES + REMOTE, OBJECTS + REMOTE),
         )
 
 
-def _genie(
-    host: HostContext,
-    subscribed: tuple[str, ...],
-    published: tuple[str, ...],
-    *,
-    on_edge: bool = False,
-    **arguments: Any,
+def _phantom_on_car(
+    host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> GenieNode:
-    """The Genie of a host; ``arguments`` are further arguments of ``make_genie``."""
-    assert host.genie is not None
-    rules = host.genie
-    if not host.gets_images:  # there is no own node to learn from
-        rules = replace(rules, car_learns="all")
-    return make_genie(
-        rules,
-        f"{host.name}/genie",
-        subscribed,
-        published,
-        on_edge=on_edge,
-        names_changes=host.names_changes,
-        **arguments,
-    )
+    """The local phantom waits for the remote one, because its own map holds no more than what that
+    has sent before. It has no node of its own to learn from.
+    """
+    rules = replace(rules_on_car(host.rules), miss_policy="blocking", car_learns="all")
+    return _genie(host, rules, inputs, outputs)
+
+
+def _phantom_on_edge(
+    host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> GenieNode:
+    """The remote phantom has no detector that could answer later: it answers at once from its
+    map.
+    """
+    rules = replace(rules_on_edge(host.rules), miss_policy="immediate")
+    return _genie(host, rules, inputs, outputs)
+
+
+def _genie(
+    host: HostContext, rules: GenieRules, inputs: tuple[str, ...], outputs: tuple[str, ...]
+) -> GenieNode:
+    name = f"{host.name}/genie"
+    return make_genie(rules, name, inputs, outputs, names_changes=host.names_changes)

@@ -14,10 +14,9 @@ from genie_sim.core.messages import Answer
 from genie_sim.core.rules import Capacity
 from genie_sim.methods.nearest import FeatureKey
 from genie_sim.methods.similarity_cache import (
-    Replay,
     SimilarityCache,
     SimilarityCaching,
-    same,
+    are_same,
 )
 from genie_sim.sim.draw_keys import frame_key
 from genie_sim.sim.method import HostContext
@@ -50,67 +49,35 @@ class ImportanceEviction(TTL):
 
 
 class AdaptiveThresholdCache(SimilarityCache):
-    """A hit is the nearest stored key up to ``reach`` away, the threshold, except for a share of
-    ``dropout``: misses.
+    """A hit is the nearest stored key up to ``reach`` away, the threshold, but for the share of
+    ``dropout``, which ``draws`` picks.
 
     After a miss, as soon as ``warm`` requests are stored: two different answers within the
     threshold divide it by ``tighten``; two equal ones beyond it draw it nearer to their distance.
-
-    Parameters
-    ----------
-    capacity : Capacity or None
-        A limit in entries or bytes; ``None``: no limit.
-    draws : Draws
-        Say at which frames hits are dropped.
-    replay : {"camera", "world"}
-        Where the objects of a replayed answer are (see ``SimilarityCache``).
-    dropout : float
-        The share of hits that count as misses, 0 to 1.
-    warm : int
-        The number of stored requests from which on the threshold is learned.
-    tighten : float
-        What a wrong hit divides the threshold by, at least 1.
-    keep : float
-        The share of the old threshold in the new one when it grows, 0 to 1.
-    ttl_ns : int
-        How long an answer is kept [ns].
     """
 
-    def __init__(
-        self,
-        capacity: Capacity | None,
-        draws: Draws,
-        *,
-        replay: Replay = "world",
-        dropout: float = 0.1,
-        warm: int = 100,
-        tighten: float = 4.0,
-        keep: float = 0.8,
-        ttl_ns: int = 10 * NS_PER_S,
-    ) -> None:
-        self._importance = ImportanceEviction(ttl_ns)
-        super().__init__(self._importance, capacity, replay)
+    def __init__(self, settings: "Potluck", capacity: Capacity | None, draws: Draws) -> None:
+        self._importance = ImportanceEviction(settings.ttl_ns)
+        super().__init__(self._importance, capacity, settings.replay)
         self.reach = 0.0
+        self._settings = settings
         self._draws = draws
-        self._dropout = dropout
-        self._warm = warm
-        self._tighten = tighten
-        self._keep = keep
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
-        if self._draws.uniform(frame_key(key.header)) < self._dropout:
+        if self._draws.uniform(frame_key(key.header)) < self._settings.dropout:
             return None
         return super().choose(key, now_ns)
 
     def learn(self, key: FeatureKey, answer: Answer, now_ns: int) -> None:
-        if len(self) < self._warm:
+        settings = self._settings
+        if len(self) < settings.warm:
             return
-        for distance, other in self.near(key, 1, now_ns):
-            agree = same(self.objects_of([answer], key.pose), self.stored_objects(other))
+        for distance, neighbour in self.near(key, 1, now_ns):
+            agree = are_same(self.objects_of([answer], key.pose), self.stored_objects(neighbour))
             if distance <= self.reach and not agree:
-                self.reach /= self._tighten
+                self.reach /= settings.tighten
             elif distance > self.reach and agree:
-                self.reach = (1 - self._keep) * distance + self._keep * self.reach
+                self.reach = (1 - settings.keep) * distance + settings.keep * self.reach
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         self._importance.sizes[key] = answer.size_bytes
@@ -143,13 +110,4 @@ class Potluck(SimilarityCaching):
     """How long an answer is kept."""
 
     def cache(self, host: HostContext, capacity: Capacity | None) -> SimilarityCache:
-        return AdaptiveThresholdCache(
-            capacity,
-            host.draws("potluck"),
-            replay=self.replay,
-            dropout=self.dropout,
-            warm=self.warm,
-            tighten=self.tighten,
-            keep=self.keep,
-            ttl_ns=self.ttl_ns,
-        )
+        return AdaptiveThresholdCache(self, capacity, host.draws("potluck"))

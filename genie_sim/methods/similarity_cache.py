@@ -9,9 +9,8 @@ from typing import Literal
 
 from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
-from genie_sim.core.genies import make_genie
 from genie_sim.core.message_cache import Answers, MessageCache
-from genie_sim.core.messages import Answer, CameraPose, Detection
+from genie_sim.core.messages import Answer, CameraPose
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact
@@ -42,14 +41,14 @@ class SimilarityCache(MessageCache):
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         assert isinstance(key, FeatureKey)
-        chosen = self.choose(key, now_ns)
-        if chosen is None:
+        match = self.choose(key, now_ns)
+        if match is None:
             return None
-        self._eviction.used(chosen, now_ns)
-        answers = self._answers[chosen]
+        self._eviction.used(match, now_ns)
+        answers = self._answers[match]
         if self._replay == "world":
             return answers
-        return {topic: moved(answer, chosen.pose, key.pose) for topic, answer in answers.items()}
+        return {topic: moved(answer, match.pose, key.pose) for topic, answer in answers.items()}
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
         """The stored key whose answers are replayed: the nearest up to ``reach`` away; ``None`` on
@@ -64,10 +63,10 @@ class SimilarityCache(MessageCache):
         """The nearest keys whose time is not over, as ``Nearest.near``."""
         while True:
             neighbours = self.keys.near(key, count, radius)
-            expired = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
-            if not expired:
+            overdue = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
+            if not overdue:
                 return neighbours
-            for neighbour in expired:
+            for neighbour in overdue:
                 self._remove(neighbour)
 
     def _is_over(self, key: FeatureKey, now_ns: int) -> bool:
@@ -88,19 +87,19 @@ class SimilarityCache(MessageCache):
         """The objects of answers to a request from ``pose``, in places that are comparable between
         requests.
         """
-        there = ORIGIN if self._replay == "world" else pose
+        viewpoint = ORIGIN if self._replay == "world" else pose
         places: list[Placed] = []
         for answer in answers:
-            places += placed(moved(answer, there, ORIGIN).objects or ())
+            places += placed(moved(answer, viewpoint, ORIGIN).objects or ())
         return answer_objects(tuple(places))
 
     def stored_objects(self, key: FeatureKey) -> "AnswerObjects":
         """The same of the stored answers of a key."""
-        stored = self._stored_objects.get(key)
-        if stored is None:
-            stored = self.objects_of(self._answers[key].values(), key.pose)
-            self._stored_objects[key] = stored
-        return stored
+        objects = self._stored_objects.get(key)
+        if objects is None:
+            objects = self.objects_of(self._answers[key].values(), key.pose)
+            self._stored_objects[key] = objects
+        return objects
 
     def _remove(self, key: Hashable) -> None:
         super()._remove(key)
@@ -108,8 +107,8 @@ class SimilarityCache(MessageCache):
 
 
 class AnswerObjects:
-    """What is in an answer; equal to itself only, so that a comparison made before is quickly found
-    again.
+    """The objects of an answer; equal to itself only, so that results of comparisons can be
+    cached.
     """
 
     __slots__ = ("placed",)
@@ -123,32 +122,20 @@ answer_objects = functools.lru_cache(maxsize=4096)(AnswerObjects)
 
 
 @functools.lru_cache(maxsize=4096)
-def same(objects: AnswerObjects, others: AnswerObjects) -> bool:
+def are_same(objects: AnswerObjects, more: AnswerObjects) -> bool:
     """Whether two answers are taken for the same."""
-    return f1(objects.placed, others.placed) >= SAME_F1
+    return f1(objects.placed, more.placed) >= SAME_F1
 
 
 def moved(answer: Answer, old: CameraPose, new: CameraPose) -> Answer:
     """The answer with every object as far ahead and aside of pose ``new`` as it was of ``old``."""
     if old == new or answer.objects is None:
         return answer
-    turn_rad = new.heading_rad - old.heading_rad
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
-
-    def placed_anew(detection: Detection) -> Detection:
-        if detection.location is None:
-            return detection
-        east_m, north_m, up_m = detection.location
-        east_m, north_m, up_m = east_m - old.east_m, north_m - old.north_m, up_m - old.up_m
-        return detection.with_location(
-            (
-                new.east_m + cosine * east_m - sine * north_m,
-                new.north_m + sine * east_m + cosine * north_m,
-                new.up_m + up_m,
-            )
-        )
-
-    return answer.with_objects([placed_anew(detection) for detection in answer.objects])
+    objects = [
+        item if item.location is None else item.with_location(old.carried(item.location, new))
+        for item in answer.objects
+    ]
+    return answer.with_objects(objects)
 
 
 def stores_nothing() -> MessageCache:
@@ -157,11 +144,14 @@ def stores_nothing() -> MessageCache:
 
 
 def cache_rules(rules: GenieRules, *, share_requests: bool) -> GenieRules:
-    """The settings of a node with a cache alone: an answer goes to those who asked for it, and it
-    stores all that it gets. Misses go to the detector, and to ``-remote`` if ``share_requests``.
+    """The settings of a node with a cache alone, on cars and edges alike: an answer goes to those
+    who asked for it, when it is there, and all answers are stored. Misses go to the detector, and
+    to ``-remote`` if ``share_requests``.
     """
     return replace(
         rules,
+        miss_policy="blocking",
+        car_learns="all",
         share_answers="on_request",
         share_requests=share_requests,
         header_identity="stamp_frame_origin",
@@ -194,7 +184,9 @@ class SimilarityCaching(Method):
             return HostConfig(detector=True)
         return HostConfig(
             detector=True,
-            interceptor=partial(self._node, host, on_edge=False, forwards_misses=host.has_edge),
+            interceptor=partial(
+                self._node, host, host.genie.capacity_on_car, forwards_misses=host.has_edge
+            ),
             uplink=REMOTE_UPLINK if host.has_edge else None,
             key=self.feature,
         )
@@ -202,32 +194,27 @@ class SimilarityCaching(Method):
     def on_edge(self, host: HostContext) -> HostConfig:
         if not host.gets_images:
             return HostConfig()
-        node = partial(self._node, host, on_edge=True, forwards_misses=False)
+        node = partial(self._node, host, host.rules.capacity, forwards_misses=False)
         return HostConfig(detector=True, interceptor=node)
 
     def _node(
         self,
         host: HostContext,
-        subscribed: tuple[str, ...],
-        published: tuple[str, ...],
+        capacity: Capacity | None,
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
         *,
-        on_edge: bool,
         forwards_misses: bool,
     ) -> GenieNode:
         """A node with a new cache; ``forwards_misses``: they go to ``-remote``, too."""
-        rules = host.genie
-        assert rules is not None
-        own_capacity = not on_edge and rules.car_capacity is not None
-        cache = self.cache(host, rules.car_capacity if own_capacity else rules.capacity)
-        return make_genie(
-            cache_rules(rules, share_requests=forwards_misses),
+        cache = self.cache(host, capacity)
+        return GenieNode(
             f"{host.name}/cache",
-            subscribed,
-            published,
-            on_edge=True,
-            miss_policy="blocking",
+            inputs,
+            outputs,
+            cache_rules(host.rules, share_requests=forwards_misses),
             key=key_of(self.feature),
-            new_cache=lambda: cache,
             new_keys=lambda: Nearest(lambda: cache.reach),
+            new_cache=lambda: cache,
             object_map=None,
         )

@@ -34,13 +34,10 @@ ABOUT_ACCURACY = (
     "detector's own answer without any delay."
 )
 ACCURACY = (
-    "object_precision",
     "object_recall_static",
     "object_recall_moving",
     "streaming_f1",
     "ghost_share",
-    "gospa",
-    "place_error",
 )
 
 

@@ -29,7 +29,7 @@ class WorldObserver:
     def __init__(self, rules: Any) -> None:
         self._rules = rules
         threshold = rules.object_map.threshold
-        self.is_fixed = isinstance(threshold, float) or threshold == "range_60"
+        self.is_fixed = isinstance(threshold, float)
         # None: a threshold that moves, below which nothing can be counted from outside
         self._threshold: float | None = None
         self.shared = self.unconfident = 0

@@ -34,11 +34,11 @@ class Loss:
 
 
 class LookArrival(NamedTuple):
-    """What the coming of an answer means: whether it is fresh enough to count as a look, whether it
-    was still waited for, and which frames it shows to be lost.
+    """What the coming of an answer means: whether it is in time to be a look, whether it was
+    still waited for, and which frames it shows to be lost.
     """
 
-    is_fresh: bool
+    is_in_time: bool
     is_awaited: bool
     lost: Sequence[Loss]
 
@@ -76,6 +76,14 @@ class RoundTrip:
                 self.smoothed_ns + self.smoothed_ns // 2,
             )
         return min(self._backoff * usual_ns, MAX_TIMEOUT_NS)
+
+
+class Departure(NamedTuple):
+    """A frame goes up: the time [ns] since the one before it from its view, ``None`` for a view's
+    first.
+    """
+
+    gap_ns: int | None
 
 
 class SentFrame(NamedTuple):
@@ -120,8 +128,8 @@ class CameraStreams:
     def __init__(self) -> None:
         self._streams: dict[str, Stream] = {}
 
-    def view_of(self, header: Header, heading_rad: float) -> dict[str, Stream]:
-        """The streams of this new frame's view, by name, its own among them."""
+    def add_frame(self, header: Header, heading_rad: float) -> dict[str, Stream]:
+        """Notes a new frame; returns the streams of its view, by name, its own among them."""
         stream = self._streams.get(header.frame_id)
         if stream is None:
             stream = self._streams[header.frame_id] = Stream(header.stamp_ns, heading_rad)
@@ -143,14 +151,16 @@ class NewestLooks:
         self._looked_ns: dict[str, int] = {}  # by stream: the stamp of its newest look
         self._streams = CameraStreams()
 
-    def looked_ns(self, header: Header, heading_rad: float) -> int | None:
-        """The stamp of the newest look of this new frame's view; ``None`` before the first."""
-        view = self._streams.view_of(header, heading_rad)
+    def add_frame(self, header: Header, heading_rad: float) -> int | None:
+        """Notes a new frame; returns the stamp of the newest look of its view, ``None`` before the
+        first.
+        """
+        view = self._streams.add_frame(header, heading_rad)
         looks_ns = [self._looked_ns[name] for name in view if name in self._looked_ns]
         return max(looks_ns, default=None)
 
-    def learned(self, header: Header) -> None:
-        """A detector's answer to this frame has come, in time to count."""
+    def add_look(self, header: Header) -> None:
+        """A detector's answer to this frame has come, in time."""
         before_ns = self._looked_ns.get(header.frame_id, header.stamp_ns)
         self._looked_ns[header.frame_id] = max(header.stamp_ns, before_ns)
 
@@ -161,13 +171,13 @@ class Pacer:
     Parameters
     ----------
     every_ns : int
-        Looks of a view fall due this far apart; 0: every frame is due. The frames that go up have
-        this mean gap, or that of the view's frames where it is longer.
+        Looks of a view are due this far apart; 0: every frame is. Between the frames that go up is
+        this time on average, or that between all frames of the view where it is longer.
     in_flight : int
         At most this many frames are on their way at a time.
     stale_ns : int
-        An answer about an older frame counts as no look. While the round trip is longer than this,
-        only one frame is on its way; with each such answer in a row the gap between looks grows: to
+        An answer about an older frame is no look. While the round trip is longer than this, only
+        one frame is on its way; with each such answer in a row the time between looks grows: to
         this time, then twice as long each time, up to 10 s.
     """
 
@@ -178,9 +188,6 @@ class Pacer:
         self._streams = CameraStreams()
         self._outstanding: dict[Header, int] = {}  # when each went up, in that order
         self._stale_in_a_row = 0
-        self.gap_ns: int | None = None
-        """Time between the stamps of the frame that went up last and of the one before it from its
-        view; ``None`` for a view's first."""
         self.round_trip = RoundTrip()
 
     @property
@@ -188,38 +195,39 @@ class Pacer:
         """How many frames are on their way: not answered, not lost."""
         return len(self._outstanding)
 
-    def sends(self, header: Header, heading_rad: float, now_ns: int) -> bool:
-        """Whether this new frame goes up; it then is on its way."""
-        view = self._streams.view_of(header, heading_rad)
+    def dispatch(self, header: Header, heading_rad: float, now_ns: int) -> Departure | None:
+        """Sends a new frame up, if that is to be; ``None``: it stays."""
+        view = self._streams.add_frame(header, heading_rad)
         stream = view[header.frame_id]
-        every_ns = self._gap_ns()
-        sent = [other.sent for other in view.values() if other.sent is not None]
-        last = max(sent, key=SentFrame.order, default=None)
+        every_ns = self._interval_ns()
+        departures = [other.sent for other in view.values() if other.sent is not None]
+        last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
-        if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
-            return False
-        self.gap_ns = None if last is None else header.stamp_ns - last.stamp_ns
+        if self.outstanding >= self._window() or not _is_its_turn(
+            stream, view.values(), due_ns, every_ns
+        ):
+            return None
         stream.sent = SentFrame(header.stamp_ns, due_ns)
         self._outstanding[header] = now_ns
-        return True
+        return Departure(None if last is None else header.stamp_ns - last.stamp_ns)
 
     def answered(self, header: Header, now_ns: int) -> LookArrival:
         """An answer came from the edge. Lost are the frames that went up before its own and are not
         answered, because every way keeps the order.
         """
-        is_fresh = now_ns - header.stamp_ns <= self._stale_ns
+        is_in_time = now_ns - header.stamp_ns <= self._stale_ns
         sent_ns = self._outstanding.get(header)
         if sent_ns is None:
-            return LookArrival(is_fresh, is_awaited=False, lost=())
-        lost = []
+            return LookArrival(is_in_time, is_awaited=False, lost=())
+        losses = []
         for earlier in list(self._outstanding):
             del self._outstanding[earlier]
             if earlier == header:
                 break
-            lost.append(Loss(earlier, "overtaken"))
-        self._stale_in_a_row = 0 if is_fresh else self._stale_in_a_row + 1
+            losses.append(Loss(earlier, "overtaken"))
+        self._stale_in_a_row = 0 if is_in_time else self._stale_in_a_row + 1
         self.round_trip.measured(now_ns - sent_ns)
-        return LookArrival(is_fresh, is_awaited=True, lost=lost)
+        return LookArrival(is_in_time, is_awaited=True, lost=losses)
 
     def expire(self, now_ns: int) -> list[Loss]:
         """Removes and returns the frames that have been on their way for longer than the timeout.
@@ -227,16 +235,16 @@ class Pacer:
         Frames that are lost together double the timeout once.
         """
         timeout_ns = self.round_trip.timeout_ns
-        lost = [
+        headers = [
             header
             for header, sent_ns in self._outstanding.items()
             if now_ns - sent_ns >= timeout_ns
         ]
-        for header in lost:
+        for header in headers:
             del self._outstanding[header]
-        if lost:
+        if headers:
             self.round_trip.timed_out()
-        return [Loss(header, "timed_out") for header in lost]
+        return [Loss(header, "timed_out") for header in headers]
 
     def next_deadline_ns(self) -> int | None:
         """When ``expire`` has something to do, if no answer comes before."""
@@ -248,7 +256,7 @@ class Pacer:
         smoothed_ns = self.round_trip.smoothed_ns
         return 1 if smoothed_ns is not None and smoothed_ns > self._stale_ns else self._in_flight
 
-    def _gap_ns(self) -> int:
+    def _interval_ns(self) -> int:
         """How far apart the looks of a view fall due. An answer that is too late is of no use but
         to show that the next would be, too: then a probe goes up, first after ``stale``, then after
         twice as long each time.
@@ -268,7 +276,9 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
     return last.due_ns + every_ns
 
 
-def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int) -> bool:
+def _is_its_turn(
+    stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int
+) -> bool:
     """Whether this stream's newest frame is the one for the look that is due."""
     if due_ns is None:
         return True

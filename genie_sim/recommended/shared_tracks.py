@@ -1,21 +1,22 @@
 """Tracks that an edge shares with a car: what other cars saw, and what of it the car may believe.
 
-An edge shares tracks of other origins, and a car serves them only where its own cameras do not say
-otherwise. A car never gets itself: others see it, and would make it a ghost to itself.
+An edge shares tracks that other cars saw, and a car believes in them only where its own cameras do
+not say otherwise. It gets no track of itself, which others see: to it that is a false object.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
 from genie_sim.base.settings import Bounds, Share
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.tracks.track import COAST_NS, VEHICLE, MotionClass, Track, kind_of
+from genie_sim.tracks.track import COAST_NS, MotionClass, kind_of
+from genie_sim.tracks.track_map import FAST_DRIFT_M, TrackMap
 
+SHARED = "shared"  # the source of what an edge tells a car of others' looks
 SAME_SHARED_M = 2.0  # assumed: shared objects of a kind this near to each other are one
-FASTEST_MPS = 2.0 * VEHICLE.v_max_mps  # ``Track.update`` lets no track be faster
-OLD_NS = 1_500_000_000  # assumed: what was seen longer ago is not served
+OLD_NS = 1_500_000_000  # assumed: what was seen longer ago is not believed in
 
 
 @dataclass(frozen=True)
@@ -37,27 +38,19 @@ class SharingRules:
     self_m: Annotated[float, Bounds(minimum=0)] = 4.0
     """What others saw this near to the car is the car itself."""
 
-    fresh_ns: Annotated[int, Bounds(above=0)] = 1_000_000_000
+    seen_within_ns: Annotated[int, Bounds(above=0)] = 1_000_000_000
     """An edge shares tracks that another car has seen within this time."""
 
 
 def tracks_to_share(
-    tracks: Iterable[Track],
-    existence: Callable[[Track, int], float],
-    *,
-    car: str,
-    pose: CameraPose,
-    now_ns: int,
-    rules: SharingRules,
+    tracks: TrackMap, *, car: str, pose: CameraPose, now_ns: int, rules: SharingRules
 ) -> Iterator[Detection]:
     """The tracks that an edge shares with a car whose camera stood at ``pose``.
 
     Parameters
     ----------
-    tracks : Iterable[Track]
+    tracks : TrackMap
         The edge's map.
-    existence : Callable[[Track, int], float]
-        How likely a track exists at a time [ns].
     car : str
         The car that gets them; of what it saw itself it gets nothing.
     pose : CameraPose
@@ -68,7 +61,7 @@ def tracks_to_share(
         What is shared.
     """
     # Far tracks are most of a map: the exact place of one that cannot be in reach is not needed.
-    around_m = rules.reach_m + FASTEST_MPS * COAST_NS * 1e-9
+    around_m = rules.reach_m + FAST_DRIFT_M
     for track in tracks:
         if (
             abs(track.east_m - pose.east_m) > around_m
@@ -77,31 +70,26 @@ def tracks_to_share(
         ):
             continue
         others_ns = [stamp_ns for origin, stamp_ns in track.seen_by_ns.items() if origin != car]
-        if not others_ns or now_ns - max(others_ns) > rules.fresh_ns:
+        if not others_ns or now_ns - max(others_ns) > rules.seen_within_ns:
             continue
-        probability = existence(track, now_ns)
+        probability = tracks.existence(track, now_ns)
         if probability < rules.p_min:
             continue
         east_m, north_m = track.place(now_ns)
         away_m = math.hypot(east_m - pose.east_m, north_m - pose.north_m)
         if not rules.self_m < away_m <= rules.reach_m:
             continue
-        yield track.as_detection(now_ns, probability, probability)
+        yield track.as_detection(now_ns, probability)
 
 
 class SharedTracks:
     """What a car has got last of others' tracks: one list, which the next one replaces, apart from
-    its own tracks.
-
-    ``contradicted`` says whether a look of the car's own that is newer than a stamp [ns] has a
-    place [m] in view, where no track of the car's own is.
+    its own tracks (``own_tracks``).
     """
 
-    def __init__(
-        self, rules: SharingRules, contradicted: Callable[[str, float, float, int], bool]
-    ) -> None:
+    def __init__(self, rules: SharingRules, own_tracks: TrackMap) -> None:
         self._rules = rules
-        self._contradicted = contradicted
+        self._own_tracks = own_tracks
         self._objects: Sequence[Detection] = ()
         self._valid_ns = 0
 
@@ -110,17 +98,17 @@ class SharedTracks:
         if valid_ns >= self._valid_ns:
             self._objects, self._valid_ns = objects, valid_ns
 
-    def served(self, own: Sequence[Detection], pose: CameraPose, now_ns: int) -> list[Detection]:
+    def believed(self, own: Sequence[Detection], pose: CameraPose, now_ns: int) -> list[Detection]:
         """The shared objects that the car believes beside its own, each at its predicted place.
 
-        ``own`` are the objects that the car serves itself; ``pose`` is where its camera is.
+        ``own`` are the objects of the car's own map; ``pose`` is where its camera is.
         """
         believed: list[Detection] = []
         ahead_s = min(max(now_ns - self._valid_ns, 0), COAST_NS) * 1e-9
         for item in self._objects:
             if item.motion is None or item.location is None:
                 continue
-            seen_ns = item.motion.seen.stamp_ns
+            seen_ns = item.motion.seen_in.stamp_ns
             if now_ns - seen_ns > OLD_NS:
                 continue
             (east_mps, north_mps), (east_m, north_m, up_m) = item.motion.velocity_mps, item.location
@@ -130,21 +118,10 @@ class SharedTracks:
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
                 or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
                 or _is_near(believed, kind, east_m, north_m, within_m=SAME_SHARED_M)
-                or self._contradicted(item.label, east_m, north_m, seen_ns)
+                or self._own_tracks.contradicts(item.label, east_m, north_m, seen_ns)
             ):
                 continue
-            place = (east_m, north_m, up_m)
-            believed.append(
-                Detection(
-                    item.label,
-                    item.score,
-                    None,
-                    place,
-                    item.confidence,
-                    item.placed_by,
-                    item.motion,
-                )
-            )
+            believed.append(item.with_location((east_m, north_m, up_m)))
         return believed
 
 
@@ -158,8 +135,8 @@ def _is_near(
 ) -> bool:
     """Whether one of the objects is of this kind and within a distance of a place."""
     return any(
-        known.location is not None
-        and kind_of(known.label) is kind
-        and math.hypot(known.location[0] - east_m, known.location[1] - north_m) <= within_m
-        for known in objects
+        item.location is not None
+        and kind_of(item.label) is kind
+        and math.hypot(item.location[0] - east_m, item.location[1] - north_m) <= within_m
+        for item in objects
     )

@@ -13,17 +13,23 @@ from genie_sim.core.messages import (
     Forgotten,
     Image,
     ImageLookup,
-    LookEvent,
     MapChange,
     Message,
-    NewestLook,
     ObjectLookups,
     Observation,
 )
 from genie_sim.record.open_frame import OpenFrame
 from genie_sim.record.records import FaultRow, HostRow, LookRow, Tables
 from genie_sim.record.tables import Value
-from genie_sim.sim.monitor import FaultSpan, HostUsage, Placement, Resource, Samples, Span
+from genie_sim.sim.monitor import (
+    FaultSpan,
+    HostUsage,
+    LookEvent,
+    Placement,
+    Resource,
+    Samples,
+    Span,
+)
 
 SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last answer
 
@@ -240,10 +246,7 @@ class Log:
             self._note_changes(node, record.objects, now_ns, forgotten=True)
         elif isinstance(record, LookEvent):
             self._note_look(node, record, now_ns)
-        elif isinstance(record, NewestLook):
-            event = LookEvent(record.header, "map", "answered")
-            self._note_look(node, event, now_ns, record.stamp_ns)
-        else:
+        elif isinstance(record, Expired):
             self._note_expired(node, record)
 
     def sample(self, resources: Sequence[Resource], now_ns: int) -> None:
@@ -412,9 +415,7 @@ class Log:
                 del numbers[key]
         self._objects.extend(values)
 
-    def _note_look(
-        self, genie: str, event: LookEvent, now_ns: int, looked_ns: int | None = None
-    ) -> None:
+    def _note_look(self, genie: str, event: LookEvent, now_ns: int) -> None:
         if self._looks is not None:
             stamp_ns, stream, car = event.header
             row = LookRow(
@@ -426,7 +427,7 @@ class Log:
                 stamp_ns=stamp_ns,
                 way=event.way,
                 outcome=event.outcome,
-                looked_ns=looked_ns,
+                looked_ns=event.looked_ns,
                 gap_ns=event.gap_ns,
             )
             self._looks.append(row)

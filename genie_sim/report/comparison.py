@@ -27,9 +27,8 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
     """The paired differences, overlaid distributions of first answers, and accuracy versus latency
     where the arms have an accuracy in common; ``width_in`` wide, if that is given.
     """
-    from genie_sim.analysis.difference_plot import differences
-    from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
     from genie_sim.analysis.latency_cdf import latency_cdf
+    from genie_sim.analysis.points import differences, drawable, latency_accuracy
 
     metrics, methods = as_metrics(comparison)
     frames: dict[int, list[Columns]] = {}  # by seed
@@ -39,16 +38,15 @@ def figures(comparison: ComparedRuns, width_in: float | None = None) -> "dict[st
                 continue
             of_method = run.tables["frames"].where(method=arm.method.name)
             frames.setdefault(seed, []).append(of_method.assign(method=arm.label))
-    title = " and ".join(comparison.names)
-    footer = comparison.by
+    about = methods, comparison.by, width_in
     drawn = {}
     if frames:
         seeds = [concat(of_seed) for of_seed in frames.values()]
-        drawn["latency_cdf"] = latency_cdf({title: seeds}, methods, footer, width_in)
+        drawn["latency_cdf"] = latency_cdf(seeds, *about)
     if any(row.difference is not None for row in comparison.rows):
-        drawn = {"differences": differences(comparison, footer, width_in), **drawn}
-    if drawable({title: metrics}):
-        drawn["latency_accuracy"] = latency_accuracy({title: metrics}, methods, footer, width_in)
+        drawn = {"differences": differences(comparison, *about[1:]), **drawn}
+    if drawable(metrics):
+        drawn["latency_accuracy"] = latency_accuracy(metrics, *about)
     return drawn
 
 

@@ -14,7 +14,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
-from genie_sim.record import provenance, results
+from genie_sim.record import results
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -173,17 +173,16 @@ class Comparison:
         return comparison.figures(self.compared, width_in)
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
-        """One figure, also of a run, or the values of one metric: for these the results need not be
-        comparable. Raises ``UserError``.
-        """
-        if name == "differences" or not all("" in result.cells for result in self._results):
-            figure: Figure = named(name, self.figures(width_in))
-            return figure
-        from genie_sim.analysis.side_by_side import side_by_side
+        """One figure, or the values of one metric. Raises ``UserError``."""
+        from genie_sim.analysis.compare import as_metrics
+        from genie_sim.analysis.points import metric_values
 
-        chosen = [result.chosen(self._methods) for result in self._results]
-        with provenance.of_this_version(chosen[0].folder):
-            return figure_of_runs(*side_by_side(chosen, self._labels), name, width_in)
+        made = self.compared
+        metrics, methods = as_metrics(made, [name])
+        if metrics or name in registry.METRICS:
+            return metric_values(name, metrics, methods, made.by, width_in)
+        figure: Figure = named(name, self.figures(width_in))
+        return figure
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
@@ -243,15 +242,15 @@ def level_text(level: object) -> str:
     return f"{level:g}" if isinstance(level, float) else str(level)
 
 
-def figure_of_runs(run: Any, footer: str, name: str, width_in: float | None) -> "Figure":
+def figure_of_runs(run: Any, name: str, width_in: float | None) -> "Figure":
     """A figure of a run or of several seeds, or the values of one metric. Raises ``UserError``."""
-    from genie_sim.analysis import figures
-    from genie_sim.analysis.metric_plot import metric_values
+    from genie_sim.analysis.figures import makers as makers_of
+    from genie_sim.analysis.points import metric_values
 
-    makers = figures.makers(run, width_in, footer)
+    makers = makers_of(run, width_in)
     measured = {metric.metric for metric in run.measured}
     if name not in makers and name in {*registry.METRICS, *measured}:
-        return metric_values(name, run.measured, run.methods, footer, width_in)
+        return metric_values(name, run.measured, run.methods, run.footer, width_in)
     draw = named(name, makers)
     figure: Figure = draw()
     return figure

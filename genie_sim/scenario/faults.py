@@ -9,14 +9,13 @@ from genie_sim.base.errors import short_repr
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import PlugIn, SettingError, plain_data
 from genie_sim.base.units import NS_PER_MS, duration_text
-from genie_sim.faults import FAULTS, MUST_HAVE
-from genie_sim.sim.fault import FaultTimes, TimedFault
+from genie_sim.sim.fault import FAULT_PARTS, FAULTS, FaultTimes, TimedFault
 
 # From one beginning of a fault to the next, on average. Every beginning is an event and a row of a
 # table: in microseconds a second would have a million of them.
 SHORTEST_NS = NS_PER_MS
 
-FAULT = PlugIn("fault", FAULTS, MUST_HAVE, key="fault", beside=(FaultTimes,))
+FAULT = PlugIn("fault", FAULTS, FAULT_PARTS, key="fault", beside=(FaultTimes,))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,8 +9,7 @@ from genie_sim.base.contracts import require
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import Matches, Name, PlugIn, SettingError, from_plain, keys_of
 from genie_sim.base.text import MAX_LABEL
-from genie_sim.methods import METHODS, MUST_HAVE
-from genie_sim.sim.method import Method
+from genie_sim.sim.method import METHOD_PARTS, METHODS, Method
 from genie_sim.sim.settings import MethodSettings
 
 # neither control characters nor what turns the direction of writing round
@@ -29,7 +28,7 @@ class MethodNames:
     """What figures and pages call it; by default what the method calls itself."""
 
 
-METHOD = PlugIn("method", METHODS, MUST_HAVE, key="method", beside=(MethodNames, MethodSettings))
+METHOD = PlugIn("method", METHODS, METHOD_PARTS, key="method", beside=(MethodNames, MethodSettings))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,12 +10,12 @@ from typing import Any
 from genie_sim.base import files, plugins
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import SettingError, from_plain
-from genie_sim.methods import METHODS
 from genie_sim.scenario import checks, setting_paths
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.overrides import apply_overrides
 from genie_sim.scenario.scenario import Origin, Scenario
 from genie_sim.scenario.yaml_input import read_mapping
+from genie_sim.sim.method import METHODS
 
 
 def load_scenario(

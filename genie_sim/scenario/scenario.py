@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
-from genie_sim import methods
 from genie_sim.base import plugins, units
 from genie_sim.base.errors import UserError, as_user_error
 from genie_sim.base.plugins import Choice
@@ -36,6 +35,7 @@ from genie_sim.scenario.overrides import Override
 from genie_sim.scenario.power import InterfaceName
 from genie_sim.scenario.profiles import DeviceProfile
 from genie_sim.scenario.yaml_input import dump
+from genie_sim.sim import method as methods
 from genie_sim.sim.link_model import LINK
 from genie_sim.sim.method import Method
 from genie_sim.sim.settings import (

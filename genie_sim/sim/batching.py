@@ -7,7 +7,6 @@ wait for more, until the oldest has waited for the longest time allowed.
 
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 import simpy
@@ -31,10 +30,6 @@ class Picture:
     sender: str
     path: Span | None
 
-    @property
-    def stamp_ns(self) -> int:
-        return self.message.header.stamp_ns
-
 
 class BatchingDetectorNode(DetectorNode):
     """A detector of an edge server with the settings ``serving``.
@@ -48,7 +43,7 @@ class BatchingDetectorNode(DetectorNode):
     subscribes, publishes : iterable of str
         Its topics.
     serving : Serving
-        The size of a batch, how long one waits for it, queues, order and admission.
+        The size of a batch, how long one waits for it, and the queues.
     """
 
     def __init__(
@@ -64,12 +59,11 @@ class BatchingDetectorNode(DetectorNode):
         self._waiting: NewestQueue[Any] = NewestQueue(self.clock, graph.queue_length)
         self._pictures: list[Picture] = self._waiting.items  # in the order of their arrival
         self._serving = serving
-        self._free_ns = 0.0  # when the batch in service is done, by mean times
         self._arrived = self.clock.event()  # happens when the next picture joins the queue
         self._accelerator_queueing = SpanLabel("queueing", self.host.accelerator.name)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        """A picture joins its queue, where the oldest makes room if it is full, or is refused."""
+        """A picture joins its queue, where the oldest makes room if it is full."""
         header = message.header
         per_camera = self._serving.queue == "per_camera"
         picture = Picture(
@@ -80,18 +74,11 @@ class BatchingDetectorNode(DetectorNode):
             sender=sender,
             path=self.clock.path,
         )
-        if not self._is_admitted(picture):
-            self._lose(message, f"{self.name}:late")
-            return
         oldest = self._waiting.put(picture)
         if oldest is not None:
             self._lose(oldest.message, f"{self.name}:{topic}")
         if not self._arrived.triggered:
             self._arrived.succeed()
-
-    def void(self, where: str) -> None:
-        self._free_ns = 0.0
-        super().void(where)
 
     def _thread(self) -> Steps:
         """The detector's process: it gathers a batch, runs it, and sends its answers."""
@@ -120,10 +107,7 @@ class BatchingDetectorNode(DetectorNode):
             yield clock.timeout(left_ns) | self._arrived
 
     def _take_batch(self) -> list[Picture]:
-        waiting = self._pictures
-        if self._serving.order == "edf":
-            waiting = sorted(waiting, key=attrgetter("stamp_ns"))
-        batch = waiting[: self._serving.batch]
+        batch = self._pictures[: self._serving.batch]
         for picture in batch:
             self._waiting.take(picture)
             self.clock.waited(picture.path, self._queueing)
@@ -134,7 +118,6 @@ class BatchingDetectorNode(DetectorNode):
         clock, host = self.clock, self.host
         self._working[clock.active_process] = tuple(picture.message for picture in batch)
         service_ns = host.detection_ns(batch[0].message.header, len(batch))
-        self._free_ns = clock.now + host.mean_batch_ns(len(batch))
         clock.path = batch[0].path
         yield from host.accelerator.serve(service_ns, self.work_label, pictures=len(batch))
 
@@ -152,28 +135,6 @@ class BatchingDetectorNode(DetectorNode):
             clock.waited(path if place else first, self.work_label)
             self.completed += 1
             self.handle(picture.topic, picture.message, picture.sender)
-
-    def _is_admitted(self, picture: Picture) -> bool:
-        """Whether the detection of a picture would end in time, by mean times."""
-        serving = self._serving
-        if serving.admit is None:
-            return True
-        replaced = self._waiting.in_the_way(picture.flow)
-        ahead = len(self._pictures) - (replaced is not None)
-        if serving.order == "edf":
-            stamp_ns = picture.stamp_ns
-            ahead = sum(
-                waiting is not replaced and waiting.stamp_ns <= stamp_ns
-                for waiting in self._pictures
-            )
-        batches, beside = divmod(ahead, serving.batch)
-        end_ns = max(self.clock.now, self._free_ns)
-        if not self._working and beside + 1 < serving.batch:
-            oldest_ns = self._pictures[0].arrived_ns if self._pictures else self.clock.now
-            end_ns = max(end_ns, oldest_ns + serving.wait_ns)
-        end_ns += batches * self.host.mean_batch_ns(serving.batch)
-        end_ns += self.host.mean_batch_ns(beside + 1)
-        return end_ns <= picture.stamp_ns + serving.admit.deadline_ns
 
     def _begin_of_service(self, path: Span | None) -> int:
         """When the batch was begun whose first picture has this path, which ends now. A fault may

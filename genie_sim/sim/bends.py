@@ -1,8 +1,8 @@
 """What a fault changes of the messages that hosts exchange, and of what their cameras take.
 
 A host is bent where its messages cross its border: what leaves it over links passes the outward
-functions, what comes the inward ones. So every method meets the same fault, and the nodes on the
-host itself go on in a world of their own.
+functions, what comes the inward ones. So every method meets the same fault, and what the nodes of
+one host exchange stays as it is.
 """
 
 from collections.abc import Callable
@@ -24,12 +24,12 @@ class Bend:
 
     ``inward`` gives what arrives there, from a message and the host that it comes from; ``outward``
     what leaves it, from a message and the host that it goes to. ``None``: it is lost; ``cause``
-    names what drops it.
+    names what drops it, where anything may be lost.
     """
 
     inward: Change
     outward: Change
-    cause: str
+    cause: str = ""
 
 
 class Border(NamedTuple):
@@ -42,25 +42,21 @@ class Border(NamedTuple):
 
     def leave(self, message: Message) -> Message | str:
         """The message as it leaves, or what it is lost by."""
-        changed: Message | None = message
         for bend in self.at_source:
-            assert changed is not None
-            changed = bend.outward(changed, self.destination)
-            if changed is None:
+            outside = bend.outward(message, self.destination)
+            if outside is None:
                 return bend.cause
-        assert changed is not None
-        return changed
+            message = outside
+        return message
 
     def enter(self, message: Message) -> Message | str:
         """The message as it arrives, or what it is lost by."""
-        changed: Message | None = message
         for bend in self.at_destination:
-            assert changed is not None
-            changed = bend.inward(changed, self.source)
-            if changed is None:
+            inside = bend.inward(message, self.source)
+            if inside is None:
                 return bend.cause
-        assert changed is not None
-        return changed
+            message = inside
+        return message
 
 
 class BentFrame:

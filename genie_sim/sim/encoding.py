@@ -40,7 +40,7 @@ class EncodedContent(NamedTuple):
     """
 
     detections: tuple[Detection, ...]
-    wire_bytes: int
+    encoded_bytes: int
     raw_bytes: int
     features: Mapping[str, bytes]
 
@@ -56,7 +56,7 @@ class ImageCodec:
     encoding: Encoding
     recorded: Recorded
 
-    def on_wire(self, message: Message) -> Message:
+    def encoded(self, message: Message) -> Message:
         """The message as it goes over a link."""
         if not isinstance(message, Image):
             return message
@@ -68,16 +68,16 @@ class ImageCodec:
             if frame is None:  # a position
                 return message
             change = getattr(content, "change", None)  # a fault of the camera
-            found = frame.detections
+            detections = frame.detections
             content = EncodedContent(
-                detections=found if change is None else change(found),
-                wire_bytes=min(frame.size_bytes, message.size_bytes),
+                detections=detections if change is None else change(detections),
+                encoded_bytes=min(frame.size_bytes, message.size_bytes),
                 raw_bytes=message.size_bytes,
                 features=getattr(content, "features", {}),
             )
-        return replace(message, size_bytes=content.wire_bytes, content=content)
+        return replace(message, size_bytes=content.encoded_bytes, content=content)
 
-    def in_memory(self, message: Message) -> Message:
+    def decoded(self, message: Message) -> Message:
         """The message after it was decoded."""
         if isinstance(message, Image) and isinstance(message.content, EncodedContent):
             return replace(message, size_bytes=message.content.raw_bytes)
@@ -120,16 +120,16 @@ class Coder(Node):
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
         """A message comes; its image waits with those of its camera."""
-        if self._codec.on_wire(message) is message:
+        if self._codec.encoded(message) is message:
             self._take(topic, message, sender)
         else:
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
 
     def work(self, topic: str, message: Message, sender: str) -> Steps:
-        raw = self._codec.in_memory(message)
+        raw = self._codec.decoded(message)
         service_ns = round(raw.size_bytes / MEGABYTE * self._per_megabyte_ns)
         return self.host.cpu.serve(service_ns, self.work_label)
 
     def handle(self, topic: str, message: Message, sender: str) -> None:
-        self._take(topic.partition(" ")[0], self._codec.in_memory(message), sender)
+        self._take(topic.partition(" ")[0], self._codec.decoded(message), sender)

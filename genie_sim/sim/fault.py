@@ -1,6 +1,8 @@
 """Faults: what goes wrong in a run, and when.
 
 A fault is a generator: what stands before its ``yield`` begins it, what stands after it ends it.
+To add one, write a class like ``Fault``, put it into a file of ``genie_sim/faults`` and name it in
+``FAULTS`` (or in a scenario as ``package.module:Class``).
 """
 
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
@@ -14,6 +16,18 @@ from genie_sim.sim.settings import ALL
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
 
+# Each fault by its name in a scenario.
+FAULTS: dict[str, str] = {
+    "outage": "genie_sim.faults.outage:Outage",
+    "hand_over": "genie_sim.faults.hand_over:HandOver",
+    "crash": "genie_sim.faults.crash:Crash",
+    "stall": "genie_sim.faults.stall:Stall",
+    "slow": "genie_sim.faults.slow:Slow",
+    "partition": "genie_sim.faults.partition:Partition",
+    "gnss": "genie_sim.faults.gnss:Gnss",
+    "camera": "genie_sim.faults.camera:CameraFault",
+}
+FAULT_PARTS = ("strike",)
 Problem = tuple[int, str, str]  # the fault's index, the field, and what is wrong with it
 Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the fault's end
 
@@ -21,8 +35,8 @@ Strike = Generator[Any, Any, None]  # yields events, or ``None`` to wait for the
 class Fault:
     """The base of all faults. A class of your own has arguments, which are its settings.
 
-    ``dropped_by`` stands in the ``drop`` column of the frames that it loses; ``duration_ns`` is how
-    long it takes if nothing else says so, ``None`` for good.
+    ``dropped_by`` stands in the ``drop`` column of the frames that it loses, if any.
+    ``duration_ns`` is how long it takes if nothing else says so, ``None`` for good.
     """
 
     target: str | tuple[str, ...]
@@ -51,23 +65,23 @@ class Fault:
         """Yields each problem of the scenario's faults of this kind: (the fault's index, field,
         what is wrong).
         """
-        known = {"car": [*edge_of], "car or edge": [*edge_of, *edges]}.get(cls.befalls)
-        for index, timed in enumerate(faults):
-            target = timed.fault.target
+        choices = {"car": [*edge_of], "car or edge": [*edge_of, *edges]}.get(cls.befalls)
+        for index, entry in enumerate(faults):
+            target = entry.fault.target
             if not target:
                 yield index, "target", "must not be empty"
             for name in (target,) if isinstance(target, str) else target:
-                if known is None:
+                if choices is None:
                     yield from _check_link(index, name, [*edge_of, *edges, "edges"])
-                elif name not in known:
-                    yield index, "target", unknown(cls.befalls, name, known)
+                elif name not in choices:
+                    yield index, "target", unknown(cls.befalls, name, choices)
 
 
-def _check_link(index: int, name: str, known: Collection[str]) -> Iterator[Problem]:
+def _check_link(index: int, name: str, choices: Collection[str]) -> Iterator[Problem]:
     """Yields the problem of a target that is no known place, nor a link between two."""
     ends = name.removesuffix(f"->{ALL}").split("->")
-    if len(ends) > 2 or not set(ends) <= set(known):
-        text = unknown("target", name, known)
+    if len(ends) > 2 or not set(ends) <= set(choices):
+        text = unknown("target", name, choices)
         yield index, "target", f"{text}, or a link such as car1->edge1"
 
 

@@ -10,31 +10,28 @@ from genie_sim.core.messages import Message
 from genie_sim.sim.clock import Clock, Occupancy, Steps
 from genie_sim.sim.device import Device
 from genie_sim.sim.draw_keys import frame_key, message_key
-from genie_sim.sim.monitor import SpanLabel
+from genie_sim.sim.monitor import Resource, SpanLabel
 
 
-class Processor:
-    """``capacity`` equal servers behind one first-come-first-served queue: an accelerator, or the
+class Processor(Resource):
+    """Equal ``units`` behind one first-come-first-served queue: an accelerator, or the
     cores of a CPU.
 
     A process that needs one says ``yield from processor.serve(service_ns)``.
     """
 
-    drops = 0  # the queue is unbounded
-    sent_bytes = None
-
-    def __init__(self, clock: Clock, name: str, kind: str, capacity: int = 1) -> None:
+    def __init__(self, clock: Clock, name: str, kind: str, units: int = 1) -> None:
         self.clock = clock
         self.name = name
         self.kind = kind
-        self.capacity = capacity
+        self._units = units
         self.completed = 0
         self.jobs = 0  # completed; a batch of pictures is one
         self._queueing = SpanLabel("queueing", name)
         self._service = SpanLabel("inference" if kind == "accelerator" else "genie", name)
-        self._free = capacity
-        self._waiting: list[simpy.Event] = []  # for a free server, in the order of their arrival
-        self.occupancy = Occupancy(clock)  # of those that wait
+        self._free = units
+        self._waiting: list[simpy.Event] = []  # for a free unit, in the order of their arrival
+        self._occupancy = Occupancy(clock)  # of those that wait
         self._busy_ns = 0  # of completed jobs, minus the beginnings of those in service
         self._stalls = 0  # how many faults keep it from going on
         self._stall_began_ns = 0
@@ -43,13 +40,22 @@ class Processor:
         self._factors: list[float] = []  # by which faults lengthen its jobs
 
     @property
+    def capacity(self) -> int:
+        return self._units
+
+    @property
     def queued(self) -> int:
         return len(self._waiting)
 
     @property
+    def occupancy(self) -> Occupancy:
+        """How many have waited, over time."""
+        return self._occupancy
+
+    @property
     def busy_ns(self) -> int:
-        """Server time used until now, jobs in service included."""
-        return self._busy_ns + (self.capacity - self._free) * self.clock.now
+        """The time of all units used until now, jobs in service included."""
+        return self._busy_ns + (self._units - self._free) * self.clock.now
 
     @property
     def is_stalled(self) -> bool:
@@ -57,7 +63,7 @@ class Processor:
         return self._stalls > 0
 
     def serve(self, service_ns: int, label: SpanLabel | None = None, pictures: int = 1) -> Steps:
-        """A job: waits for a free server and occupies it.
+        """A job: waits for a free unit and occupies it.
 
         Parameters
         ----------
@@ -73,7 +79,7 @@ class Processor:
         if self._factors:
             service_ns = round(service_ns * math.prod(self._factors))
         if self._free and not self._stalls:
-            self._take_server()
+            self._occupy()
         else:
             yield from self._turn()
         try:
@@ -87,7 +93,7 @@ class Processor:
             self.completed += pictures
             self.jobs += 1
         finally:  # also where a crash interrupts it
-            self._release_server()
+            self._release()
 
     def stall(self) -> None:
         """Jobs stand still from now on, until ``go_on``."""
@@ -114,32 +120,32 @@ class Processor:
         self._factors.remove(factor)
 
     def _turn(self) -> Steps:
-        """Waits for a free server, which is taken then."""
+        """Waits for a free unit, which is taken then."""
         turn = self.clock.event()
         self._waiting.append(turn)
-        self.occupancy.enter()
+        self._occupancy.enter()
         try:
             yield from self.clock.wait(turn, self._queueing)
         except simpy.Interrupt:  # a crash
             if turn in self._waiting:
                 self._waiting.remove(turn)
-                self.occupancy.leave()
+                self._occupancy.leave()
             else:  # the job was just about to begin
-                self._release_server()
+                self._release()
             raise
 
     def _begin_next(self) -> None:
-        """Free servers take the jobs that have waited for longest."""
+        """Free units take the jobs that have waited for longest."""
         while self._waiting and self._free and not self._stalls:
-            self._take_server()
+            self._occupy()
             self._waiting.pop(0).succeed()
-            self.occupancy.leave()
+            self._occupancy.leave()
 
-    def _take_server(self) -> None:
+    def _occupy(self) -> None:
         self._free -= 1
         self._busy_ns -= self.clock.now
 
-    def _release_server(self) -> None:
+    def _release(self) -> None:
         self._free += 1
         self._busy_ns += self.clock.now
         self._begin_next()
@@ -193,10 +199,6 @@ class Host:
         """
         alone_ns = self.device.detector_time.at(self._detection_draws.normal(frame_key(header)))
         return round(alone_ns * self.device.batch_factor(pictures))
-
-    def mean_batch_ns(self, pictures: int) -> float:
-        """The mean time for so many images at once [ns]."""
-        return self.device.detector_time.mean_ns * self.device.batch_factor(pictures)
 
     def compute_key(self, name: str, label: SpanLabel) -> Steps:
         """Computes the similarity key called ``name`` of an image."""

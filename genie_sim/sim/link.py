@@ -43,12 +43,11 @@ class Transfer:
 
 
 class Link:
-    """One direction of a connection: a queue, then the sender of a link model. The
-    sender is a process.
+    """One direction between two hosts: a queue, then the sender of a link model. It is a process.
 
     Messages wait in one queue; each flow keeps its ``queue_length`` newest waiting ones, as a ROS
     publisher does. Messages stay in order, as with TCP. A message is lost where the sender says
-    so, or if a fault has taken the link down at the moment its last bit leaves.
+    so, or if a fault has cut the link at the moment its last bit leaves.
 
     Parameters
     ----------
@@ -84,7 +83,7 @@ class Link:
         self.completed = 0
         self.drops = 0
         self.sent_bytes = 0
-        self.down_by: list[str] = []  # the faults that keep it down now
+        self.cut_by: list[str] = []  # the faults that keep it cut now
         self.interface: InterfaceUse | None = None  # of the car at one of its ends
         self._is_connected = True
         self.sender = sender
@@ -187,7 +186,7 @@ class Link:
             self._sending = transfer
             clock.waited(transfer.path, self._queueing)
             self.sender.random.begin(transfer.message, transfer.host)
-            yield from clock.wait(self.sender.sent(transfer.size_bytes), self._transport)
+            yield from clock.wait(self.sender.transmit(transfer.size_bytes), self._transport)
             self.sent_bytes += transfer.size_bytes
             if transfer.message is not None:
                 self._leave(transfer, transfer.message)
@@ -203,8 +202,8 @@ class Link:
         now_ns, size_bytes = clock.now, message.size_bytes
         if transfer.carried is not None:
             transfer.carried(message)
-        if self.down_by:
-            self.lose(message, f"{self.name}:{self.down_by[-1]}")
+        if self.cut_by:
+            self.lose(message, f"{self.name}:{self.cut_by[-1]}")
         elif (delay_ns := self.sender.delay_ns(size_bytes, now_ns)) is None:
             self.lose(message, self.name)
         else:
@@ -219,20 +218,20 @@ class Link:
                 self._transport,
             )
 
-    def take_down(self, cause: str) -> None:
+    def cut(self, cause: str) -> None:
         """The link carries nothing from now on; it drops messages as ``NAME:cause``."""
-        self.down_by.append(cause)
-        self.sender.set_up(False)
+        self.cut_by.append(cause)
+        self.sender.set_available(False)
 
-    def put_up(self, cause: str) -> None:
-        """Ends what ``take_down`` has begun."""
-        self.down_by.remove(cause)
-        self.sender.set_up(not self.down_by and self._is_connected)
+    def restore(self, cause: str) -> None:
+        """Ends a ``cut``."""
+        self.cut_by.remove(cause)
+        self.sender.set_available(not self.cut_by and self._is_connected)
 
-    def connect(self, is_connected: bool) -> None:
+    def set_connected(self, is_connected: bool) -> None:
         """A hand-over takes the link away, or makes it again."""
         self._is_connected = is_connected
-        self.sender.set_up(not self.down_by and is_connected)
+        self.sender.set_available(not self.cut_by and is_connected)
 
     def lose(self, message: Message, where: str) -> None:
         """A message is lost, by what ``where`` names."""
@@ -243,7 +242,7 @@ class Link:
 class Bridge(Subscriber):
     """Carries a topic of one graph over a link to a topic of another.
 
-    After ``take_down`` nothing gets across any more, neither what comes then nor what was on its
+    After ``disconnect`` nothing gets across any more, neither what comes then nor what was on its
     way.
 
     Parameters
@@ -259,7 +258,7 @@ class Bridge(Subscriber):
     carried : callable or None
         Called with each message whose last bit has left.
     lost : callable or None
-        Called with each message lost by ``take_down``, at the instant at which it would have begun
+        Called with each message lost by ``disconnect``, at the instant at which it would have begun
         or ended its way.
     codec : ImageCodec or None
         How images are encoded; ``None``: not at all.
@@ -287,51 +286,49 @@ class Bridge(Subscriber):
         self._carried = carried
         self._lost = lost
         self._border = border
-        self._is_up = True
-        self._times_up = 1
+        self._is_connected = True
+        self._connections = 1  # how often it was connected
 
-    def take_down(self) -> None:
+    def disconnect(self) -> None:
         """The connection breaks."""
-        self._is_up = False
-        self.link.connect(False)
+        self._is_connected = False
+        self.link.set_connected(False)
 
-    def put_up(self) -> None:
+    def reconnect(self) -> None:
         """The connection is there again; what was on its way before stays lost."""
-        self._is_up = True
-        self._times_up += 1
-        self.link.connect(True)
+        self._is_connected = True
+        self._connections += 1
+        self.link.set_connected(True)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
-        if not self._is_up:
+        if not self._is_connected:
             self._lose(message)
             return
         if self._codec is not None:
-            message = self._codec.on_wire(message)
+            message = self._codec.encoded(message)
         if self._border is not None and self._border.at_source:
-            bent = self._border.leave(message)
-            if isinstance(bent, str):
-                self.link.lose(message, f"{self.link.name}:{bent}")
+            outcome = self._border.leave(message)
+            if isinstance(outcome, str):
+                self.link.lose(message, f"{self.link.name}:{outcome}")
                 return
-            message = bent
+            message = outcome
         flow = (self.address, self._topic, message.header.frame_id)
-        arguments = (message, sender, self._times_up)
+        arguments = (message, sender, self._connections)
         self.link.send(
             flow, message, self.arrive, arguments, carried=self._carried, host=self.address
         )
 
-    def arrive(self, message: Message, sender: str, times_up: int) -> None:
-        """A message reaches the far end; it left when the connection was up for the ``times_up``-th
-        time.
-        """
-        if not self._is_up or times_up != self._times_up:
+    def arrive(self, message: Message, sender: str, connections: int) -> None:
+        """A message reaches the far end, which left over the connection of this number."""
+        if not self._is_connected or connections != self._connections:
             self._lose(message)
             return
         if self._border is not None and self._border.at_destination:
-            bent = self._border.enter(message)
-            if isinstance(bent, str):
-                self.link.lose(message, f"{self.link.name}:{bent}")
+            outcome = self._border.enter(message)
+            if isinstance(outcome, str):
+                self.link.lose(message, f"{self.link.name}:{outcome}")
                 return
-            message = bent
+            message = outcome
         self._target.inject(self._topic, message, sender)
 
     def _lose(self, message: Message) -> None:

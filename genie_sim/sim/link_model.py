@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 LINK_MODELS: dict[str, str] = {
     "wire": "genie_sim.links.wire:Wire",
-    "trace": "genie_sim.links.trace:RecordedLink",
+    "trace": "genie_sim.links.recorded:RecordedLink",
     "cell": "genie_sim.links.cell:RadioCell",
 }
 # Marks a setting that is a link: a name; a mapping, with ``like`` for what it leaves out; or a
@@ -67,9 +67,8 @@ class LinkModel(Protocol):
 
 
 class Sender:
-    """Carries the messages of one direction of a link, one after the other. A class of your own
-    says how long each takes (``occupied_ns``, ``delay_ns``); one that shares something with others
-    says itself when a message has been ``sent``.
+    """Carries the messages of one direction of a link, one after the other: ``transmit`` and
+    ``delay_ns``. One that shares nothing with other links is a ``TimedSender``.
 
     ``random`` has the random numbers of the message that is sent.
 
@@ -85,10 +84,8 @@ class Sender:
         self.clock = network.clock
         self.random = MessageRandom(network, ends.name)
 
-    def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
-        """How long [ns] a message of ``size_bytes``, which begins its way ``now_ns``, keeps the
-        sender busy; not negative.
-        """
+    def transmit(self, size_bytes: int) -> "simpy.Event":
+        """Sends a message of ``size_bytes``; happens when its last bit has left."""
         raise NotImplementedError
 
     def delay_ns(self, size_bytes: int, now_ns: int) -> int | None:
@@ -97,12 +94,21 @@ class Sender:
         """
         raise NotImplementedError
 
-    def sent(self, size_bytes: int) -> "simpy.Event":
-        """Sends a message; happens when its last bit has left."""
-        occupied_ns = self.occupied_ns(size_bytes, self.clock.now)
-        return self.clock.timeout(whole(self, "occupied_ns()", occupied_ns))
-
-    def set_up(self, is_up: bool) -> None:
-        """The link goes down or comes back, by a fault or a hand-over. By itself nothing changes:
+    def set_available(self, is_available: bool) -> None:
+        """A fault or a hand-over takes the link away, or gives it back. By itself nothing changes:
         what is on its way then still takes its time.
         """
+
+
+class TimedSender(Sender):
+    """A sender of its own: a message keeps it busy for a time that is known at its beginning."""
+
+    def occupied_ns(self, size_bytes: int, now_ns: int) -> int:
+        """How long [ns] a message of ``size_bytes``, which begins its way ``now_ns``, keeps the
+        sender busy; not negative.
+        """
+        raise NotImplementedError
+
+    def transmit(self, size_bytes: int) -> "simpy.Event":
+        occupied_ns = self.occupied_ns(size_bytes, self.clock.now)
+        return self.clock.timeout(whole(self, "occupied_ns()", occupied_ns))

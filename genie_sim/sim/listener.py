@@ -3,17 +3,17 @@ from.
 """
 
 from genie_sim.core.messages import Detections, Message
+from genie_sim.sim.connection import CarConnection
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.monitor import Monitor
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.uplinks import CarUplink
 
 
 class CarListener(Subscriber):
     """Node Z, the consumer, which takes the answers to its car's frames from whichever node sends
     them. It reports each to the monitor, and each frame when it reaches the first node's queue.
 
-    If not ``has_server``, frames are dropped at once because no node serves them.
+    If not ``is_answered``, frames are dropped at once because no node handles them.
     """
 
     def __init__(
@@ -21,15 +21,15 @@ class CarListener(Subscriber):
         graph: Graph,
         monitor: Monitor,
         *,
-        uplink: CarUplink | None,
-        has_server: bool,
+        connection: CarConnection | None,
+        is_answered: bool,
     ) -> None:
         self.address = f"{graph.name}/consumer"
         self._car = graph.name
         self._clock = graph.clock
         self._monitor = monitor
-        self._uplink = uplink
-        self._has_server = has_server
+        self._connection = connection
+        self._is_answered = is_answered
         graph.subscribe(IMAGES, self)
         graph.subscribe(OBJECTS, self)
 
@@ -37,7 +37,7 @@ class CarListener(Subscriber):
         clock, monitor = self._clock, self._monitor
         if isinstance(message, Detections):
             monitor.answered(message, self._source(message), clock.now, clock.path)
-        elif self._has_server:
+        elif self._is_answered:
             monitor.received(message.header, clock.now)
         else:
             monitor.dropped(message, f"{self._car}:no_edge")
@@ -49,7 +49,7 @@ class CarListener(Subscriber):
         host = answer.served_by.split("/")[0]
         if host == self._car:
             role = "own"
-        elif self._uplink is not None and host == self._uplink.edge:
+        elif self._connection is not None and host == self._connection.edge:
             role = "edge"
         else:
             role = "peer"

@@ -2,13 +2,14 @@
 
 A method says, for every car and every edge, whether a detector runs there, which interceptor stands
 before it, and which topics reach whom. The world builds that, in the same way for every method.
+
+To add one, write a class like ``Method``, put it into a file of ``genie_sim/methods`` and name it
+in ``METHODS`` (or in a scenario as ``package.module:Class``).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, Protocol
-
-import numpy as np
 
 from genie_sim.base.seeds import Draws
 from genie_sim.core.messages import Effect, Message, Observation
@@ -23,6 +24,25 @@ OBJECTS = "/detection/image_detector/objects"
 LOCAL = "-local"  # suffix of the topics between an interceptor and the detector behind it
 REMOTE = "-remote"  # suffix of the topics between a car and its edge, and between edges
 DETECTOR = "vision_darknet_detect"
+
+# Each method by its name in a scenario, which may also name ``package.module:Class``.
+METHODS: dict[str, str] = {
+    "local": "genie_sim.methods.local:Local",
+    "remote": "genie_sim.methods.remote:Remote",
+    "paced_remote": "genie_sim.recommended.paced_remote:PacedRemote",
+    "genie": "genie_sim.methods.genie:Genie",
+    "recommended": "genie_sim.recommended.method:Recommended",
+    "central": "genie_sim.methods.central:Central",
+    "sim_lru": "genie_sim.methods.sim_lru:SimLRU",
+    "rnd_lru": "genie_sim.methods.sim_lru:RndLRU",
+    "potluck": "genie_sim.methods.potluck:Potluck",
+    "foggycache": "genie_sim.methods.foggycache:FoggyCache",
+    "cachier": "genie_sim.methods.cachier:Cachier",
+    "deadline": "genie_sim.methods.deadline:Deadline",
+    "oracle": "genie_sim.methods.oracle:Oracle",
+}
+DEFAULT_METHODS = ("local", "remote", "genie")  # what a scenario compares if it does not say
+METHOD_PARTS = ("title", "baseline", "on_car", "on_edge")
 
 
 class Interceptor(Protocol):
@@ -93,14 +113,14 @@ class LocalAndRemote(Interceptor):
     ----------
     name : str
         Of the node, such as ``car1/router``.
-    subscribed, published : tuple of str
+    inputs, outputs : tuple of str
         T_S and T_P of the car's detector: one topic each.
     """
 
-    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+    def __init__(self, name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
         self.name = name
-        (self._images,) = subscribed
-        (self._objects,) = published
+        (self._images,) = inputs
+        (self._objects,) = outputs
 
     def subscriptions(self) -> tuple[str, ...]:
         return self._images, self._objects + LOCAL, self._objects + REMOTE
@@ -128,8 +148,6 @@ class HostContext:
         Whether the car is connected to an edge; true of every edge.
     genie : GenieRules or None
         The rules of Genies on this host; ``None`` where the scenario wants none.
-    stream : callable
-        Returns a random generator by names, the same for this host under every method.
     draws : callable
         Returns the host's random numbers of these names, by key (``base.seeds.Draws``).
     names_changes : bool
@@ -148,7 +166,6 @@ class HostContext:
     gets_images: bool
     has_edge: bool
     genie: GenieRules | None
-    stream: Callable[..., np.random.Generator]
     draws: Callable[..., Draws]
     names_changes: bool
     laws: DetectorLaws
@@ -156,8 +173,14 @@ class HostContext:
     neighbours: Sequence[str] = ()
     is_one_world: bool = True
 
+    @property
+    def rules(self) -> GenieRules:
+        """The rules of its Genie, where there is to be one."""
+        assert self.genie is not None, f"{self.name} has no Genie"
+        return self.genie
 
-class Uplink(NamedTuple):
+
+class UplinkTopics(NamedTuple):
     """What goes up from a car to the images of its edge, and the topic on which the edge's answers
     come down.
     """
@@ -166,8 +189,8 @@ class Uplink(NamedTuple):
     down: str
 
 
-DIRECT_UPLINK = Uplink(IMAGES, OBJECTS)
-REMOTE_UPLINK = Uplink(IMAGES + REMOTE, OBJECTS + REMOTE)
+DIRECT_UPLINK = UplinkTopics(IMAGES, OBJECTS)
+REMOTE_UPLINK = UplinkTopics(IMAGES + REMOTE, OBJECTS + REMOTE)
 
 
 @dataclass(frozen=True)
@@ -181,7 +204,7 @@ class HostConfig:
     interceptor : callable or None
         Makes the interceptor that takes over the topics of the detector, or their names where none
         runs.
-    uplink : Uplink or None
+    uplink : UplinkTopics or None
         Connects a car to its edge.
     neighbour_topics : tuple of str
         What neighbouring edges publish on these topics reaches this edge.
@@ -201,7 +224,7 @@ class HostConfig:
 
     detector: bool = False
     interceptor: MakeInterceptor | None = None
-    uplink: Uplink | None = None
+    uplink: UplinkTopics | None = None
     neighbour_topics: tuple[str, ...] = ()
     key: str | None = None
     costs_nothing: bool = False
@@ -232,5 +255,5 @@ class Method:
 
     def wire(self, network: "Network") -> None:
         """Adds what else connects the hosts, once all of them are built: links by
-        ``network.add_link``, what goes over them by ``Graph.bridge`` and ``CarUplink.bridge``.
+        ``network.add_link``; what goes over them by ``add_bridge`` of a graph or a connection.
         """

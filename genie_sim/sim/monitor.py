@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, Protocol
 from genie_sim.core.messages import Detections, Header, Image, Message, Observation
 
 Placement = Literal["car", "edge"]
-Samples = Literal["all", "edges", "processors", "none"]  # of a run's resources
+Samples = Literal["all", "edges", "none"]  # of a run's resources
 Part = Literal[
     "queueing",  # for a thread, a processor or a link
     "hop",  # between processes of a host
@@ -55,6 +55,25 @@ class Span:
         return spans[::-1]
 
 
+@dataclass(slots=True)
+class LookEvent(Observation):
+    """What became of a frame as a look: a detector's pass over it.
+
+    ``way`` is ``own`` (the car's detector), ``edge``, or ``map``: the frame was answered out of a
+    map of tracks, and ``looked_ns`` is the stamp of the newest frame of its view that a detector
+    has looked at by then, ``None`` before the first. ``outcome`` is ``sent``, ``answered``,
+    ``stale`` (answered too late to count), ``overtaken`` (a later frame was answered first, so this
+    one is given up), ``timed_out`` (given up, too) or ``late`` (answered after it was given up).
+    ``gap_ns``, of one that is sent: the time since the frame of its view that went up before.
+    """
+
+    header: Header
+    way: str
+    outcome: str
+    gap_ns: int | None = None
+    looked_ns: int | None = None
+
+
 class FaultSpan(NamedTuple):
     """A fault from its beginning to its end; ``end_ns`` is ``None`` for good."""
 
@@ -73,22 +92,29 @@ class Occupied(Protocol):
     @property
     def total_ns(self) -> int: ...
 
-    def forget_most(self) -> None: ...
+    def restart_most(self) -> None: ...
 
 
 class Resource(Protocol):
-    """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes."""
+    """Anything whose use is sampled: accelerators, CPUs, links, and the queues of nodes. A class
+    that inherits from this one drops nothing, works on nothing itself and is no link, unless it
+    says so.
+    """
 
     name: str
     kind: str
     completed: int
-    drops: int
+    drops: int = 0
 
     @property
-    def capacity(self) -> int | None: ...
+    def capacity(self) -> int | None:
+        """How many it works on at a time; ``None`` for what only queues."""
+        return None
 
     @property
-    def busy_ns(self) -> int: ...
+    def busy_ns(self) -> int:
+        """How long it has worked until now, summed over all that it works on at a time."""
+        return 0
 
     @property
     def queued(self) -> int: ...
@@ -98,7 +124,8 @@ class Resource(Protocol):
 
     @property
     def sent_bytes(self) -> int | None:
-        """``None`` for what is not a link."""
+        """``None`` for what is no link."""
+        return None
 
 
 class HostUsage(NamedTuple):

@@ -27,7 +27,7 @@ from genie_sim.sim.ros_graph import Dropped, Graph
 from genie_sim.sim.settings import ALL, EDGES
 
 if TYPE_CHECKING:
-    from genie_sim.sim.uplinks import CarUplink
+    from genie_sim.sim.connection import CarConnection
 
 
 class Network:
@@ -79,7 +79,7 @@ class Network:
         self.shared: list[Resource] = []  # those of them that link models have added
         self.graphs: dict[str, Graph] = {}  # by the host
         self.links: dict[str, Link] = {}
-        self.uplinks: dict[str, CarUplink] = {}  # by the car, each to its own edge
+        self.connections: dict[str, CarConnection] = {}  # by the car, each to its own edge
         self.interfaces: dict[str, list[InterfaceUse]] = defaultdict(list)  # by the car
         self._seed = seed
         self._host_names = host_names
@@ -89,7 +89,7 @@ class Network:
         self._tail_times_ns = tail_times_ns
         self._bends: dict[str, list[Bend]] = defaultdict(list)  # by the host
         self._senses: dict[str, list[tuple[Sense, str]]] = defaultdict(list)  # by the car
-        self.outages: list[tuple[str, str]] = []  # targets that are down now, and by what
+        self.outages: list[tuple[str, str]] = []  # targets that are cut off now, and by what
         self._streams: dict[tuple[str | int, ...], np.random.Generator] = {}
 
     def stream(self, *names: str | int) -> np.random.Generator:
@@ -188,12 +188,12 @@ class Network:
         )
         for target, cause in self.outages:
             if is_at(link, target):
-                link.take_down(cause)
+                link.cut(cause)
         self.links[ends.name] = link
         self.resources.append(link)
         return link
 
-    def interface(self, car: str) -> InterfaceUse:
+    def add_interface(self, car: str) -> InterfaceUse:
         """A new network interface of a car."""
         use = InterfaceUse(self._tail_times_ns.get(car, 0))
         self.interfaces[car].append(use)
@@ -234,7 +234,7 @@ class Network:
         """
         return (link for link in self.links.values() if is_at(link, target))
 
-    def take_down(self, target: str, cause: str) -> None:
+    def cut(self, target: str, cause: str) -> None:
         """The links at ``target`` carry nothing from now on, those that are made later included;
         they drop messages as ``LINK:cause``. Raises ``UserError`` for an unknown host.
         """
@@ -243,13 +243,13 @@ class Network:
                 self._check_host(end)
         self.outages.append((target, cause))
         for link in self.links_at(target):
-            link.take_down(cause)
+            link.cut(cause)
 
-    def put_up(self, target: str, cause: str) -> None:
-        """Ends what ``take_down`` has begun."""
+    def restore(self, target: str, cause: str) -> None:
+        """Ends what ``cut`` has begun."""
         self.outages.remove((target, cause))
         for link in self.links_at(target):
-            link.put_up(cause)
+            link.restore(cause)
 
     def void(self, host: str, where: str, *, keeps_memory: bool = False) -> None:
         """What is queued and in service on a host is lost, dropped by ``where``, and its nodes lose

@@ -12,7 +12,7 @@ from genie_sim.base.errors import UserError, unknown
 from genie_sim.core.messages import Message
 from genie_sim.sim.clock import NewestQueue, Occupancy, Steps
 from genie_sim.sim.host import Host
-from genie_sim.sim.monitor import Part, Span, SpanLabel
+from genie_sim.sim.monitor import Part, Resource, Span, SpanLabel
 
 Dropped = Callable[[Message, str], None]  # a message that is lost, and the name of what lost it
 
@@ -86,28 +86,27 @@ class Graph:
                 self._subscribers[names.get(old, old)].remove(node)
                 self.subscribe(new, node)
             names[old] = new
-        self._clear_routes()
+        self._forget_receivers()
 
     def subscribe(self, topic: str, subscriber: Subscriber) -> None:
         self._subscribers.setdefault(topic, []).append(subscriber)
-        self._clear_routes()
+        self._forget_receivers()
 
-    def bridge(self, topic: str, bridge: Subscriber) -> None:
+    def add_bridge(self, topic: str, bridge: Subscriber) -> None:
         """What is published here on the topic goes to another graph too; what came from another
         graph does not.
         """
         self._bridges.setdefault(topic, []).append(bridge)
-        self._clear_routes()
+        self._forget_receivers()
 
     def void(self, where: str, *, keeps_memory: bool = False) -> None:
         """A fault: what is queued and in service on the host is lost, dropped by ``where``, and its
         nodes start anew, unless the host ``keeps_memory``.
         """
         for node in self.nodes:
-            if keeps_memory:
-                node.void_work(where)
-            else:
-                node.void(where)
+            node.void(where)
+            if not keeps_memory:
+                node.forget(where)
 
     @property
     def is_busy(self) -> bool:
@@ -118,10 +117,10 @@ class Graph:
         """Delivers to every other node that subscribes to the topic, or only to the one whose
         address is ``to``.
         """
-        route = node.routes.get(topic)
-        if route is None:
-            route = node.routes[topic] = self._route(node, topic)
-        current, receivers = route
+        named_receivers = node.receivers.get(topic)
+        if named_receivers is None:
+            named_receivers = node.receivers[topic] = self._receivers_of(node, topic)
+        current, receivers = named_receivers
         if to is not None:
             receivers = [receiver for receiver in receivers if receiver.address == to]
         if receivers:
@@ -134,11 +133,11 @@ class Graph:
         """A message comes in from another graph: the link has already taken its time."""
         self._arrive(self._subscribers.get(topic, ()), topic, message, sender)
 
-    def _clear_routes(self) -> None:
+    def _forget_receivers(self) -> None:
         for node in self._nodes.values():
-            node.routes.clear()
+            node.receivers.clear()
 
-    def _route(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
+    def _receivers_of(self, node: "Node", topic: str) -> tuple[str, list[Subscriber]]:
         """The current name of a node's topic, and who gets what the node publishes on it. Raises
         ``UserError`` for a topic that the node has not named.
         """
@@ -165,7 +164,7 @@ class Waiting(NamedTuple):
     path: Span | None
 
 
-class Node(Subscriber):
+class Node(Subscriber, Resource):
     """A ROS node: a queue that keeps the newest messages of each topic, and callback threads that
     serve it. Each thread is a process.
 
@@ -185,8 +184,6 @@ class Node(Subscriber):
 
     kind = "queue"
     capacity = None  # nothing is served here: the host's processors do that
-    busy_ns = 0
-    sent_bytes = None
     part: Part = "genie"  # what its work counts as, on the path of a frame
 
     def __init__(
@@ -205,10 +202,9 @@ class Node(Subscriber):
         self.subscribes = tuple(subscribes)
         self.publishes = tuple(publishes)
         self.address = name
-        self.drops = 0
         self.completed = 0
         # of what it publishes, kept by the graph
-        self.routes: dict[str, tuple[str, list[Subscriber]]] = {}
+        self.receivers: dict[str, tuple[str, list[Subscriber]]] = {}
         self.work_label = SpanLabel(self.part, name)
         self._queueing = SpanLabel("queueing", name)
         self._waiting = NewestQueue[Waiting](self.clock, graph.queue_length)
@@ -249,9 +245,7 @@ class Node(Subscriber):
         self.graph.publish(self, topic, message, to)
 
     def void(self, where: str) -> None:
-        """A fault: what is queued and in service here is lost, dropped by ``where``, and the node
-        starts anew.
-        """
+        """A fault: what is queued and in service here is lost, dropped by ``where``."""
         for message in self.messages:
             self._lose(message, where)
         self._waiting.clear()
@@ -259,9 +253,10 @@ class Node(Subscriber):
             thread.interrupt(where)
         self._working.clear()
 
-    def void_work(self, where: str) -> None:
-        """As ``void``, but what the node has in memory stays."""
-        self.void(where)
+    def forget(self, where: str) -> None:
+        """A fault, called ``where``, takes what the node has in memory; by itself that is
+        nothing.
+        """
 
     def work(self, topic: str, message: Message, sender: str) -> Iterable[simpy.Event]:
         """What handling a message takes: the part of a process that waits for the devices."""

@@ -18,7 +18,7 @@ from genie_sim.base.settings import (
     Short,
     check_unique,
 )
-from genie_sim.core.messages import Encoding
+from genie_sim.core.messages import Encoding, Frame
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim.link_model import LINK, usual_link
 from genie_sim.tracks.consumer import ConsumerRules
@@ -62,15 +62,6 @@ FOUR_CAMERAS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Admission:
-    """Which pictures an edge's detector takes in."""
-
-    deadline_ns: Annotated[int, Bounds(above=0)]
-    """A picture is refused if, by mean times and what waits when it arrives, its detection would
-    end later than this after it was taken."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Serving:
     """How an edge's detector serves pictures: as the dynamic batcher of an inference server."""
 
@@ -84,13 +75,6 @@ class Serving:
     queue: Literal["shared", "per_camera"] = "shared"
     """Where pictures wait: all in one queue of `queue_length`, or each camera's in one of its
     own."""
-
-    order: Literal["fifo", "edf"] = "fifo"
-    """Which pictures come first: those that arrived first, or, with the earliest deadline first,
-    those that were taken first."""
-
-    admit: Admission | None = None
-    """Refuses pictures that would be late; by default none are."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +120,10 @@ class Route:
     def __post_init__(self) -> None:
         if self.window_ns is not None and self.window_ns[0] >= self.window_ns[1]:
             raise SettingError("window", "must be [begin, end] with begin before end")
+
+    def window_of(self, frames: Sequence[Frame]) -> tuple[int, int]:
+        """From when until when [ns] it replays the frames of a recording."""
+        return self.window_ns or (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
 
 
 @dataclass(frozen=True)

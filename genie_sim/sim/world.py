@@ -5,17 +5,15 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-import simpy
-
 from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.seeds import Draws
 from genie_sim.base.units import NS_PER_S
-from genie_sim.core.rules import GenieRules
 from genie_sim.sim import connectivity, fault_process
 from genie_sim.sim.batching import BatchingDetectorNode
 from genie_sim.sim.cameras import CameraNode
 from genie_sim.sim.clock import Clock, Steps
+from genie_sim.sim.connection import CarConnection
+from genie_sim.sim.fault import TimedFault
 from genie_sim.sim.listener import CarListener
 from genie_sim.sim.method import DETECTOR, IMAGES, OBJECTS, HostConfig, HostContext, Method
 from genie_sim.sim.monitor import FaultSpan, HostUsage, Monitor, Placement, Resource
@@ -25,7 +23,6 @@ from genie_sim.sim.ros_graph import Graph
 from genie_sim.sim.settings import Car, Edge, Serving
 from genie_sim.sim.setup import Setup
 from genie_sim.sim.topology import EdgeServer, join_edges, neighbours
-from genie_sim.sim.uplinks import CarUplink
 
 SAMPLE_NS = NS_PER_S // 10
 DRAIN_NS = 5 * NS_PER_S  # a run goes on so long after its last frame, then again while it is busy
@@ -54,7 +51,7 @@ class World:
 
     def __init__(self, setup: Setup, method: Method, monitor: Monitor) -> None:
         self.setup = setup
-        self.clock = Clock(is_traced=monitor.wants_paths)
+        self.clock = Clock(keeps_paths=monitor.wants_paths)
         self.monitor = monitor
         self.network = Network(
             self.clock,
@@ -69,81 +66,78 @@ class World:
                 car: interface.tail_time_ns for car, interface in setup.interfaces.items()
             },
         )
-        self._contexts = HostContexts(
-            setup,
-            self.network.stream,
-            tuple(edge.name for edge in setup.edges),
-            monitor.names_changes,
-        )
-        self.edges: dict[str, EdgeServer] = {}
-        self.last_frame_ns = 0  # when the last frame is taken
         self._method = method
-        self._cameras: list[CameraNode] = []
-        self._faults: list[simpy.Process] = []
-        self._fault_spans: list[FaultSpan] = []
-        self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
-        self._build_edges()
-        edge_resources = list(self.network.resources)  # those of cars are not built yet
-        for car in setup.cars:
-            self._build_car(car)
+        self._contexts = HostContexts(setup, monitor.names_changes)
+        # Edges first: cars connect to them. Faults and cameras last: they act on all that is there.
+        self.edges = self._build_edges()
+        edge_resources = list(self.network.resources)
+        cameras = [camera for car in setup.cars for camera in self._build_car(car)]
+        self.last_frame_ns = max((camera.last_stamp_ns for camera in cameras), default=0)
         wire = getattr(method, "wire", None)  # a class of the user's own need not have it
         if wire is not None:
             with as_user_error(method.title, UserError):
                 wire(self.network)
         self._sampled = self._choose_sampled(edge_resources)
-        for timed in setup.faults:
-            steps = fault_process.run(timed, self.network, self.last_frame_ns, self._fault_spans)
-            self._faults.append(self.clock.process(steps))
-        for camera in self._cameras:
+        self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
+        self._fault_spans: list[FaultSpan] = []
+        self._faults = [self.clock.process(self._strike(fault)) for fault in setup.faults]
+        for camera in cameras:
             self.clock.process(camera.run())
 
-    def _build_edges(self) -> None:
+    def _strike(self, fault: TimedFault) -> Steps:
+        """The process of a fault."""
+        return fault_process.run(fault, self.network, self.last_frame_ns, self._fault_spans)
+
+    def _build_edges(self) -> dict[str, EdgeServer]:
+        """The edge servers, by name, joined to their neighbours."""
         setup, network = self.setup, self.network
         blind_edges = setup.blind_edges
         neighbours_of = neighbours(setup.edges, setup.settings.edge_neighbours)
+        servers: dict[str, EdgeServer] = {}
         for edge in setup.edges:
             name = edge.name
             context = self._contexts.edge(edge, name not in blind_edges, neighbours_of[name])
             config = _checked("on_edge", self._method.on_edge(context))
             graph = network.add_host(name, setup.devices[edge.device])
-            self.edges[name] = EdgeServer(graph, config)
+            servers[name] = EdgeServer(graph, config)
             if config.detector:
                 self._add_detector(graph, edge.serving or setup.settings.serving)
-        for server in self.edges.values():
+        for server in servers.values():
             graph = server.graph
             self._add_interceptor(graph, server.config, "edge")
             # frames from cars arrive at the decoder, or at the graph itself
             server.target = network.add_coder(graph, "decoder", graph.inject) or graph
-        join_edges(network, self.edges, neighbours_of, setup.edge_network)
+        join_edges(network, servers, neighbours_of, setup.edge_network)
+        return servers
 
-    def _build_car(self, car: Car) -> None:
+    def _build_car(self, car: Car) -> list[CameraNode]:
+        """What the method runs on a car; its cameras, none if it runs nothing."""
         setup = self.setup
         config = self._method.on_car(self._contexts.car(car))
-        if config is None:  # nothing runs on it
-            return
+        if config is None:
+            return []
         _checked("on_car", config)
         graph = self.network.add_host(car.name, setup.devices[car.device])
         if config.detector:
             self._add_detector(graph)
         self._add_interceptor(graph, config, "car")
-        uplink = self._add_uplink(car, graph, config)
-        has_server = config.detector or config.interceptor is not None or uplink is not None
-        # the frames of a car with neither a server nor an edge are meant to reach nobody
-        if has_server or car.edge is not None:
+        connection = self._connect(car, graph, config)
+        is_answered = config.detector or config.interceptor is not None or connection is not None
+        # the frames of a car with neither a node nor an edge are meant to reach nobody
+        if is_answered or car.edge is not None:
             self._check_connections(car, graph, config)
-        CarListener(graph, self.monitor, uplink=uplink, has_server=has_server)
-        for camera in car.streams(setup.cameras):
-            frames = setup.frames[car.name][camera.recording]
-            node = CameraNode(
+        CarListener(graph, self.monitor, connection=connection, is_answered=is_answered)
+        return [
+            CameraNode(
                 camera,
                 car,
                 graph,
-                frames=frames,
+                frames=setup.frames[car.name][camera.recording],
                 published=self.monitor.published,
                 senses=self.network.senses(car.name),
             )
-            self._cameras.append(node)
-            self.last_frame_ns = max(self.last_frame_ns, node.last_stamp_ns)
+            for camera in car.streams(setup.cameras)
+        ]
 
     def _check_connections(self, car: Car, graph: Graph, config: HostConfig) -> None:
         """Raises ``UserError`` if the car's frames, or the answers to them, would reach nobody."""
@@ -179,17 +173,17 @@ class World:
         if not config.is_beside:
             graph.entry = node.name
 
-    def _add_uplink(self, car: Car, graph: Graph, config: HostConfig) -> CarUplink | None:
+    def _connect(self, car: Car, graph: Graph, config: HostConfig) -> CarConnection | None:
         """The car's connection to its edge, if the method wants one."""
         if config.uplink is None:
             return None
         if car.edge is None:
             raise UserError(f"{self._method.title}: {car.name} has an uplink, but no edge")
         network, model = self.network, self.setup.links[car.name]
-        uplink = CarUplink(network, graph, config.uplink, model=model, edges=self.edges)
-        uplink.join(car.edge)
-        network.uplinks[car.name] = uplink
-        return uplink
+        connection = CarConnection(network, graph, config.uplink, model=model, edges=self.edges)
+        connection.join(car.edge)
+        network.connections[car.name] = connection
+        return connection
 
     def run(self, progress: OnTime | None = None) -> None:
         """Runs until no frame is open: none is queued, handled or on its way any more, at most ten
@@ -206,33 +200,33 @@ class World:
         self.monitor.failed(self._fault_spans)
         self.monitor.close()
 
-    def _begin_to_count(self) -> None:
-        """From now on what hosts, links and queues do counts."""
+    def _end_warm_up(self) -> None:
+        """What hosts, links and queues have done until now is left out."""
         self._used_in_warm_up = {usage.host: usage for usage in self._usage()}
         for resource in self._sampled:
-            resource.occupancy.forget_most()
+            resource.occupancy.restart_most()
 
     def _since_warm_up(self, usage: HostUsage) -> HostUsage:
         """What a host has used, without what it had used before the end of the warm-up."""
         earlier = self._used_in_warm_up.get(usage.host)
         if earlier is None:
             return usage
-        used = {name: getattr(usage, name) - getattr(earlier, name) for name in GROWING_COUNTS}
+        growth = {name: getattr(usage, name) - getattr(earlier, name) for name in GROWING_COUNTS}
         begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
-        return usage._replace(**used, begin_ns=begin_ns)
+        return usage._replace(**growth, begin_ns=begin_ns)
 
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""
         setup = self.setup
         starts_ns = {car.name: car.route.start_ns for car in setup.cars}
         traffic = {}  # of each car with an uplink
-        for car, used in self.network.interfaces.items():
-            carried = [use.bytes_carried() for use in used]
+        for car, interfaces in self.network.interfaces.items():
+            traffic_of = [use.bytes_carried() for use in interfaces]
             traffic[car] = {
-                "bytes_up": sum(up for up, _ in carried),
-                "bytes_down": sum(down for _, down in carried),
-                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
-                "tail_ns": sum(use.tail_ns for use in used),
+                "bytes_up": sum(up for up, _ in traffic_of),
+                "bytes_down": sum(down for _, down in traffic_of),
+                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in interfaces),
+                "tail_ns": sum(use.tail_ns for use in interfaces),
             }
         for name, graph in self.network.graphs.items():
             host, interface = graph.host, setup.interfaces.get(name)
@@ -251,15 +245,9 @@ class World:
 
     def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
         """The resources that the monitor wants to sample."""
-        resources = self.network.resources
-        samples = self.monitor.samples
-        if samples == "all":
-            return resources  # the list itself: a hand-over adds links while time runs
-        if samples == "edges":
-            return edge_resources + self.network.shared
-        if samples == "processors":
-            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
-        return []
+        if self.monitor.samples == "all":
+            return self.network.resources  # the list itself: a hand-over adds links while time runs
+        return edge_resources + self.network.shared if self.monitor.samples == "edges" else []
 
     def _watch_resources(self, progress: OnTime | None) -> Steps:
         """The process that samples resources, and begins to count anew when the warm-up ends,
@@ -271,7 +259,7 @@ class World:
         while True:
             now_ns = self.clock.now
             if now_ns == warm_up_ns > 0:
-                self._begin_to_count()
+                self._end_warm_up()
             self.monitor.sample(self._sampled, now_ns)
             if progress is not None:
                 progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
@@ -289,34 +277,28 @@ class HostContexts(NamedTuple):
     """What a method gets to know of the hosts of one world."""
 
     setup: Setup
-    stream: Callable[..., np.random.Generator]
-    edges: tuple[str, ...]
     names_changes: bool = False
 
     def car(self, car: Car) -> HostContext:
         """About a car; it has rules of a Genie if one may run there."""
-        genie = self.setup.settings.genie if car.genie else None
-        has_edge = car.edge is not None
-        return self._host(car.name, bool(car.cameras), has_edge=has_edge, genie=genie)
+        context = self._host(car.name, gets_images=bool(car.cameras))
+        genie = context.genie if car.genie else None
+        return replace(context, has_edge=car.edge is not None, genie=genie)
 
     def edge(self, edge: Edge, gets_images: bool, neighbours: Sequence[str]) -> HostContext:
         """About an edge."""
-        genie = self.setup.settings.genie
-        context = self._host(edge.name, gets_images, has_edge=True, genie=genie)
-        return replace(context, neighbours=neighbours)
+        return replace(self._host(edge.name, gets_images=gets_images), neighbours=neighbours)
 
-    def _host(
-        self, name: str, gets_images: bool, *, has_edge: bool, genie: GenieRules | None
-    ) -> HostContext:
+    def _host(self, name: str, *, gets_images: bool) -> HostContext:
+        setup = self.setup
         return HostContext(
             name=name,
             gets_images=gets_images,
-            has_edge=has_edge,
-            genie=genie,
-            stream=partial(self.stream, name),
-            draws=partial(Draws, self.setup.seed, name),
+            has_edge=True,
+            genie=setup.settings.genie,
+            draws=partial(Draws, setup.seed, name),
             names_changes=self.names_changes,
-            laws=self.setup.laws,
-            edges=self.edges,
-            is_one_world=self.setup.is_one_world,
+            laws=setup.laws,
+            edges=tuple(edge.name for edge in setup.edges),
+            is_one_world=setup.is_one_world,
         )

@@ -1,19 +1,15 @@
-"""Figures of a sweep: what reuse, response times and correctness do along each axis, and over two
-axes at once.
-"""
+"""Figures of a sweep: what reuse, response times and correctness do along each axis."""
 
 import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
@@ -30,7 +26,6 @@ from genie_sim.analysis.statistics import thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
-from genie_sim.base.text import number_text
 from genie_sim.study.design import Axis, Design, Level
 
 if TYPE_CHECKING:
@@ -40,11 +35,25 @@ MAX_TICKS = 8
 MAX_COLUMNS = 4  # of panels, side by side
 MAX_PLACES = 6  # of the axes beyond the second, each with figures of its own
 LEVEL_CHARACTERS = 16  # of a value that is a text
-HEAT_COLOURS = mpl.colormaps["Blues"]
 LEVEL_COLOURS = mpl.colormaps["viridis"]  # from dark to light: they keep their order in greyscale
 BESIDE = 0.4  # how far the points at a value that is no number lie apart, of its room
 LABEL_CHARACTERS, SHORT_LABEL_CHARACTERS = 20, 15  # in a line beside an axis; in a column
 MARKER_ROOM = 0.03  # above the highest value, of the panel's height
+
+
+# means along an axis, and the look of their line
+Series: TypeAlias = "tuple[pd.DataFrame, dict[str, Any]]"
+
+
+class Panel(NamedTuple):
+    """What a panel shows: a metric, and lines of it. ``explained``: which markers are of Genies on
+    cars, and which of those on edges, is told in the legend.
+    """
+
+    metric: str
+    title: str
+    series: "Sequence[Series]"
+    explained: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,46 +83,35 @@ class SweepFigures:
     def drawn(self) -> Iterator[tuple[str, Figure]]:
         """Every figure with the name of its file.
 
-        Along each axis, with a column of panels for each value of one other axis; a heat map of the
-        first two crossed axes. In the width of a column two crossed axes give a figure of each
-        headline metric: along the first axis, with a line for each value of the second. Where there
-        are more axes, every combination of their first values has figures of its own. Only over
-        values that were drawn is anything averaged, and the figure says so.
+        Along each axis, with a column of panels for each value of one other axis or, in the width
+        of a column, a figure of each headline metric with a line for each of these values. Where
+        there are more axes, every combination of their first values has figures of its own. Only
+        over values that were drawn is anything averaged, and the figure says so.
         """
-        columns, crossed = self.design.columns, self.design.crossed
-        if len(crossed) > 1 and is_narrow(self.width_in):
-            for metric in shown(HEADLINE, self.runs["metric"]):
-                for suffix, place, runs in self._places(crossed[2:]):
-                    yield f"{crossed[0]}-{metric}{suffix}", self._lines(metric, runs, place)
-            return
-        sampled_columns = [column for name, column in columns.items() if name not in crossed]
-        for name, axis in self.design.axes.items():
-            remaining = [axis_name for axis_name in crossed if axis_name != name]
-            averaged = [] if axis.sampled else sampled_columns
-            for suffix, place, runs in self._places(remaining[1:]):
-                beside = columns[remaining[0]] if remaining else None
-                figure = self.along(name, runs, beside=beside, averaged=averaged, place=place)
-                yield f"{name}{suffix}", figure
-        if len(crossed) > 1:
-            for suffix, place, runs in self._places(crossed[2:]):
-                yield f"{crossed[0]}-{crossed[1]}{suffix}", self._heat(runs, place)
+        for name in self.design.axes:
+            others = [other for other in self.design.crossed if other != name]
+            for suffix, place, runs in self._places(others[1:]):
+                if others and is_narrow(self.width_in):
+                    for metric in shown(HEADLINE, runs["metric"]):
+                        yield (
+                            f"{name}-{metric}{suffix}",
+                            self._lines(name, others[0], metric, runs, place),
+                        )
+                else:
+                    yield f"{name}{suffix}", self.along(name, runs, others[:1], place)
 
     def of(self, metric: str) -> Figure:
-        """One metric along the first axis; of two crossed axes as a heat map or, in a column, with
-        a line for each value of the second. Raises ``UserError`` where no method has a value.
+        """One metric along the first axis; of two crossed axes with a line for each value of the
+        second. Raises ``UserError`` where no method has a value.
         """
         runs = self.runs[(self.runs["metric"] == metric) & (self.runs["component"] == "")]
         if not runs["value"].notna().any():
             raise UserError(f"{metric}: this sweep has no value of it to draw")
-        columns, crossed = self.design.columns, self.design.crossed
-        if len(crossed) > 1:
-            _, place, runs = next(self._places(crossed[2:]))
-            if is_narrow(self.width_in):
-                return self._lines(metric, runs, place)
-            return self._heat(runs, place, [metric])
-        name = (*crossed, *self.design.axes)[0]
-        averaged = [columns[other] for other in self.design.axes if crossed and other != name]
-        return self.along(name, self.runs, averaged=averaged, metrics=[metric])
+        name, *others = self.design.crossed or self.design.axes
+        if self.design.crossed and others:
+            _, place, runs = next(self._places(others[1:]))
+            return self._lines(name, others[0], metric, runs, place)
+        return self.along(name, self.runs, metrics=[metric])
 
     def _places(self, axes: Sequence[str]) -> "Iterator[tuple[str, str, pd.DataFrame]]":
         """The runs at every combination of values of these axes, with a suffix for file names and
@@ -129,19 +127,15 @@ class SweepFigures:
                 words.append(f"{column} = {_shortened(level)}")
             yield (f"-{number}" if columns else ""), ", ".join(words), selected
 
-    @in_style()
     def along(
         self,
         name: str,
         runs: "pd.DataFrame",
-        *,
-        beside: str | None = None,
-        averaged: Sequence[str] = (),
+        beside: Sequence[str] = (),
         place: str = "",
         metrics: Sequence[str] = (),
     ) -> Figure:
-        """Draws means along one axis with their 95 % intervals across seeds, a row of panels a
-        metric.
+        """Draws means along one axis with their 95 % intervals across seeds.
 
         Drawn values of a sampled axis are no line but points, for the other sampled axes differ
         from one to the next.
@@ -152,189 +146,138 @@ class SweepFigures:
             The axis.
         runs : DataFrame
             All runs, or those at ``place``.
-        beside : str, optional
-            The column of another axis, each of whose values has a column of panels.
-        averaged : sequence of str
-            Columns of axes that are averaged over, for the note above the panels.
+        beside : sequence of str
+            Another axis, or none: each of its values has a column of panels.
         place : str
-            Where on the remaining axes the runs are, for the same note.
+            Where on the remaining axes the runs are, for the note above the panels.
         metrics : sequence of str
             Which; by default the short list or, in a column or with ``beside``, the headlines.
         """
-        axis, column = self.design.axes[name], self.design.columns[name]
-        levels: Sequence[Any] = list(dict.fromkeys(runs[beside])) if beside else [None]
+        columns, crossed = self.design.columns, self.design.crossed
+        other = [columns[axis] for axis in beside]
+        levels: Sequence[Any] = list(dict.fromkeys(runs[other[0]])) if other else [None]
         shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
-        means = across_seeds(runs[runs["component"] == ""], [column, *([beside] if beside else [])])
+        means = across_seeds(runs[runs["component"] == ""], [columns[name], *other])
         narrow = is_narrow(self.width_in)
-        tier = SHORT if beside is None and not narrow else HEADLINE
+        tier = HEADLINE if other or narrow else SHORT
         names = metrics or shown(tier, means["metric"])
-        shown_metrics = [
-            (metric, _label(metric)) for metric in names if (means["metric"] == metric).any()
-        ]
-        wide = (2 if narrow else 3) if beside is None else len(shown_levels)
-        if len(metrics) == 1:
-            wide = len(shown_levels)
-        rows = (
-            max(1, -(-len(shown_metrics) // wide)) if beside is None else max(1, len(shown_metrics))
-        )
-        row_in = 0.8 if narrow and rows > 1 else 1.8 if beside is None else 1.3
-        figure = Figure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
-        grid = figure.subplots(rows, wide, squeeze=False, sharey=False if beside is None else "row")
+        names = [metric for metric in names if (means["metric"] == metric).any()]
         panels = [
-            (metric, label, level) for metric, label in shown_metrics for level in shown_levels
-        ]
-        unused = grid.size - len(panels)
-        places = list(range(grid.size - unused))
-        if narrow and unused:  # in the first row, so that names of ticks stand below the last one
-            places = [*range(wide - unused), *range(wide, grid.size)]
-        for place_of_panel, (metric, label, level) in zip(places, panels, strict=True):
-            panel = grid.flat[place_of_panel]
-            of_panel = means[means["metric"] == metric]
-            if level is not None:
-                of_panel = of_panel[of_panel[beside] == level]
-            _draw(panel, axis, column, _by_method(of_panel, self.titles))
-            _explain_filling(panel, of_panel)
-            spot = panel.get_subplotspec()
-            panel.set_ylabel(
-                _wrapped(label, narrow) if beside is None or spot.is_first_col() else ""
+            Panel(
+                metric,
+                f"{other[0]} = {_shortened(level)}" if other and metric == names[0] else "",
+                _by_method(of_level, self.titles),
+                of_level["method"].nunique() > 1,
             )
-            is_lowest = place_of_panel + wide not in places
-            if (beside is None and not narrow) or is_lowest:
-                panel.set_xlabel(column)
-            if (level is not None or narrow) and not is_lowest:
-                panel.tick_params(labelbottom=False)
-            if level is not None and spot.is_first_row():
-                panel.set_title(f"{beside} = {_shortened(level)}")
-            of_metric = means["value"][means["metric"] == metric]
-            if _is_share(metric):
-                panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-            elif is_drawn_logarithmically(metric, values := of_metric.dropna().tolist()):
-                _scale_logarithmically(panel, min(values), max(values))
-        for number in set(range(grid.size)) - set(places):
-            grid.flat[number].remove()
-        # after all are drawn, for a row shares its limits
-        for panel in figure.axes if beside is None else grid[:, 0]:
-            if panel.get_yscale() == "log":
-                continue
-            low, high = panel.get_ylim()
-            low = min(0.0, low)
-            panel.set_ylim(low, high + MARKER_ROOM * (high - low))
-        _make_room(figure, 1 if beside is not None or narrow else rows)
+            for metric in names
+            for level in shown_levels
+            for of_level in [
+                means[(means["metric"] == metric) & (not other or means[other[0]] == level)]
+            ]
+        ]
         notes = []
         if len(shown_levels) < len(levels):
-            notes.append(f"{len(shown_levels)} of {len(levels)} values of {beside}")
-        if averaged:
+            notes.append(f"{len(shown_levels)} of {len(levels)} values of {other[0]}")
+        averaged = [column for axis, column in columns.items() if axis not in crossed]
+        if averaged and name in crossed:
             notes.append(f"averaged over {', '.join(averaged)}")
-        if place:
-            notes.append(f"at {place}")
+        wide = len(shown_levels) if other or len(metrics) == 1 else 2 if narrow else 3
         several = "means and 95 % intervals across seeds"
         shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
-        finish(figure, f"Along {column}: {shows}", self.footer, figure.axes, note="; ".join(notes))
-        return figure
+        title = f"Along {columns[name]}: {shows}"
+        return self._facets(name, panels, wide, title, [*notes, *_at(place)])
 
-    @in_style()
-    def _lines(self, metric: str, runs: "pd.DataFrame", place: str) -> Figure:
-        """One metric along the first crossed axis with 95 % intervals across seeds, at a ``place``
-        on the remaining ones: a line for each value of the second, a panel for each method, and for
-        its Genies on cars and on edges.
+    def _lines(
+        self, name: str, other: str, metric: str, runs: "pd.DataFrame", place: str
+    ) -> Figure:
+        """One metric along an axis with 95 % intervals across seeds, at a ``place`` on the
+        remaining ones: a line for each value of the ``other``, a panel for each method, and for its
+        Genies on cars and on edges.
         """
-        name, other = self.design.crossed[:2]
         column, other_column = self.design.columns[name], self.design.columns[other]
         means = across_seeds(runs[runs["component"] == ""], [column, other_column])
         means = means[(means["metric"] == metric) & means["value"].notna()]
-        panels = list(means.groupby(["method", "placement"], sort=False))
         levels = list(dict.fromkeys(means[other_column]))
         shades = LEVEL_COLOURS(np.linspace(0.0, 0.85, len(levels)))
-        figure = Figure(figsize=(self.width_in, 0.2 + 1.3 * len(panels)))
-        grid = figure.subplots(max(1, len(panels)), 1, squeeze=False, sharex=True, sharey=True)
-        for panel, (method_and_place, of_panel) in zip(grid[:, 0], panels, strict=True):
-            method, placement = map(str, method_and_place)
+        looks = [
+            {
+                "label": f"{other_column} = {_shortened(level)}",
+                "color": shades[number],
+                "marker": style.MARKERS[number % len(style.MARKERS)],
+            }
+            for number, level in enumerate(levels)
+        ]
+        panels = []
+        for (method, placement), of_panel in means.groupby(["method", "placement"], sort=False):
             where = f", {PLACEMENTS[placement]}" if placement in PLACEMENTS else ""
-            panel.set_title(f"{self.titles[method]}{where}")
-            looks = [
-                {
-                    "label": f"{other_column} = {_shortened(level)}",
-                    "color": shades[number],
-                    "marker": style.MARKERS[number % len(style.MARKERS)],
-                }
-                for number, level in enumerate(levels)
-            ]
             of_level = [of_panel[of_panel[other_column] == level] for level in levels]
-            _draw(panel, self.design.axes[name], column, list(zip(of_level, looks, strict=True)))
-            if _is_share(metric):
-                panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        figure.supylabel(_label(metric))
-        grid[-1, 0].set_xlabel(column)
-        if means["value"].min() >= 0:
-            grid[0, 0].set_ylim(bottom=0)
-        _make_room(figure, 1)
-        note = f"at {place}" if place else ""
-        finish(figure, f"{_label(metric)} along {column}", self.footer, figure.axes, note=note)
-        return figure
+            series = list(zip(of_level, looks, strict=True))
+            panels.append(Panel(metric, f"{self.titles[str(method)]}{where}", series))
+        wide = 1 if is_narrow(self.width_in) else min(len(panels), 3)
+        title = f"{_label(metric)} along {column}"
+        return self._facets(name, panels, wide, title, _at(place))
 
     @in_style()
-    def _heat(self, runs: "pd.DataFrame", place: str, metrics: Sequence[str] = ()) -> Figure:
-        """Means across seeds over the first two crossed axes, the first upwards, at a ``place`` on
-        the remaining ones: a row of panels a metric (by default the headlines), a column a method.
-
-        Darker is more, on one scale a metric, which is logarithmic where values span decades. Of
-        Genies' metrics those on cars are shown. Methods on which neither axis has an effect are
-        left out where it has one on another, and named above the panels.
-        """
-        first, second = (self.design.columns[name] for name in self.design.crossed[:2])
-        means = across_seeds(runs[runs["component"] == ""], [first, second])
-        metrics = metrics or shown(HEADLINE, means["metric"])
-        means = means[
-            means["placement"].isin(("all", "car"))
-            & means["metric"].isin(metrics)
-            & means["value"].notna()
-        ]
-        of_methods = means.groupby("method", sort=False)
-        varying = [
-            method
-            for method, of_method in of_methods
-            if of_method.groupby("metric")["value"].nunique().max() > 1
-        ]
-        methods = varying or [method for method, _ in of_methods]
-        constant = [self.titles[str(method)] for method, _ in of_methods if method not in methods]
-        metrics = [metric for metric in metrics if (means["metric"] == metric).any()]
-        up, right = ([*dict.fromkeys(runs[column])] for column in (first, second))
-        height_in = 0.5 + len(metrics) * (0.8 + 0.22 * len(up))
-        figure = Figure(figsize=(self.width_in, max(2.0, height_in)))
-        grid = figure.subplots(max(1, len(metrics)), max(1, len(methods)), squeeze=False)
-        for row, metric in zip(grid, metrics, strict=False):
-            of_metric = means[(means["metric"] == metric) & means["method"].isin(methods)]
-            values = of_metric["value"].tolist()
-            scale = (LogNorm if spans_much(values) else Normalize)(min(values), max(values))
-            maps: list[Axes] = []
-            for panel, method in zip(row, methods, strict=True):
-                cells = of_metric[of_metric["method"] == method].pivot_table(
-                    index=first, columns=second, values="value", sort=False
-                )
-                if cells.empty:
-                    panel.remove()
-                    continue
-                cells = cells.reindex(index=up, columns=right)
-                _heat_map(panel, cells, scale, percent=_is_share(metric))
-                panel.set_title(self.titles[str(method)])
-                panel.set_xlabel(second)
-                panel.set_ylabel("" if maps else first)
-                maps.append(panel)
-            shades = ScalarMappable(norm=scale, cmap=HEAT_COLOURS)
-            bar = figure.colorbar(shades, ax=maps, label=_wrapped(_label(metric)), pad=0.01)
-            if isinstance(scale, LogNorm):
-                ticks = _round_ticks(min(values), max(values))
-                bar.set_ticks(ticks, labels=[number_text(tick) for tick in ticks])
-                bar.ax.yaxis.set_minor_locator(NullLocator())
-            elif _is_share(metric):
-                bar.formatter = FuncFormatter(percent_tick)
-        title = f"Over {first} and {second}: means across seeds, darker is more"
-        _make_room(figure, len(metrics))
-        notes = [f"at {place}"] if place else []
-        if constant:
-            notes.append(f"the same everywhere: {', '.join(constant)}")
-        finish(figure, title, self.footer, note="; ".join(notes))
+    def _facets(
+        self, name: str, panels: "Sequence[Panel]", wide: int, title: str, notes: Sequence[str]
+    ) -> Figure:
+        """Panels along one axis, so many side by side; those of one metric have one scale."""
+        axis, column = self.design.axes[name], self.design.columns[name]
+        narrow, rows = is_narrow(self.width_in), max(1, -(-len(panels) // wide))
+        titled = any(facet.title for facet in panels)
+        is_one = titled and len({facet.metric for facet in panels}) == 1
+        row_in = 1.3 if titled else 0.8 if narrow and rows > 1 else 1.8
+        figure = Figure(figsize=(self.width_in, (0.2 if narrow else 0.6) + row_in * rows))
+        cells = list(figure.subplots(rows, wide, squeeze=False).flat)
+        unused = len(cells) - len(panels)
+        end = wide if narrow else len(cells)  # in a column names of ticks stand below the last row
+        for panel in cells[end - unused : end]:
+            panel.remove()
+        del cells[end - unused : end]
+        for number, (panel, facet) in enumerate(zip(cells, panels, strict=True)):
+            _draw(panel, axis, column, facet.series)
+            if facet.explained:
+                _explain_filling(panel, facet.series)
+            panel.set_title(facet.title)
+            if not is_one and (number % wide == 0 or panels[number - 1].metric != facet.metric):
+                panel.set_ylabel(_wrapped(_label(facet.metric), narrow))
+            if (titled or narrow) and number + wide < len(panels):
+                panel.tick_params(labelbottom=False)
+            else:
+                panel.set_xlabel(column)
+        if is_one:
+            figure.supylabel(_label(panels[0].metric))
+        for metric in dict.fromkeys(facet.metric for facet in panels):
+            _scale(
+                metric,
+                [
+                    (panel, facet)
+                    for panel, facet in zip(cells, panels, strict=True)
+                    if facet.metric == metric
+                ],
+            )
+        _make_room(figure, 1 if titled or narrow else rows)
+        finish(figure, title, self.footer, figure.axes, note="; ".join(notes))
         return figure
+
+
+def _at(place: str) -> list[str]:
+    return [f"at {place}"] if place else []
+
+
+def _scale(metric: str, panels: "Sequence[tuple[Axes, Panel]]") -> None:
+    """One scale for panels of a metric: from zero on, or logarithmic where values span decades."""
+    means = [means["value"].dropna() for _, facet in panels for means, _ in facet.series]
+    values = [value for of_line in means for value in of_line]
+    ends = [panel.get_ylim() for panel, _ in panels]
+    low, high = min(0.0, *(low for low, _ in ends)), max(high for _, high in ends)
+    for panel, _ in panels:
+        if _is_share(metric):
+            panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
+        elif is_drawn_logarithmically(metric, values):
+            _scale_logarithmically(panel, min(values), max(values))
+            continue
+        panel.set_ylim(low, high + MARKER_ROOM * (high - low))
 
 
 def _label(metric: str) -> str:
@@ -351,41 +294,14 @@ def _wrapped(label: str, narrow: bool = False) -> str:
     return textwrap.fill(label, SHORT_LABEL_CHARACTERS if narrow else LABEL_CHARACTERS)
 
 
-def _heat_map(panel: Axes, cells: "pd.DataFrame", scale: Normalize, percent: bool) -> None:
-    values = cells.to_numpy(float)
-    panel.imshow(values, cmap=HEAT_COLOURS, norm=scale, aspect="auto", origin="lower")
-    panel.grid(False)
-    _name_ticks(panel, [_shortened(level) for level in cells.columns])
-    panel.set_yticks(range(values.shape[0]), [_shortened(level) for level in cells.index])
-    for (y, x), value in [
-        (place, values[place]) for place in itertools.product(*map(range, values.shape))
-    ]:
-        if not math.isnan(value):
-            text = f"{100 * value:.0f} %" if percent else number_text(value)
-            panel.text(
-                x,
-                y,
-                text,
-                ha="center",
-                va="center",
-                color="white" if _is_dark(HEAT_COLOURS(scale(value))) else "black",
-                fontsize=7,
-            )
-
-
-def _is_dark(colour: Sequence[float]) -> bool:
-    """Whether white is read better on it than black."""
-    red, green, blue = colour[:3]
-    return 0.3 * red + 0.59 * green + 0.11 * blue < 0.5
-
-
 def _name_ticks(panel: Axes, names: Sequence[str]) -> None:
     """Names the places 0, 1, ... of the axis to the right, upright where they are long."""
     panel.set_xticks(range(len(names)), names)
     figure = panel.get_figure(root=True)
     assert figure is not None
     room_in = panel.get_position().width * figure.get_figwidth()
-    if sum(len(name) + 2 for name in names) * character_in("xtick.labelsize") > room_in:
+    longest = max(map(len, names), default=0) + 1
+    if len(names) * longest * character_in("xtick.labelsize") > room_in:
         for name in panel.get_xticklabels():
             name.set_rotation(90)
 
@@ -402,9 +318,7 @@ def _make_room(figure: Figure, rows: int) -> None:
     figure.set_figheight(figure.get_figheight() + rows * more_in)
 
 
-def _by_method(
-    means: "pd.DataFrame", titles: Mapping[str, str]
-) -> "list[tuple[pd.DataFrame, dict[str, Any]]]":
+def _by_method(means: "pd.DataFrame", titles: Mapping[str, str]) -> "list[Series]":
     """The means of each method, and of its Genies on cars and on edges, with the look of its
     line.
     """
@@ -420,7 +334,7 @@ def _draw(
     panel: Axes,
     axis: Axis,
     column: str,
-    series: "Sequence[tuple[pd.DataFrame, dict[str, Any]]]",
+    series: "Sequence[Series]",
 ) -> None:
     """Means along an axis with their intervals, each series in its look."""
     levels = list(dict.fromkeys(level for means, _ in series for level in means[column]))
@@ -474,10 +388,9 @@ def _filling(placement: str) -> dict[str, Any]:
     return {"markerfacecolor": "white"} if placement == "car" else {}
 
 
-def _explain_filling(panel: Axes, means: "pd.DataFrame") -> None:
+def _explain_filling(panel: Axes, series: "Sequence[Series]") -> None:
     """Puts what hollow and full markers mean into the legend, where methods have both."""
-    placements = set(means["placement"]) & set(PLACEMENTS)
-    if placements and means["method"].nunique() > 1:
+    if any(means["placement"].isin(PLACEMENTS).any() for means, _ in series):
         for placement, where in PLACEMENTS.items():
             look: dict[str, Any] = {"color": "0.4", "marker": "o", "linestyle": "none"}
             panel.plot(

@@ -198,7 +198,7 @@ class Sweep(Suggesting, Result):
             return dict(self._figures(width_in).drawn())
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
-        """One figure; or one metric along the first axis, or as a heat map over the first two."""
+        """One figure, or one metric along the first axis."""
         if name in {*METRICS, *self.every_run["metric"]} - {*self.design.axes}:
             return self._figures(width_in).of(name)
         figure: Figure = named(name, self.figures(width_in))
@@ -323,7 +323,7 @@ class SweepPlots(Suggesting):
     _sweep: Sweep
 
     def metric(self, name: str) -> "Figure":
-        """One metric along the first axis, or as a heat map over the first two. Raises
+        """One metric along the first axis, with a line for each value of a second. Raises
         ``UserError`` for one that the sweep has no value of.
         """
         checked([name], self._sweep.every_run["metric"], "metric")
@@ -333,23 +333,11 @@ class SweepPlots(Suggesting):
         """The main metrics along an axis, with a column of panels for each value of another one.
         Raises ``UserError`` for an axis that the sweep does not have.
         """
-        return self._first_of(axis)
-
-    def heat(self, first: str, second: str) -> "Figure":
-        """A heat map over the first two axes, named in any order. Raises ``UserError`` for other
-        ones.
-        """
-        axes = [name for name in self._sweep.design.axes if name in (first, second)]
-        return self._first_of("-".join(axes))
-
-    def _first_of(self, name: str) -> "Figure":
-        """The figure of that name; where the sweep has more axes, at their first values."""
         figures = self._sweep.figures()
-        if name not in figures and f"{name}-1" in figures:
-            return figures[f"{name}-1"]
-        if name not in figures:
-            raise UserError(unknown("figure", name, figures))
-        return figures[name]
+        for name in (axis, f"{axis}-1"):  # where the sweep has more axes, at their first values
+            if name in figures:
+                return figures[name]
+        raise UserError(unknown("figure", axis, figures))
 
 
 def _table(path: Path) -> "pd.DataFrame":

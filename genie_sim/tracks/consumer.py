@@ -50,8 +50,8 @@ class Consumer(ABC):
 
     @abstractmethod
     def shown(self, now_ns: int) -> Sequence[Shown]:
-        """The objects that the consumer believes in, answer by answer; of an earlier answer first,
-        where two show the same (``judge.held``).
+        """The objects that the consumer believes in, answer by answer. Where two answers show the
+        same object, that of the first counts (``judge.held``).
         """
 
 
@@ -88,8 +88,8 @@ class Tracker(Consumer):
     """Tracks what detectors found in the car's frames, and predicts it: the map of the
     recommended Genie in the car itself.
 
-    It counts the look that comes with an answer. Of an answer without, the objects are the look, as
-    far as a detector found them in this frame: what a cache or map adds is no look.
+    It learns the look that comes with an answer. Where none comes, what a detector found in the
+    frame is the look; what a cache or a map has added is none.
 
     Parameters
     ----------
@@ -110,14 +110,14 @@ class Tracker(Consumer):
         if look is None and answer.source == "detector":
             viewer = self._viewers.get(answer.header)
             if viewer is not None:
-                detections = tuple(seen for seen in answer.objects if seen.placed_by != "map")
+                detections = tuple(item for item in answer.objects if item.placed_by != "map")
                 look = Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)
         if look is not None:
-            self._map.count(look, now_ns)
+            self._map.learn(look, now_ns)
 
     def shown(self, now_ns: int) -> Sequence[Shown]:
         self._map.forget(now_ns)
-        return (Shown(self._map.served(now_ns)),)
+        return (Shown(self._map.believed(now_ns)),)
 
 
 @dataclass(frozen=True)
@@ -133,8 +133,8 @@ class ConsumerRules:
     """A tracker holds what exists with at least this probability."""
 
     tau_ns: int = 0
-    """To a tracker looks within this time are no independent evidence; 0 counts every look
-    whole.
+    """To a tracker looks within this time are no independent evidence; 0 weighs every look in
+    full.
     """
 
     def __post_init__(self) -> None:

@@ -16,16 +16,16 @@ GONE = 0.05  # assumed: a track that exists with this probability is forgotten
 
 
 class Existence:
-    """What counted looks say about tracks: how likely each exists, and when it is forgotten.
+    """What looks say about tracks: how likely each exists, and when it is forgotten.
 
     Parameters
     ----------
     p_min : float
-        Lowest probability of existence at which an object is served, 0 to 1.
+        Lowest probability of existence at which an object is believed in, 0 to 1.
     tau_ns : int
         Looks within this time [ns] are no independent evidence, because cameras that look at nearly
         the same instant make the same mistakes: the likelihood ratio of a look is raised to the
-        power of its distance in time from the one before, over this; 0 counts every look whole.
+        power of its distance in time from the one before, over this; 0 weighs every look in full.
     laws : DetectorLaws
         What the detectors are like.
     """
@@ -49,10 +49,10 @@ class Existence:
         dt_ns = now_ns - track.checked_ns
         return p * math.exp(track.log_survival * dt_ns * 1e-9) if dt_ns > 0 else p
 
-    def seen(self, track: Track, score: float, header: Header) -> None:
+    def confirm(self, track: Track, score: float, header: Header) -> None:
         """A detector found the object, new or not, in the frame with this header."""
         weight = self._weight(track, header.stamp_ns)
-        p = self._predicted(track, header.stamp_ns)
+        p = self._age(track, header.stamp_ns)
         track.log_survival = _log_survival(track)
         if track.sightings == 1:
             track.existence = self._laws.first(score)
@@ -60,15 +60,15 @@ class Existence:
         ratio = self._laws.ratio(score) ** weight
         track.existence = p * ratio / (1.0 - p + p * ratio)
 
-    def unseen(self, track: Track, range_m: float, header: Header) -> None:
+    def doubt(self, track: Track, range_m: float, header: Header) -> None:
         """A detector looked at the object, so far away, and did not find it."""
         weight = self._weight(track, header.stamp_ns)
-        p = self._predicted(track, header.stamp_ns)
-        found = self._laws.found(track.kind is VEHICLE, range_m)
+        p = self._age(track, header.stamp_ns)
+        detection = self._laws.detection(track.kind is VEHICLE, range_m)
         if weight == 1.0:
-            track.existence = p * (1.0 - found) / (1.0 - p * found)
+            track.existence = p * (1.0 - detection) / (1.0 - p * detection)
         else:
-            ratio = (1.0 - found) ** weight
+            ratio = (1.0 - detection) ** weight
             track.existence = p * ratio / (1.0 - p + p * ratio)
 
     def _weight(self, track: Track, stamp_ns: int) -> float:
@@ -77,9 +77,9 @@ class Existence:
             return 1.0
         return min(1.0, abs(stamp_ns - track.checked_ns) / self._tau_ns)
 
-    def _predicted(self, track: Track, stamp_ns: int) -> float:
-        """The probability before a look is counted, which is from now on the last. A late look ages
-        nothing.
+    def _age(self, track: Track, stamp_ns: int) -> float:
+        """Brings a track to the time of a look, which is its last from now on; returns how likely
+        it exists before the look is weighed. A look that comes late ages nothing.
         """
         p = self.existence(track, stamp_ns)
         track.checked_ns = max(track.checked_ns, stamp_ns)

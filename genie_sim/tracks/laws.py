@@ -24,7 +24,7 @@ class DetectorLaws(NamedTuple):
     ratios: Sequence[float]
     firsts: Sequence[float]
 
-    def found(self, vehicle: bool, range_m: float) -> float:
+    def detection(self, vehicle: bool, range_m: float) -> float:
         """How likely a look at an object finds it."""
         return _between(self.vehicles if vehicle else self.others, range_m / RANGE_STEP_M)
 

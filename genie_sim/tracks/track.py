@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from genie_sim.base.classes import MOVING_MPS, PERSONS, VEHICLES
-from genie_sim.core.messages import Detection, Header, Motion
+from genie_sim.core.messages import Detection, Header
 
 COAST_NS = 1_000_000_000  # assumed: so long a place is predicted after it was last seen
 PARKED_NS = 1_000_000_000  # assumed: slower than MOVING_MPS for this long counts as parked
@@ -19,6 +19,27 @@ SIGMA_M, SIGMA_RANGE_M = 0.5, 20.0
 # A sighting this near to a predicted place is always the object's; nearer tracks are one object: as
 # the gate of the paper's map.
 NEAR_M = 1.0
+
+
+class Motion(NamedTuple):
+    """What a map of tracks knows besides an object's place (``Detection.motion``).
+
+    Parameters
+    ----------
+    velocity_mps : tuple of float
+        East and north, in metres a second.
+    sigma_m : float
+        How uncertain the place is: a standard deviation in metres.
+    existence : float
+        How likely the object exists, from 0 to 1.
+    seen_in : Header
+        The newest frame in which a detector found it.
+    """
+
+    velocity_mps: tuple[float, float]
+    sigma_m: float
+    existence: float
+    seen_in: Header
 
 
 class MotionClass(NamedTuple):
@@ -61,7 +82,7 @@ class Track:
 
     ``variance`` are those of place [m2], of place and velocity together, and of velocity [(m/s)2].
     ``existence`` is the probability that the object is there, at ``checked_ns``, when the last look
-    at it was counted.
+    at it was weighed. Each field has one writer: ``update``, ``Existence`` or ``TrackMap``.
     """
 
     number: int
@@ -72,23 +93,25 @@ class Track:
     north_m: float
     up_m: float
     stamp_ns: int
-    seen: Header
+    seen_in: Header
     variance: tuple[float, float, float]
-    existence: float = 1.0
-    checked_ns: int = 0
-    log_survival: float = 0.0  # of the probability, per second that nobody looks
     velocity_mps: tuple[float, float] = (0.0, 0.0)
     sightings: int = 1
     slow_since_ns: int | None = None
     seen_by_ns: dict[str, int] = field(default_factory=dict)  # newest stamp of each car's sightings
-    range_m: float = 0.0  # from the camera that saw it last
+    range_m: float = 0.0  # from the camera of the last sighting
+    # Existence
+    existence: float = 1.0
+    checked_ns: int = 0
+    log_survival: float = 0.0  # of the probability, per second that nobody looks
+    # TrackMap
     cell: float | None = None  # of the grid that it is in
-    due_ns: int | None = None
+    due_ns: int | None = None  # when its time may be over
 
     @property
     def seen_ns(self) -> int:
-        """When the last picture was taken that shows it."""
-        return self.seen.stamp_ns
+        """The stamp of the newest frame in which it was found."""
+        return self.seen_in.stamp_ns
 
     @property
     def moving(self) -> bool:
@@ -117,18 +140,20 @@ class Track:
         return self.east_m + ve * dt_s, self.north_m + vn * dt_s
 
     def sigma_m(self, now_ns: int) -> float:
-        """How uncertain that place is, along each axis."""
+        """How uncertain its place is at a time, along each axis: a standard deviation."""
         return math.sqrt(self._predicted(abs(now_ns - self.stamp_ns) * 1e-9)[0])
 
-    def update(self, seen: Detection, sigma_m: float, header: Header) -> None:
-        """A sighting at a place with an uncertainty, in the frame with this header. A late one
-        moves nothing.
+    def update(self, sighting: Detection, range_m: float, header: Header) -> None:
+        """A sighting so far from the camera, in the frame with this header. A late one moves
+        nothing.
         """
-        stamp_ns = header.stamp_ns
+        stamp_ns, sigma_m = header.stamp_ns, sigma_of(range_m)
         self.sightings += 1
-        if stamp_ns > self.seen.stamp_ns:
-            self.seen = header
-        if stamp_ns < self.stamp_ns or seen.location is None:
+        self.range_m = range_m
+        self.seen_by_ns[header.origin] = max(stamp_ns, self.seen_by_ns.get(header.origin, stamp_ns))
+        if stamp_ns > self.seen_in.stamp_ns:
+            self.seen_in = header
+        if stamp_ns < self.stamp_ns or sighting.location is None:
             return
         dt_ns = stamp_ns - self.stamp_ns
         dt_s = dt_ns * 1e-9
@@ -136,9 +161,9 @@ class Track:
         p, c, v = self._predicted(dt_s)
         total = p + sigma_m * sigma_m
         gain, speed_gain = p / total, c / total
-        off_east_m, off_north_m = seen.location[0] - east_m, seen.location[1] - north_m
+        off_east_m, off_north_m = sighting.location[0] - east_m, sighting.location[1] - north_m
         self.east_m, self.north_m = east_m + gain * off_east_m, north_m + gain * off_north_m
-        self.up_m = seen.location[2]
+        self.up_m = sighting.location[2]
         ve, vn = (
             self.velocity_mps[0] + speed_gain * off_east_m,
             self.velocity_mps[1] + speed_gain * off_north_m,
@@ -154,20 +179,20 @@ class Track:
         elif self.slow_since_ns is None:
             self.slow_since_ns = stamp_ns
 
-    def as_detection(self, now_ns: int, confidence: float, existence: float) -> Detection:
-        """The object at its predicted place."""
+    def as_detection(self, now_ns: int, existence: float) -> Detection:
+        """The object at its predicted place, as likely to exist as that."""
         east_m, north_m = self.place(now_ns)
-        motion = Motion(self.velocity_mps, self.sigma_m(now_ns), existence, self.seen)
+        motion = Motion(self.velocity_mps, self.sigma_m(now_ns), existence, self.seen_in)
         place = (east_m, north_m, self.up_m)
         return Detection(
             self.label,
             self.score,
             box=None,
             location=place,
-            confidence=confidence,
+            confidence=existence,
             placed_by="map",
             motion=motion,
-            seen_in=self.seen,
+            seen_in=self.seen_in,
         )
 
     def _predicted(self, dt_s: float) -> tuple[float, float, float]:

@@ -1,5 +1,5 @@
-"""The map of tracks: looks go in, each once, and tracks come out where they
-are predicted.
+"""The map of tracks: it learns looks, each once, and gives the objects that it believes in, where
+they are predicted.
 """
 
 import heapq
@@ -23,7 +23,9 @@ SLOW_CELL_M, FAST_CELL_M = 10.0, 60.0  # sides of the grids' cells, which change
 SLOW_DRIFT_M, FAST_DRIFT_M = (
     speed_mps * COAST_NS * 1e-9 for speed_mps in (MOVING_MPS, 2.0 * VEHICLE.v_max_mps)
 )
-COUNTED_NS = 10_000_000_000  # assumed: how long a look is remembered, lest it be counted again
+LEARNED_NS = 10_000_000_000  # assumed: how long a look is remembered, lest it be learned again
+# assumed: above this a miss brings a track's end no nearer than the time that is noted for it
+SOON_GONE = 0.5
 MAX_GATE_M = VEHICLE.gate_m  # no kind's gate is wider
 
 
@@ -44,28 +46,18 @@ class Pair(NamedTuple):
     track: Track
 
 
-class CountedLook(NamedTuple):
-    """What a look did: the tracks that it shows, how likely those existed before it that were
-    there, by number, and the tracks that the map forgot.
-    """
-
-    shown: Sequence[Track]
-    before: Mapping[int, float]
-    forgotten: Sequence[Track]
-
-
 class TrackMap:
-    """A map of tracks: looks go in, each once, and objects come out where they are predicted. The
-    tracks stand in two grids, one of those that hardly move.
+    """A map of tracks: it learns looks, each once, and gives the objects that it believes in, where
+    they are predicted. The tracks are in two grids, one of those that hardly move.
 
     Parameters
     ----------
     existence : Existence
         How likely a track still exists, and when it is forgotten.
     view_range_m : float
-        How far answers out of the map look [m].
+        How far away objects in view may be [m].
     view_margin_rad : float
-        By how much they look wider than the camera, on each side [rad].
+        By how much the sector in view is wider than the camera's, on each side [rad].
     """
 
     def __init__(
@@ -85,7 +77,7 @@ class TrackMap:
         # a heap: when the track's time may be over, and a tie-breaker
         self._to_forget: list[tuple[int, int, Track]] = []
         self._ties = itertools.count()
-        self._counted: OrderedDict[Header, None] = OrderedDict()  # looks
+        self._learned: OrderedDict[Header, None] = OrderedDict()  # looks
         self._latest: dict[
             tuple[str, str], tuple[int, Coverage]
         ] = {}  # the newest look of each camera
@@ -98,12 +90,12 @@ class TrackMap:
 
     @property
     def p_min(self) -> float:
-        """Lowest probability of existence at which an object is served."""
+        """Lowest probability of existence at which an object is believed in."""
         return self._existence.p_min
 
     def forget(self, now_ns: int) -> list[Track]:
         """Removes and returns the tracks whose time is over [ns]."""
-        forgotten = []
+        gone = []
         waiting = self._to_forget
         while waiting and waiting[0][0] <= now_ns:
             due_ns, _, track = heapq.heappop(waiting)
@@ -113,14 +105,16 @@ class TrackMap:
             expires_ns = self._existence.expires_ns(track)
             if expires_ns <= now_ns:
                 self._take_out(track, was_moving=track.moving)
-                forgotten.append(track)
+                gone.append(track)
             else:
                 self._plan(track)
-        return forgotten
+        return gone
 
-    def learn(self, look: Look, now_ns: int, names_changes: bool) -> ObjectLookups:
-        """Counts a look; what it did, for the log."""
-        tracks, before, forgotten = self.count(look, now_ns)
+    def learn(self, look: Look, now_ns: int, *, names_changes: bool = False) -> ObjectLookups:
+        """Learns what a look says of the tracks, unless it has come before. Returns what changed,
+        for the log, with the objects' names if ``names_changes``.
+        """
+        tracks, before, gone = self._weigh(look, now_ns)
         remaining = [track for track in tracks if track.cell is not None]
         return ObjectLookups(
             look.header,
@@ -135,11 +129,11 @@ class TrackMap:
             ),
             objects=len(self),
             changes=tuple(map(MapChange.of, remaining)) if names_changes else (),
-            forgotten=tuple(map(MapChange.of, forgotten)) if names_changes else (),
+            forgotten=tuple(map(MapChange.of, gone)) if names_changes else (),
         )
 
-    def visible(self, viewer: Viewer, now_ns: int) -> list[Detection]:
-        """The tracks in view that may leave."""
+    def in_view(self, viewer: Viewer, now_ns: int) -> list[Detection]:
+        """The objects in view that the map believes in, where they are now."""
         sector = self._sector(viewer)
         p_min = self.p_min
         in_view = [
@@ -147,10 +141,10 @@ class TrackMap:
             for track in self._inside(sector.box())
             if track.existence >= p_min and sector.distance_m(*track.place(now_ns)) is not None
         ]
-        return self._served(in_view, now_ns)
+        return self._believed(in_view, now_ns)
 
-    def shows(self, viewer: Viewer, detection: Detection) -> bool:
-        """Whether an object is where ``visible`` looks for this viewer."""
+    def is_in_view(self, viewer: Viewer, detection: Detection) -> bool:
+        """Whether an object is in the sector of ``in_view``."""
         assert detection.location is not None
         east_m, north_m, _ = detection.location
         return self._sector(viewer).distance_m(east_m, north_m) is not None
@@ -160,87 +154,88 @@ class TrackMap:
         return self._existence.existence(track, now_ns)
 
     def contradicts(self, label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
-        """Whether a camera of this map's looked after ``seen_ns``, had a place in view, and the map
-        has no track there that an object of this class could be.
+        """Whether a look that is newer than ``seen_ns`` covers a place, and the map has no track
+        there that an object of this class could be.
         """
-        looked = any(
+        is_covered = any(
             stamp_ns > seen_ns and coverage.range_m(east_m, north_m) is not None
             for stamp_ns, coverage in self._latest.values()
         )
-        return looked and self.match(label, east_m, north_m, seen_ns) is None
+        return is_covered and self.match(label, east_m, north_m, seen_ns) is None
 
-    def served(self, now_ns: int) -> list[Detection]:
-        """Every object that may leave to other Genies, wherever it is."""
-        return self._served(self, now_ns)
+    def believed(self, now_ns: int) -> list[Detection]:
+        """Every object that the map believes in, wherever it is now."""
+        return self._believed(self, now_ns)
 
     def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
         """The nearest track of the label's group that a sighting at a place could be."""
         kind = kind_of(label)
-        nearest: tuple[float, int] | None = None
-        nearest_track = None
+        matches: list[tuple[float, int, Track]] = []
         for track in self._inside(area_around(east_m, north_m, kind.gate_m)):
             if track.kind is kind:
-                there_east_m, there_north_m = track.place(at_ns)
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                track_east_m, track_north_m = track.place(at_ns)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
-                    rank = distance_m, track.number
-                    if nearest is None or rank < nearest:
-                        nearest, nearest_track = rank, track
-        return nearest_track
+                    matches.append((distance_m, track.number, track))
+        return min(matches)[2] if matches else None
 
-    def count(self, look: Look, now_ns: int) -> CountedLook:
-        """Counts a look, unless it was counted before."""
+    def _weigh(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float], list[Track]]:
+        """Weighs a look. Returns the tracks that it shows, how likely those of them that were there
+        existed before it, by number, and the tracks that the map forgot.
+        """
         stamp_ns = look.header.stamp_ns
         detections = [detection for detection in look.detections if detection.location is not None]
-        if look.header in self._counted:
-            return CountedLook(self._tracks_shown(detections, stamp_ns), {}, [])
+        if look.header in self._learned:
+            return self._tracks_shown(detections, stamp_ns), {}, []
         coverage = Coverage(look)
         self._remember(look, coverage)
-        around = self._around(look, detections)
-        pairs = _pairs(detections, around, stamp_ns)
-        shown = _matched(pairs)
-        matched = {track.number for track in shown.values()}
+        nearby = self._around(look, detections)
+        pairs = _pairs(detections, nearby, stamp_ns)
+        track_of = _matched(pairs)
+        matched = {track.number for track in track_of.values()}
         # of the other tracks in view the look is evidence that they are gone
-        unseen = [
+        misses = [
             (track, range_m)
-            for east_m, north_m, track in around
+            for east_m, north_m, track in nearby
             if track.number not in matched
             and track.checked_ns <= stamp_ns
             and (range_m := coverage.range_m(east_m, north_m)) is not None
         ]
-        before = {track.number: self.existence(track, now_ns) for track in shown.values()}
-        born: list[Track] = []
-        for index, seen in enumerate(detections):
-            shown[index] = self._sight(shown.get(index), seen, look, born)
-        for track, range_m in unseen:
-            self._existence.unseen(track, range_m, look.header)
-            if track.existence < 0.5:  # until then the time that is noted is near enough
+        before = {track.number: self.existence(track, now_ns) for track in track_of.values()}
+        new_tracks: list[Track] = []
+        for index, sighting in enumerate(detections):
+            track_of[index] = self._sight(track_of.get(index), sighting, look, new_tracks)
+        for track, range_m in misses:
+            self._existence.doubt(track, range_m, look.header)
+            if track.existence < SOON_GONE:
                 self._plan(track)
-        unmatched = [pair for pair in pairs if pair.number not in matched]
-        forgotten = self._merged(unmatched, shown, stamp_ns) + self.forget(now_ns)
-        return CountedLook(_without_repeats(shown.values()), before, forgotten)
+        rest = [pair for pair in pairs if pair.number not in matched]
+        gone = self._take_out_merged(rest, track_of, stamp_ns) + self.forget(now_ns)
+        return _without_repeats(track_of.values()), before, gone
 
     def _sector(self, viewer: Viewer) -> ViewSector:
-        """Where answers out of the map look for a viewer."""
+        """What counts as in view of a viewer."""
         width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
         return ViewSector(viewer.pose, width_rad, self._view_range_m)
 
-    def _merged(self, pairs: Iterable[Pair], shown: Mapping[int, Track], at_ns: int) -> list[Track]:
+    def _take_out_merged(
+        self, pairs: Iterable[Pair], track_of: Mapping[int, Track], at_ns: int
+    ) -> list[Track]:
         """Takes out, and returns, the tracks of pairs that are now so near to the one that was seen
         that both are one object.
         """
-        merged = []
+        gone = []
         for pair in pairs:
             if (
                 pair.track.cell is not None
-                and _distance_m(pair.track, shown[pair.detection], at_ns) < NEAR_M
+                and _distance_m(pair.track, track_of[pair.detection], at_ns) < NEAR_M
             ):
                 self._take_out(pair.track, was_moving=pair.track.moving)
-                merged.append(pair.track)
-        return merged
+                gone.append(pair.track)
+        return gone
 
     def _tracks_shown(self, detections: Iterable[Detection], at_ns: int) -> list[Track]:
-        """The tracks that detections of a look that was counted before show."""
+        """The tracks that detections of a look that came before show."""
         tracks = []
         for detection in detections:
             assert detection.location is not None
@@ -251,73 +246,72 @@ class TrackMap:
         return _without_repeats(tracks)
 
     def _remember(self, look: Look, coverage: Coverage) -> None:
-        """Notes that a look was counted, and if it is its camera's newest, what it saw."""
+        """Notes that a look was learned, and if it is its camera's newest, what it covers."""
         stamp_ns, stream, car = look.header
-        self._counted[look.header] = None
+        self._learned[look.header] = None
         if stamp_ns >= self._latest.get((car, stream), (0, coverage))[0]:
             self._latest[car, stream] = stamp_ns, coverage
-        while next(iter(self._counted)).stamp_ns < stamp_ns - COUNTED_NS:
-            self._counted.popitem(last=False)
+        while next(iter(self._learned)).stamp_ns < stamp_ns - LEARNED_NS:
+            self._learned.popitem(last=False)
 
-    def _sight(self, track: Track | None, seen: Detection, look: Look, born: list[Track]) -> Track:
-        """A track is seen, or begins; two detections of one object in one look are one.
+    def _sight(
+        self, track: Track | None, sighting: Detection, look: Look, new_tracks: list[Track]
+    ) -> Track:
+        """A sighting updates a track, or begins one; two of one object in one look are one.
 
         Parameters
         ----------
         track : Track or None
             The track that the detection shows; ``None`` for a new one.
-        seen : Detection
+        sighting : Detection
             The detection, with its place.
         look : Look
             The look that it belongs to.
-        born : list of Track
+        new_tracks : list of Track
             The tracks that begin with this look; a new one is added.
         """
         header = look.header
-        assert seen.location is not None
-        east_m, north_m, _ = seen.location
+        assert sighting.location is not None
+        east_m, north_m, _ = sighting.location
         range_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
-        sigma_m = sigma_of(range_m)
         if track is None:
-            kind = kind_of(seen.label)
-            for other in born:
+            kind = kind_of(sighting.label)
+            for other in new_tracks:
                 if (
                     other.kind.group == kind.group
                     and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
                 ):
                     return other
             speed_mps = kind.v_max_mps / 2
-            variance = sigma_m * sigma_m, 0.0, speed_mps * speed_mps
+            sigma_m = sigma_of(range_m)
             track = Track(
                 number=next(self._numbers),
                 kind=kind,
-                label=seen.label,
-                score=seen.score,
+                label=sighting.label,
+                score=sighting.score,
                 east_m=east_m,
                 north_m=north_m,
-                up_m=seen.location[2],
+                up_m=sighting.location[2],
                 stamp_ns=header.stamp_ns,
-                seen=header,
-                variance=variance,
+                seen_in=header,
+                variance=(sigma_m * sigma_m, 0.0, speed_mps * speed_mps),
+                seen_by_ns={header.origin: header.stamp_ns},
+                range_m=range_m,
             )
-            born.append(track)
+            new_tracks.append(track)
         else:
-            self._move(track, seen, sigma_m, header)
-        track.range_m = range_m
-        track.seen_by_ns[header.origin] = max(
-            header.stamp_ns, track.seen_by_ns.get(header.origin, header.stamp_ns)
-        )
-        self._existence.seen(track, seen.score, header)
+            self._move(track, sighting, range_m, header)
+        self._existence.confirm(track, sighting.score, header)
         if track.cell is None:  # new, or moved out of its cell
             self._put(track)
         if track.due_ns is None or track.moving:
             self._plan(track)
         return track
 
-    def _move(self, track: Track, seen: Detection, sigma_m: float, header: Header) -> None:
+    def _move(self, track: Track, sighting: Detection, range_m: float, header: Header) -> None:
         """Updates a track by a sighting; takes it out of the grid if its cell has changed."""
         was_moving, cell = track.moving, track.cell
-        track.update(seen, sigma_m, header)
+        track.update(sighting, range_m, header)
         if track.moving != was_moving or self._cell(track) != cell:
             self._take_out(track, was_moving)
 
@@ -365,28 +359,28 @@ class TrackMap:
             track.due_ns = expires_ns
             heapq.heappush(self._to_forget, (expires_ns, next(self._ties), track))
 
-    def _served(self, tracks: Iterable[Track], now_ns: int) -> list[Detection]:
-        """Those of these tracks that may leave, where they are now."""
+    def _believed(self, tracks: Iterable[Track], now_ns: int) -> list[Detection]:
+        """Those of these tracks that the map believes in, where they are now."""
         likely = ((track, self.existence(track, now_ns)) for track in tracks)
         p_min = self.p_min
-        return [track.as_detection(now_ns, p, p) for track, p in likely if p >= p_min]
+        return [track.as_detection(now_ns, p) for track, p in likely if p >= p_min]
 
 
 def _pairs(
-    detections: Sequence[Detection], around: Iterable[TrackInPlace], at_ns: int
+    detections: Sequence[Detection], nearby: Iterable[TrackInPlace], at_ns: int
 ) -> list[Pair]:
     """The pairs of detections and tracks that may belong together, the nearest first."""
     grid: Grid[TrackInPlace] = Grid(MAX_GATE_M)
-    for placed in around:
-        grid.add(grid.cell(placed.east_m, placed.north_m), placed)
+    for item in nearby:
+        grid.add(grid.cell(item.east_m, item.north_m), item)
     pairs = []
-    for index, seen in enumerate(detections):
-        assert seen.location is not None
-        kind, (east_m, north_m, _) = kind_of(seen.label), seen.location
+    for index, sighting in enumerate(detections):
+        assert sighting.location is not None
+        kind, (east_m, north_m, _) = kind_of(sighting.label), sighting.location
         area = area_around(east_m, north_m, MAX_GATE_M)
-        for there_east_m, there_north_m, track in grid.inside(area):
+        for track_east_m, track_north_m, track in grid.inside(area):
             if track.kind is kind:
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
                     pairs.append(Pair(distance_m, track.number, index, track))
     pairs.sort()
@@ -395,13 +389,13 @@ def _pairs(
 
 def _matched(pairs: Iterable[Pair]) -> dict[int, Track]:
     """Each detection's track, by the detection's index: greedily, in the order of the pairs."""
-    found: dict[int, Track] = {}
-    taken: set[int] = set()
+    track_of: dict[int, Track] = {}
+    matched: set[int] = set()  # tracks, by number
     for pair in pairs:
-        if pair.detection not in found and pair.number not in taken:
-            found[pair.detection] = pair.track
-            taken.add(pair.number)
-    return found
+        if pair.detection not in track_of and pair.number not in matched:
+            track_of[pair.detection] = pair.track
+            matched.add(pair.number)
+    return track_of
 
 
 def _fits(track: Track, distance_m: float, at_ns: int) -> bool:

@@ -16,11 +16,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from genie_sim.analysis import figures, metrics, style
 from genie_sim.analysis.breakdown import parts_of, time_parts
 from genie_sim.cli.main import main
-from genie_sim.methods import METHODS as METHOD_CLASSES
 from genie_sim.record.columns import Columns
 from genie_sim.record.records import FRAMES, LOOKUPS, RESOURCES
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 from genie_sim.record.tables import Table
+from genie_sim.sim.method import METHODS as METHOD_CLASSES
 from tests import made_up_run
 from tests.drawn_text import faults
 from tests.made_up_run import METHODS
@@ -69,12 +69,6 @@ def test_every_figure_of_a_run_names_the_run_its_units_and_what_is_drawn(tables,
             "fresh results",
             "33 ms deadline",
         ],
-        "latency_cdf_of_answered": [
-            "share of answered frames",
-            "response time [ms]",
-            "Genie\u00a0(DG)\u00a0100\u00a0%",
-            "fresh: Genie",
-        ],
         "image_reuse": [
             "Genies on cars",
             "Genies on edges",
@@ -121,13 +115,11 @@ def test_figures_fit_a_column_and_their_text_is_legible(tables):
     """At most 3.2 inches high there, also with as many devices as are ever shown."""
     one = run_of(*tables)
     drawn = figures.of_run(one, style.COLUMN_IN)
-    panels = {f"{cars} cars": tables[0] for cars in (1, 2, 3, 4)}
-    drawn["several runs"] = figures.latency_cdf(panels, METHODS, FOOTER, style.COLUMN_IN)
     many = [MethodInfo(f"m{place}", f"cache {place}", baseline=False) for place in range(8)]
     frames = pd.concat([tables[0].assign(method=method.name) for method in many])
     loaded = run_of(*tables[:2], made_up_run.resources(6, 10).to_frame())
     drawn["many devices"] = figures.makers(loaded, style.COLUMN_IN)["resources"]()
-    drawn["many methods"] = figures.latency_cdf({"run": frames}, many, FOOTER, style.COLUMN_IN)
+    drawn["many methods"] = figures.latency_cdf([Columns.of(frames)], many, FOOTER, style.COLUMN_IN)
     for name, figure in drawn.items():
         figures.svg(figure)  # lays it out
         assert faults(figure) == [], name
@@ -144,7 +136,7 @@ def test_curves_of_several_runs_in_one_panel_differ_in_line_and_marker(tables):
             for name in names
         ]
     )
-    figure = figures.latency_cdf({"run": frames}, methods, FOOTER)
+    figure = figures.latency_cdf([Columns.of(frames)], methods, FOOTER)
     firsts = [line for line in figure.axes[0].lines if line.get_label() in names]
     looks = {(str(line.get_linestyle()), line.get_marker()) for line in firsts}
     assert len(looks) == len(firsts) == 4
@@ -183,7 +175,7 @@ def test_equal_curves_are_told_apart_and_a_legend_takes_a_fifth_at_most(tables):
     genie = frames[frames["method"] == "genie"]
     methods = [MethodInfo(f"genie{place}", f"cache {place}", baseline=False) for place in range(9)]
     same = pd.concat([genie.assign(method=method.name) for method in methods], ignore_index=True)
-    figure = figures.latency_cdf({"run": same}, methods, FOOTER, style.COLUMN_IN)
+    figure = figures.latency_cdf([Columns.of(same)], methods, FOOTER, style.COLUMN_IN)
     titles = {method.title for method in methods}
     firsts = [line for line in figure.axes[0].lines if line.get_label() in titles]
     assert len({line.get_markevery() for line in firsts}) == len(methods)
@@ -191,14 +183,6 @@ def test_equal_curves_are_told_apart_and_a_legend_takes_a_fifth_at_most(tables):
     (legend,) = figure.legends
     height = legend.get_window_extent(FigureCanvasAgg(figure).get_renderer()).height
     assert 0.1 < height / figure.bbox.height < 0.21
-
-
-def test_panels_have_letters_if_there_are_several(tables):
-    frames = tables[0]
-    drawn = figures.latency_cdf({"one": frames, "two": frames}, METHODS, FOOTER)
-    assert [axis.get_title() for axis in drawn.axes] == ["(a) one", "(b) two"]
-    alone = figures.latency_cdf({"one": frames}, METHODS, FOOTER)
-    assert not alone.axes[0].get_title(loc="left")
 
 
 def test_a_placement_is_never_in_a_method_s_colour():
@@ -239,18 +223,15 @@ def test_frames_that_were_never_answered_keep_the_curve_below_one(tables):
         METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
     )
     answered = {one.method: one.value for one in measured if one.metric == "answered_share"}
-    published = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER))
-    of_answered = curves(figures.latency_cdf({"run": frames}, METHODS, FOOTER, of="answered"))
+    published = curves(figures.latency_cdf([Columns.of(frames)], METHODS, FOOTER))
     for method in METHODS:
         assert published[method.title][1][-1] == pytest.approx(answered[method.name])
-        assert of_answered[method.title][1][-1] == 1.0
     assert answered["local"] < 0.5 < answered["genie"]  # else this shows nothing
 
 
 def test_the_curve_passes_the_median_at_one_half(tables):
-    genie = curves(figures.latency_cdf({"run": tables[0]}, METHODS, FOOTER, of="answered"))[
-        "Genie (DG)"
-    ]
+    frames = tables[0][tables[0]["first_answer_ns"].notna()]
+    genie = curves(figures.latency_cdf([Columns.of(frames)], METHODS, FOOTER))["Genie (DG)"]
     median = next(x for x, y in zip(*genie, strict=True) if y >= 0.5)
     found = metrics.compute(
         METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
@@ -260,7 +241,7 @@ def test_the_curve_passes_the_median_at_one_half(tables):
 
 
 def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
-    figure = figures.image_reuse({"run": tables[1]}, METHODS, FOOTER)
+    figure = figures.image_reuse([Columns.of(tables[1])], METHODS, FOOTER)
     found = metrics.compute(
         METHODS, dict(zip(("frames", "lookups", "resources"), tables, strict=True))
     )
@@ -272,17 +253,6 @@ def test_bars_are_the_metrics_and_error_bars_their_ranges(tables):
     whiskers = [lines.get_segments() for lines in figure.axes[0].collections]
     tops = [segments[0][:, 1].max() for segments in whiskers if segments]
     assert tops == pytest.approx([reuse["car"].range_high, reuse["edge"].range_high])
-
-
-def test_the_paper_s_six_configurations_are_two_rows_of_three(tables):
-    labels = [
-        f"{cars} cars\n{kind}" for kind in ("homogeneous", "heterogeneous") for cars in (1, 2, 3)
-    ]
-    figure = figures.latency_cdf(dict.fromkeys(labels, tables[0]), METHODS, FOOTER)
-    grid = [axis.get_subplotspec() for axis in figure.axes]
-    assert len(grid) == 6 and grid[0].get_gridspec().get_geometry() == (2, 3)
-    bars = figures.object_reuse(dict.fromkeys(labels, tables[1]), METHODS, FOOTER)
-    assert [tick.get_text() for tick in bars.axes[0].get_xticklabels()] == labels
 
 
 @pytest.mark.slow
@@ -305,7 +275,7 @@ def test_no_legend_lies_on_data_and_all_of_it_is_on_the_figure(tables):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width_in", [figures.COLUMN_IN, figures.PAGE_IN])
+@pytest.mark.parametrize("width_in", [style.COLUMN_IN, style.PAGE_IN])
 def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
     lookups = tables[1]
     methods = [
@@ -315,7 +285,7 @@ def test_the_names_and_numbers_of_many_methods_do_not_overlap(tables, width_in):
         [lookups[lookups["method"] == "genie"].assign(method=one.name) for one in methods],
         ignore_index=True,
     )
-    bars = figures.image_reuse({"run": looked_up}, methods, FOOTER, width_in)
+    bars = figures.image_reuse([Columns.of(looked_up)], methods, FOOTER, width_in)
     FigureCanvasAgg(bars).draw()
     names = bars.axes[0].get_xticklabels()
     numbers = [text for text in bars.axes[0].texts if text.get_text()]
@@ -331,7 +301,7 @@ def test_first_updates_do_not_flatten_the_confidence_boost(tables):
     lookups = tables[1].copy()
     first = lookups.index[lookups["updates"] > 0][0]
     lookups.loc[first, "boost_sum"] = 1000.0 * lookups["boost_sum"].max()
-    axis = figures.confidence_boost({"run": lookups}, METHODS).axes[0]
+    axis = figures.confidence_boost([Columns.of(lookups)], METHODS).axes[0]
     assert axis.get_ylim()[1] < 0.2 * max(line.get_ydata().max() for line in axis.lines)
 
 
@@ -385,12 +355,15 @@ def test_the_busiest_devices_and_links_are_drawn_where_their_utilization_is(tabl
     highest = {name: max(use[one.name, name] for one in METHODS) for _, name in use}
     assert len(names) == 12 < len(highest)
     assert min(highest[name] for name in names) >= sorted(highest.values())[-12]
-    for place, method in enumerate(METHODS):
-        points = axis.containers[place][0]
-        assert axis.containers[place].get_label() == method.title
-        assert points.get_xdata().tolist() == [
-            use[method.name, names[round(row)]] for row in points.get_ydata()
-        ]
+    drawn = {
+        (point.get_label(), names[round(row)], x)
+        for point in axis.containers
+        for x, row in point[0].get_xydata().tolist()
+    }
+    titles = {method.name: method.title for method in METHODS}
+    assert drawn == {
+        (titles[method], name, value) for (method, name), value in use.items() if name in names
+    }
     idle = [replace(one, value=0.0) for one in run.measured]
     assert "resources" not in figures.of_run(replace(run, measured=idle))
 
@@ -422,7 +395,7 @@ def test_a_run_in_which_nothing_happened_has_figures_too(tmp_path):
             1,
         )
     )
-    figures.save(figures.image_reuse({"run": lookups.to_frame()}, METHODS), tmp_path, "image_reuse")
+    figures.save(figures.image_reuse([lookups.columns()], METHODS), tmp_path, "image_reuse")
     assert "none" in words(tmp_path / "image_reuse.svg")  # no Genie on an edge
 
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from genie_sim.analysis.latency_accuracy import drawable, latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
+from genie_sim.analysis.points import drawable, latency_accuracy
 from genie_sim.record.results import MethodInfo, MetricValue
 
 METHODS = [MethodInfo("remote", "remote (R)", True), MethodInfo("genie", "Genie (DG)", False)]
@@ -24,7 +23,7 @@ def numbers(accuracy: str = "streaming_f1") -> list[MetricValue]:
 
 
 def test_marks_are_at_the_values_and_bars_end_where_the_intervals_end():
-    (axis,) = latency_accuracy({"run": numbers()}, METHODS).axes
+    (axis,) = latency_accuracy(numbers(), METHODS).axes
     points = axis.containers
     assert [point.get_label() for point in points] == ["remote (R)", "Genie (DG)"]
     for point, at, ends_ms, ends in (
@@ -43,9 +42,7 @@ def test_marks_are_at_the_values_and_bars_end_where_the_intervals_end():
 
 def test_the_proxy_is_drawn_only_where_a_run_has_no_truth():
     proxy = numbers("first_proxy_f1")
-    assert drawable({"a": numbers(), "b": proxy}) is None
-    assert drawable({"a": [*numbers(), *proxy], "b": proxy}) == "first_proxy_f1"
-    (axis,) = latency_accuracy({"b": proxy}, METHODS).axes
+    assert drawable([]) is None
+    assert drawable([*proxy, *numbers()]) == "streaming_f1"
+    (axis,) = latency_accuracy(proxy, METHODS).axes
     assert axis.get_ylabel() == "proxy F1, first answer"
-    with pytest.raises(ValueError, match="without a common accuracy"):
-        latency_accuracy({"a": numbers(), "b": proxy}, METHODS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pandas as pd
 import pytest
@@ -10,9 +10,8 @@ import pytest
 from genie_sim.analysis import figures, metrics
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
-from genie_sim.analysis.difference_plot import differences
-from genie_sim.analysis.latency_accuracy import latency_accuracy
 from genie_sim.analysis.metric import ZERO_DELAY
+from genie_sim.analysis.points import differences, latency_accuracy
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
 from tests import made_up_run, outline
@@ -49,28 +48,14 @@ def test_several_seeds_have_bands(tables):
     """Curves and bars of three seeds, of which one has other numbers."""
     seeds = [tables, tables, {"frames": made_up_run.frames(2, 3, seed=2).to_frame()}]
     seeds[2]["lookups"] = made_up_run.lookups(2, 120, seed=2, lift=2.0).to_frame()
-    frames, lookups = ([seed[name] for seed in seeds] for name in ("frames", "lookups"))
-    drawn = {
-        "latency_cdf": figures.latency_cdf({"run": frames}, METHODS, FOOTER),
-        "image_reuse": figures.image_reuse({"run": lookups}, METHODS, FOOTER),
-        "object_reuse": figures.object_reuse({"a": lookups, "b": lookups[:1]}, METHODS, FOOTER),
-        "confidence_boost": figures.confidence_boost({"run": lookups}, METHODS, FOOTER),
-    }
-    outline.check("seeds", drawn)
-
-
-@pytest.mark.slow
-def test_the_six_configurations_of_the_paper_and_a_fleet(tables):
-    labels = [f"{cars} cars\n{kind}" for kind in ("homo", "hetero") for cars in (1, 2, 3)]
-    frames = dict.fromkeys(labels, tables["frames"])
+    frames, lookups = ([Columns.of(seed[name]) for seed in seeds] for name in ("frames", "lookups"))
     drawn = {
         "latency_cdf": figures.latency_cdf(frames, METHODS, FOOTER),
-        "answered": figures.latency_cdf(frames, METHODS, FOOTER, of="answered"),
-        "image_reuse": figures.image_reuse(
-            dict.fromkeys(labels, tables["lookups"]), METHODS, FOOTER
-        ),
+        "image_reuse": figures.image_reuse(lookups, METHODS, FOOTER),
+        "object_reuse": figures.object_reuse(lookups, METHODS, FOOTER),
+        "confidence_boost": figures.confidence_boost(lookups, METHODS, FOOTER),
     }
-    outline.check("many panels", drawn)
+    outline.check("seeds", drawn)
 
 
 def accuracy(method: str, first_ms: float, f1: float) -> list[MetricValue]:
@@ -89,12 +74,7 @@ def test_accuracy_versus_latency():
         for i, method in enumerate(METHODS)
         for metric in accuracy(method.name, 9 + 150 * i, 0.3 + 0.1 * i)
     ]
-    other = [replace(metric, value=1.1 * (metric.value or 0)) for metric in one]
-    drawn = {
-        "one run": latency_accuracy({"run": one}, METHODS, FOOTER),
-        "two runs": latency_accuracy({"wifi": one, "lte": other}, METHODS, FOOTER),
-    }
-    outline.check("latency accuracy", drawn)
+    outline.check("latency accuracy", {"one run": latency_accuracy(one, METHODS, FOOTER)})
 
 
 def test_parts_of_the_time():

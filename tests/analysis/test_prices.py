@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from genie_sim.analysis import compare, metrics, prices, summary
@@ -207,7 +206,6 @@ def test_a_device_without_power_is_named_and_its_energy_is_not_known():
         assert value(made, "energy_per_frame", method, "edge") is None
         assert value(made, "energy_per_frame", method, "car") > 0
     assert "Not known: the power of exact_edge." in summary.markdown(made).replace("\n", " ")
-    assert prices.order([made.tables], ["local", "remote"]) == {}
 
 
 OWN_RATE = {"rate_up": "50 Mbit/s"}  # of no named link
@@ -251,52 +249,6 @@ def test_the_interface_fits_the_link(link: Any, name: str | None):
     assert (found["car1"].name if found else None) == name
 
 
-def ledger(**seconds: float) -> prices.Ledger:
-    """What two powers take: ``idle`` of 3 W (2 to 5), ``busy`` of 9 W (8 to 10)."""
-    keys = {"idle": ("device", "d", "idle"), "busy": ("device", "d", "accelerator")}
-    powers = {
-        keys["idle"]: {"value": 3.0, "low": 2.0, "high": 5.0},
-        keys["busy"]: {"value": 9.0, "low": 8.0, "high": 10.0},
-    }
-    return prices.Ledger({keys[name]: amount for name, amount in seconds.items()}, powers)
-
-
-def test_an_order_is_certain_only_if_it_holds_over_all_ranges_at_once():
-    # 11 idle s more against 2 busy s less: 22 to 55 J more, 16 to 20 J less; always more
-    assert prices.takes_less(ledger(idle=11, busy=1), ledger(idle=0, busy=3)) is False
-    assert prices.takes_less(ledger(idle=0, busy=3), ledger(idle=11, busy=1)) is True
-    # 20 to 50 J more, 32 to 40 J less: it depends, although 30 J are less than 36 J
-    ours, theirs = ledger(idle=10, busy=1), ledger(idle=0, busy=5)
-    assert ours.joules() == 39 and theirs.joules() == 45
-    assert prices.takes_less(ours, theirs) is None and prices.takes_less(theirs, ours) is None
-    # equal is not less
-    assert prices.takes_less(ledger(idle=10), ledger(idle=10)) is None
-    # random powers within the ranges never contradict what is certain
-    rng = np.random.default_rng(6)
-    certain = 0
-    for _ in range(300):
-        (a, b), (c, d) = rng.uniform(0, 10, (2, 2))
-        ours, theirs = ledger(idle=a, busy=b), ledger(idle=c, busy=d)
-        less = prices.takes_less(ours, theirs)
-        drawn = [(a - c) * rng.uniform(2, 5) + (b - d) * rng.uniform(8, 10) < 0 for _ in range(50)]
-        certain += less is not None
-        assert less is None or set(drawn) == {less}
-    assert 100 < certain < 300
-
-
-def test_the_summary_states_the_order_that_holds():
-    made = run(["local", "remote"])
-    order = prices.order([made.tables], ["local", "remote"])
-    both = {name: value(made, "energy_per_frame", name) for name in ("local", "remote")}
-    first = min(both, key=lambda name: both[name])
-    assert next(iter(order)) == first
-    text = summary.markdown(made).replace("\n", " ")
-    assert ("Less energy per frame, whatever the powers in their ranges" in text) == bool(
-        order[first]
-    )
-    assert "| energy per frame on cars [J] |" in text and "| sent up per frame [B] |" in text
-
-
 def test_comparisons_have_prices():
     made = run(["local", "remote"])
     compared = compare.compare([made])
@@ -328,8 +280,7 @@ def test_tables_without_hosts_have_no_prices():
     power = Table(POWER)
     power.append(PowerRow("local", "device", "d", "idle", 1.0, 1.0, 1.0))
     timed = prices.with_time(hosts.columns(), Columns.of(made.tables["frames"]))
-    found = prices.ledger(timed, power.columns())
-    assert found.unknown == ("d",) and found.joules() is None
+    assert prices.energy(timed, power.columns()) == ([None] * 3, ["d"])
     assert timed["there_s"].tolist() == [1.931]
 
 

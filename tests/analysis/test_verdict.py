@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.analysis import compare_tables
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
-from genie_sim.analysis.difference_plot import differences
+from genie_sim.analysis.points import differences
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.results import MethodInfo
 

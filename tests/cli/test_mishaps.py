@@ -24,7 +24,7 @@ from genie_sim.scenario.checks import MAX_DAYS, check_time
 from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY
 
-SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def one_line(said: str, message: str) -> None:
 # Results that somebody changed, or that another version wrote
 
 
-@pytest.mark.parametrize("command", ["report", "export", "rerun"])
+@pytest.mark.parametrize("command", ["report", "rerun"])
 @pytest.mark.parametrize("text", ["", "[]", "3", "{}", "\udc80", "[" * 100_000, '{"format": 1}'])
 def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
     (folder / "run.json").write_bytes(text.encode("utf-8", "surrogatepass"))
@@ -58,7 +58,7 @@ def test_a_run_json_that_is_none_gets_one_line(command, text, folder, capsys):
     one_line(capsys.readouterr().err, "result/run.json: ")
 
 
-@pytest.mark.parametrize("command", ["report", "export"])
+@pytest.mark.parametrize("command", ["report", "table"])
 @pytest.mark.parametrize(
     "name", ["frames.parquet", "poses.parquet", "metrics.json", "scenario.resolved.yaml"]
 )
@@ -135,7 +135,7 @@ def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
 
 def test_the_library_finds_home_too(monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
-    run = gs.run("street_1car_homo", SHORT, out="~/lab")
+    run = gs.run("street_1car_homo", SHORT, out="~/lab", report=False)
     assert run.folder.is_relative_to(Path("home").absolute())
     assert gs.load(f"~/lab/{run.folder.name}").report("~/page.html").is_file()
     assert not Path("~").exists()
@@ -169,7 +169,7 @@ def test_a_folder_may_be_called_like_an_address(name, made, capsys):
         assert main(command) == 0, capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["compare", "figures", "table", "report", "export", "rerun"])
+@pytest.mark.parametrize("command", ["compare", "figures", "table", "report", "rerun"])
 def test_a_folder_that_no_screen_can_show_gets_one_line(command, capsys):
     assert main([command, "a\0b"]) == 1
     one_line(capsys.readouterr().err, "holds the character '\\x00'")
@@ -287,7 +287,7 @@ def test_a_month_is_not_too_long():
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
         (
             "perception.town={block: 1e30 km}",
-            "perception.town.block: must be at most 10 km, but is 1",
+            "perception.town.block: must be at most 10000 m, but is",
         ),
     ],
 )
@@ -356,7 +356,6 @@ OUTPUTS = {
     "table --format csv": ("table", "result", "--format", "csv", "--out"),
     "table --format latex": ("table", "result", "--format", "latex", "--out"),
     "report": ("report", "result", "--out"),
-    "export": ("export", "result", "--out"),
     "figures": ("figures", "result", "--only", "latency_cdf", "--out"),
     "import link": ("import", "link", "link.csv", "--out"),
     "profile": ("profile", "--csv", "latencies.csv", "--cores", "4", "--model", "mine", "--out"),
@@ -396,14 +395,20 @@ def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys)
     assert Path("mine.yaml").read_bytes() == before
 
 
-def test_a_comparison_leaves_the_tables_of_others_alone(capsys):
-    settings = SHORT | {"methods": ["local", "genie"]}
-    folder = gs.run("street_1car_homo", settings, out="results", report=False).folder
+def test_a_comparison_leaves_the_tables_of_others_alone(folder, capsys):
     Path("out").mkdir()
     Path("out/table.csv").write_text("what,who\nmine,me\n")
     assert main(["compare", str(folder), "--out", "out"]) == 1
     assert "out/table.csv: is there already" in capsys.readouterr().err
     assert Path("out/table.csv").read_text() == "what,who\nmine,me\n"
+
+
+@pytest.mark.parametrize("format", ["csv", "markdown"])
+def test_a_table_for_a_program_stands_alone_on_the_screen(format, folder, monkeypatch, capsys):
+    monkeypatch.setattr("genie_sim.report.comparison.figures", lambda *_: {})
+    assert main(["compare", str(folder), "--format", format, "--out", "compared"]) == 0
+    said = capsys.readouterr()
+    assert ("Report: " in said.err) == (format == "csv") != ("Report: " in said.out)
 
 
 @pytest.mark.parametrize("label", ["", "another"])

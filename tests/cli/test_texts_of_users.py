@@ -144,12 +144,10 @@ def test_a_text_of_a_user_is_text_in_a_comparison(kind, lab, capsys):
 
 
 @pytest.mark.slow
-def test_a_text_of_a_user_is_text_on_the_screen_and_in_an_export(lab, capsys):
+def test_a_text_of_a_user_is_text_on_the_screen(lab, capsys):
     settings = [f"--set={name}={json.dumps(value)}" for name, value in SETTINGS.items()]
     assert main(["run", "street_1car_homo", *settings, "--label", LABEL]) == 0
     assert LABEL in check_screen(capsys)
-    assert main(["export", str(lab / "run"), "--out", "trace.json"]) == 0
-    check_screen(capsys)
 
 
 def test_a_text_of_somebody_s_evaluation_is_text(capsys):

@@ -48,7 +48,7 @@ class NothingDown:
 
     def after(self, method: str, world: World) -> None:
         assert not world.network.outages, method
-        assert not any(link.down_by for link in world.network.links.values()), method
+        assert not any(link.cut_by for link in world.network.links.values()), method
 
 
 class FaultConformance:

@@ -11,14 +11,15 @@ from typing import ClassVar
 
 import simpy
 
+from genie_sim.base import seeds
 from genie_sim.core.eviction import LRU
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
 from genie_sim.data.frame_source import Drive, Frames, FrameSource
 from genie_sim.faults.outage import Outage
-from genie_sim.sim.link_model import Sender
-from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, Uplink
+from genie_sim.sim.link_model import Sender, TimedSender
+from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, UplinkTopics
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Again:
     def on_car(self, host):
         return HostConfig(
             interceptor=lambda *_: Latest(host, self.every),
-            uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"),
+            uplink=UplinkTopics(IMAGES + "-up", OBJECTS + "-up"),
         )
 
     def on_edge(self, host):
@@ -123,7 +124,7 @@ class Latest(Interceptor):
 
     def __init__(self, host, every):
         self.name = f"{host.name}/again"
-        self.rng = host.stream("again")
+        self.rng = seeds.stream(*host.draws.args, "again")  # the seed and the host
         self.every = every
         self.newest = {}
 
@@ -143,7 +144,7 @@ class Latest(Interceptor):
         if hit:
             return [
                 looked_up,
-                Publish(OBJECTS, held.restamped(message.header).served("cache", self.name)),
+                Publish(OBJECTS, held.restamped(message.header).credited("cache", self.name)),
             ]
         return [looked_up, Publish(IMAGES + "-up", message)]
 
@@ -160,11 +161,11 @@ class Crash(Outage):
 
     def strike(self, network):
         where = f"{self.target}:{self.dropped_by}"
-        network.take_down(self.target, self.dropped_by)
+        network.cut(self.target, self.dropped_by)
         network.void(self.target, where)
         yield
         network.void(self.target, where)
-        network.put_up(self.target, self.dropped_by)
+        network.restore(self.target, self.dropped_by)
 
 
 @dataclass(frozen=True)
@@ -201,7 +202,7 @@ class Radio:
         return RadioSender(self, network, ends)
 
 
-class RadioSender(Sender):
+class RadioSender(TimedSender):
     def __init__(self, radio, network, ends):
         super().__init__(network, ends)
         self.radio, self.count = radio, 0
@@ -246,7 +247,7 @@ class Turn(Sender):
         super().__init__(network, ends)
         self.turns = turns
 
-    def sent(self, size_bytes):
+    def transmit(self, size_bytes):
         return self.clock.process(self.sends(size_bytes))
 
     def sends(self, size_bytes):
@@ -300,7 +301,7 @@ class LeakyMethod(Again):
             node.newest = self.answers
             return node
 
-        return HostConfig(interceptor=make, uplink=Uplink(IMAGES + "-up", OBJECTS + "-up"))
+        return HostConfig(interceptor=make, uplink=UplinkTopics(IMAGES + "-up", OBJECTS + "-up"))
 
 
 class LeakyFault(Blackout):
@@ -400,7 +401,7 @@ class Nowhere(Beside):
 
     def strike(self, network):
         yield network.clock.timeout(5)
-        network.take_down("edge99", "nowhere")
+        network.cut("edge99", "nowhere")
 
 
 class Yields(Beside):

@@ -10,9 +10,9 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import from_plain
 from genie_sim.core.messages import Expired, Header
-from genie_sim.faults import FAULTS
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.method import DETECTOR
 from genie_sim.sim.nodes import InterceptorNode
 from tests.conformance import small

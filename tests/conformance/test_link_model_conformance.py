@@ -61,7 +61,7 @@ def test_the_formula_of_the_wire():
     the jitter more.
     """
     wire = Wire(1_000_000_000, None, 200_000, jitter_ns=5)
-    assert wire.wire_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
+    assert wire.link_bits(1_397_297) == (1_397_297 + 965 * 90) * 8 == 11_873_176
     up, down = (sender(wire, ends) for ends in (UP, DOWN))
     assert up.occupied_ns(1_397_297, 0) == 11_873_176 and down.occupied_ns(1_397_297, 0) == 0
     assert sender(Wire(3, 3, 0, overhead_bytes=0)).occupied_ns(1, 0) == 2_666_666_667

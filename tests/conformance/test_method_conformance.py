@@ -10,10 +10,10 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
 from genie_sim.core.messages import Publish
-from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.reading import read_scenario
+from genie_sim.sim.method import METHODS
 from tests.conformance import small
 from tests.conformance.methods import MethodConformance
 from tests.conformance.own import Again, Latest

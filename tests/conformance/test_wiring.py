@@ -6,7 +6,7 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE_UPLINK, HostConfig, Uplink
+from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE_UPLINK, HostConfig, UplinkTopics
 from tests.conformance import own, small
 
 UP, DOWN = IMAGES + "-up", OBJECTS + "-up"
@@ -46,17 +46,17 @@ MISTAKES = {
         "frames of car1 do not go up: its uplink takes /image_raw-remote, which nothing",
     ),
     "down": (
-        HostConfig(interceptor=relay((IMAGES,), (OBJECTS, UP)), uplink=Uplink(UP, DOWN)),
+        HostConfig(interceptor=relay((IMAGES,), (OBJECTS, UP)), uplink=UplinkTopics(UP, DOWN)),
         None,
         "answers to car1 go to no node: its uplink brings .*objects-up, to which nothing",
     ),
     "nothing on the edge": (
-        HostConfig(uplink=Uplink(IMAGES, OBJECTS)),
+        HostConfig(uplink=UplinkTopics(IMAGES, OBJECTS)),
         HostConfig(),
         "frames of car1 go to no node: nothing on edge1 subscribes to /image_raw",
     ),
     "no answers from the edge": (
-        HostConfig(uplink=Uplink(IMAGES, OBJECTS)),
+        HostConfig(uplink=UplinkTopics(IMAGES, OBJECTS)),
         HostConfig(interceptor=relay((IMAGES,), ("/else",))),
         "car1 gets no answers: nothing on edge1 publishes .*/objects",
     ),

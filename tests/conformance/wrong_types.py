@@ -109,7 +109,7 @@ HOOKS = (
     (ALIKE, own.OwnSimilarity, "key index"),
     (STRUCK, own.Blackout, "strike check duration_ns dropped_by"),
     (RADIO, own.Radio, "sender digests"),
-    (RADIO, own.RadioSender, "occupied_ns delay_ns sent"),
+    (RADIO, own.RadioSender, "occupied_ns delay_ns transmit"),
     (METHOD, own.Again, "on_car on_edge title baseline feature wire"),
     (METHOD, own.Latest, "on_message subscriptions publications void name"),
 )

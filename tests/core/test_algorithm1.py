@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -17,6 +18,7 @@ from genie_sim.core.messages import (
     ObjectLookups,
     Publish,
 )
+from genie_sim.core.node import merged
 from genie_sim.core.rules import Capacity
 from genie_sim.core.similarity import Exact
 from tests.core.worlds import (
@@ -316,6 +318,12 @@ def test_the_second_answer_overwrites_the_first_leaves_it_or_joins_it(second_ans
     asked.on_message(FROM_NODE, answer(frame(0), seen("car", 0.9, at=(20.0, 0.0))), 1)
     asked.on_message(FROM_OTHERS, answer(frame(0), seen("bus", 0.9, at=(40.0, 0.0))), 2)
     assert labels(answers(asked.on_message(IMAGES, frame(9), 9 * S))[0]) == replayed
+
+
+def test_of_an_answer_without_objects_nothing_is_merged():
+    later, without = answer(frame(0), CAR), SimpleNamespace(objects=None)
+    assert merged(without, later) is later
+    assert merged(later, without) is without
 
 
 def test_merging_the_same_answer_twice_adds_nothing():

@@ -97,30 +97,6 @@ def test_confidences_stay_in_their_range_and_nothing_is_counted_twice(rule, sigh
     assert len(list(objects)) == len(objects)
 
 
-def test_origins_count_no_echo():
-    """The car's own detector, then the edge's about the same picture, then a cache's, then one
-    second later.
-    """
-
-    def confidence(source: str) -> list[float]:
-        objects, found = object_map(confidence_source=source), []
-        for stamp_s, kind in (
-            (0.0, "detector"),
-            (0.0, "detector"),
-            (0.5, "cache"),
-            (1.0, "detector"),
-        ):
-            said = answer(Header(round(stamp_s * S), "02", "car1"), seen("car", 0.5)).served(
-                kind, "x"
-            )
-            objects.enhanced_cache_new_data(said, 0, names_changes=False)
-            found.append(round(next(iter(objects)).confidence, 3))
-        return found
-
-    assert confidence("sightings") == [0.5, 0.525, 0.549, 0.571]
-    assert confidence("origins") == [0.5, 0.5, 0.5, 0.525]
-
-
 # Which stored object a sighting shows
 
 
@@ -190,31 +166,6 @@ def test_literally_any_object_at_a_place_blocks_a_second():
 def test_the_threshold_may_be_a_number():
     assert object_map().threshold == 0.60
     assert object_map(threshold=0).threshold == 0
-
-
-def test_range_60_is_60_percent_up_the_range_of_reported_scores():
-    assert object_map(threshold="range_60").threshold == pytest.approx(0.72)
-
-
-@pytest.mark.parametrize(
-    ("scores", "percentile"),
-    [
-        ([], 1.0),
-        ([0.4], 0.4),
-        ([0.9, 0.3, 0.5, 0.7], 0.7),
-        ([0.9, 0.3, 0.5, 0.7, 0.8], 0.7),
-        ([0.9] * 4 + [0.4] * 6, 0.4),
-    ],
-)
-def test_the_empirical_threshold_is_the_60th_percentile_of_first_scores(scores, percentile):
-    """Nearest rank: of five scores the third, of ten the sixth. Before there is any, nothing is
-    confident.
-    """
-    objects = object_map(threshold="empirical")
-    for number, score in enumerate(scores):
-        # the second sighting is no first score
-        told(objects, *[seen("car", score, at=(5.0 * number, 0.0))] * 2)
-    assert objects.threshold == percentile
 
 
 @pytest.mark.parametrize("percent", [1.0, 40.0, 60.0, 100.0])

@@ -35,7 +35,7 @@ MAP_READINGS = {
     "rule": list(CONFIDENCE_RULES),
     "location_key": ["gate", "exact"],
     "one_per_location": [False, True],
-    "threshold": [0.6, 0.0, 1.0, "range_60", "empirical", Percentile(60.0), Percentile(100.0)],
+    "threshold": [0.6, 0.0, 1.0, Percentile(60.0), Percentile(100.0)],
 }
 CACHES = {
     "similarity": [PoseGrid(), Exact(), DHash(8)],

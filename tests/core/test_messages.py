@@ -4,7 +4,8 @@ import pickle
 
 import pytest
 
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look
+from genie_sim.tracks.track import Motion
 
 HEADER = Header(7, "camera_02", "car1")
 POSE = CameraPose(1.0, 2.0, 3.0, 0.5)

@@ -1,4 +1,4 @@
-"""C_T: a number, or a percentile of what is stored or was first seen."""
+"""C_T: a number, or a percentile of what is stored."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import random
 import pytest
 
 from genie_sim.core.rules import Percentile
-from genie_sim.core.thresholds import Threshold, threshold_of
+from genie_sim.core.thresholds import threshold_of
 
 
 def nearest_rank(percent: int, values: list[float]) -> float:
@@ -28,7 +28,7 @@ def test_a_percentile_is_that_of_what_is_stored_now(percent: int):
         what = rng.random()
         if what < 0.5 or not stored:
             stored.append(round(rng.random(), 1))  # some are equal
-            threshold.added(0.99, stored[-1])
+            threshold.added(stored[-1])
         elif what < 0.75:
             place, after = rng.randrange(len(stored)), round(rng.random(), 1)
             threshold.changed(stored[place], after)
@@ -38,21 +38,9 @@ def test_a_percentile_is_that_of_what_is_stored_now(percent: int):
         assert threshold.value == (nearest_rank(percent, stored) if stored else 1.0)
 
 
-def test_the_empirical_one_keeps_the_first_score_of_what_is_gone():
-    threshold = threshold_of("empirical")
-    for score in (0.1, 0.2, 0.3, 0.4, 0.5):
-        threshold.added(score, confidence=0.9)
-    assert threshold.value == 0.3, "60 % of five scores"
-    threshold.changed(0.9, 0.1)
-    threshold.removed(0.1)
-    assert threshold.value == 0.3
-
-
 def test_a_number_stays_as_it_is():
-    for setting, value in ((0.7, 0.7), ("range", 0.72)):
-        threshold = threshold_of(setting)
-        assert type(threshold) is Threshold
-        threshold.added(0.1, 0.1)
-        threshold.changed(0.1, 0.2)
-        threshold.removed(0.2)
-        assert threshold.value == pytest.approx(value), "0.72 is 60 % of the way from 0.3 to 1"
+    threshold = threshold_of(0.7)
+    threshold.added(0.1)
+    threshold.changed(0.1, 0.2)
+    threshold.removed(0.2)
+    assert threshold.value == 0.7

@@ -80,7 +80,7 @@ class Lanes:
     def with_objects(self, objects: Sequence[Detection]) -> Lanes:
         raise AssertionError("lanes hold no objects")
 
-    def served(self, source: str, by: str, header: Header | None = None) -> Lanes:
+    def credited(self, source: str, by: str, header: Header | None = None) -> Lanes:
         return replace(
             self, source=source, served_by=by, header=self.header if header is None else header
         )

@@ -100,6 +100,13 @@ def test_frames_are_found_by_number_not_by_position(root, folder):
         assert left.world_SE3_camera == pytest.approx(was.world_SE3_camera)
 
 
+def test_frames_come_by_number_however_it_is_written(root, folder):
+    images = folder / "image_02" / "data"
+    (images / f"{1:010d}.png").rename(images / "1.png")
+    frames = open_drive(root, DRIVE, ["02"]).frames["02"]
+    assert [frame.index for frame in frames] == [0, 1, 2, 3]
+
+
 def test_more_time_stamps_than_images_are_fine(root, folder):
     """Seen on drive 0009: 447 time stamps for fewer images."""
     stamps = folder / "image_02" / "timestamps.txt"

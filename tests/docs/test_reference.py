@@ -34,7 +34,7 @@ def test_the_reference_is_the_same_on_every_machine(written: dict[str, str]):
 
 def test_every_metric_stands_in_the_reference(written: dict[str, str]):
     for name, metric in METRICS.items():
-        assert f"| `{name}` | {metric.label} |" in written["reference/metrics.md"], name
+        assert f"- `{name}`, {metric.label}" in written["reference/metrics.md"], name
 
 
 def test_every_setting_is_explained_once():

@@ -12,11 +12,11 @@ from genie_sim.core.messages import (
     Detections,
     Header,
     Image,
-    Motion,
     Publish,
 )
 from genie_sim.sim.method import IMAGES, LOCAL, OBJECTS, HostContext, Interceptor
 from genie_sim.tracks.laws import ASSUMED
+from genie_sim.tracks.track import Motion
 
 MS = 1_000_000
 
@@ -27,7 +27,6 @@ def host(name: str) -> HostContext:
         gets_images=True,
         has_edge=False,
         genie=None,
-        stream=lambda *names: None,
         draws=lambda *names: Draws(1, name, *names),
         names_changes=False,
         laws=ASSUMED,

@@ -189,7 +189,7 @@ def test_who_goes_down_is_heard_by_nobody(down_ns: int, on_air: bool):
     for host, slots in (("car0", 0), ("car1", 5)):
         street.stations[host].random = Slots([slots])
         street.offer(host, [0])
-    street.clock.after(down_ns, street.stations["car0"].set_up, (False,))
+    street.clock.after(down_ns, street.stations["car0"].set_available, (False,))
     heard_by = {one.host: one.heard_by for one in street.run()}
     assert heard_by == {"car0": (), "car1": ("car0", "car2")}
     listener = street.stations["car2"]

@@ -131,7 +131,7 @@ class ScalarJudge:
             ):
                 words[i] = "moved_away"
         counted = [i for i, word in enumerate(words) if word != "hidden"]
-        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen.origin != car]
+        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen_in.origin != car]
         found = {j for _, _, j in matched}
         errors_m = [math.sqrt(d2) for d2, _, _ in matched]
         row = HeldRow(

@@ -38,6 +38,7 @@ from genie_sim.record import results
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
+from genie_sim.report.output import Output
 from genie_sim.runs.folder import rerun, run_in_memory, run_to_folder
 from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import Scenario
@@ -310,7 +311,7 @@ def short(*settings: str) -> Scenario:
 
 
 def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
-    made = run_to_folder(short("methods=[remote, genie]"), tmp_path)
+    made = run_to_folder(short("methods=[remote, genie]"), tmp_path, output=Output(page=False))
     run = results.load(made.folder)
     assert set(run.held["what"]) == {"consumer", "zero_delay"}
     for method in ("remote", "genie"):

@@ -23,7 +23,6 @@ from genie_sim.core.messages import (
     Header,
     Image,
     Location,
-    Motion,
 )
 from genie_sim.judge import objects
 from genie_sim.judge.joins import GroupedPlaces
@@ -31,6 +30,7 @@ from genie_sim.judge.map_accuracy import MapAccuracy
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.tables import Table
+from genie_sim.tracks.track import Motion
 from tests.judge.judging import SECOND, Frame, Street, Thing, judged, last, one, thing
 from tests.judge.scalar_judge import ScalarJudge
 

@@ -11,10 +11,9 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.data.trace import Trace, read_trace, write_trace
-from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.scenario.reading import load_scenario
-from genie_sim.sim.method import DETECTOR
+from genie_sim.sim.method import DETECTOR, METHODS
 from tests.conformance import small
 
 SIMILAR = ("sim_lru", "rnd_lru", "potluck", "foggycache")

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from genie_sim.core.messages import Header
+from genie_sim.core.rules import GenieRules
 from genie_sim.methods.sim_lru import NearestCache, RandomNearestCache, RndLRU, SimLRU
 from genie_sim.sim.method import LOCAL, REMOTE, REMOTE_UPLINK, LocalAndRemote
 
@@ -55,10 +56,9 @@ def test_a_key_at_no_distance_is_a_hit_even_where_the_radius_is_zero(monkeypatch
 
 
 def host(**other: Any) -> Any:
-    rules = SimpleNamespace(car_capacity="small", capacity="large")
-    about = {"gets_images": True, "has_edge": True, "genie": rules, "name": "car1"}
-    drawn = {"stream": lambda name: name, "draws": lambda name: name}
-    return SimpleNamespace(**{**about, **other, **drawn})
+    rules = GenieRules()
+    about = {"gets_images": True, "has_edge": True, "genie": rules, "rules": rules, "name": "car1"}
+    return SimpleNamespace(**{**about, **other, "draws": lambda name: name})
 
 
 def test_what_runs_on_a_car():

@@ -341,6 +341,15 @@ TABLE = [
     ("C20", HIGH + at(HO[1], "image_peak_at:car", 0.5), PARTLY, None),
     ("C20", HIGH + at(HO[2], "image_reuse:car", 0.45), PARTLY, None),
     ("C20", HIGH + at(HE[0], "image_reuse_highest:car", 0.9), PARTLY, None),
+    (  # one car of its own kind is what several are above
+        "C20",
+        HIGH
+        + at(HO[0], "image_reuse_highest:car", 0.9)
+        + at(HE[1], "image_reuse_highest:car", 0.95)
+        + at(HE[2], "image_reuse_highest:car", 0.95),
+        PARTLY,
+        None,
+    ),
     ("C21", WINDOWS, HOLDS, None),
     ("C21", WINDOWS + at(HE[2], "image_reuse_highest:edge", 0.4), PARTLY, None),
     ("C21", WINDOWS + at(HE[1], "image_reuse:edge", 0.15), PARTLY, None),

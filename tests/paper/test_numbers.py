@@ -198,6 +198,11 @@ def test_a_number_is_what_the_tables_say(found, name, value):
     assert found[number(name)] == pytest.approx(value, rel=1e-9, abs=1e-12)
 
 
+def test_a_number_is_called_by_its_method_or_its_place():
+    names = ["image_reuse:car:car1", "first_answer_mean:remote", "accelerator_rate:remote:edge1"]
+    assert [str(number(name)) for name in names] == names
+
+
 def test_without_laps_there_are_no_laps(found):
     assert not [one for one in found if "lap" in one.component]
 

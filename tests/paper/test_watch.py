@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from genie_sim.core.messages import Detection, Detections, Header
-from genie_sim.core.rules import GenieRules
+from genie_sim.core.rules import GenieRules, Percentile
 from genie_sim.core.thresholds import threshold_of
 from genie_sim.paper.watch import DETECTOR, OBJECTS, WorldObserver
 from genie_sim.sim.method import DETECTOR as NODE
@@ -110,12 +110,8 @@ def test_shared_objects_are_counted_those_below_c_t_apart():
     assert with_threshold(0.6, answer(0.6, 0.59, 0.9), answer(0.1), answer()) == (4, 2)
 
 
-def test_a_c_t_by_its_word_is_known():
-    assert with_threshold("range_60", answer(0.71, 0.73)) == (2, 1)
-
-
 def test_below_a_c_t_that_moves_nothing_is_counted_and_that_is_no_zero():
-    shared, unconfident = with_threshold("empirical", answer(0.1, 0.9))
+    shared, unconfident = with_threshold(Percentile(60.0), answer(0.1, 0.9))
     assert shared == 2 and math.isnan(unconfident)
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from genie_sim.core.messages import CameraPose, Detection, Header, Motion
-from genie_sim.tracks.track import Track, kind_of
+from genie_sim.core.messages import CameraPose, Detection, Header
+from genie_sim.tracks.track import Motion, Track, kind_of
 from tests.core.worlds import S, seen
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)

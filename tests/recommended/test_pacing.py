@@ -32,7 +32,7 @@ def sent(pace: Pacer, frames: list[tuple[int, str]], heading_rad: float = 0.0) -
     return [
         f"{stream}@{stamp_ms}"
         for stamp_ms, stream in sorted(frames)
-        if pace.sends(header(stream, stamp_ms), heading_rad, stamp_ms * MS)
+        if pace.dispatch(header(stream, stamp_ms), heading_rad, stamp_ms * MS)
     ]
 
 
@@ -83,7 +83,7 @@ def test_a_frame_half_a_millisecond_early_is_in_time():
     up = [
         stamp_ms
         for stamp_ms, stream in sorted(frames)
-        if pace.sends(header(stream, stamp_ms), 0.0, round(stamp_ms * MS))
+        if pace.dispatch(header(stream, stamp_ms), 0.0, round(stamp_ms * MS))
     ]
     assert (up[-1] - up[0]) / (len(up) - 1) == pytest.approx(75, rel=0.01)
 
@@ -115,48 +115,49 @@ def test_the_mean_gap_is_what_was_asked_or_what_the_cameras_give(
     most_ms = max(every_ms, max(apart_ms) + 2 * jitter * period_ms)
     pace, up = pacer(every_ms=every_ms, in_flight=10**6), []
     for stamp_ms, stream in frames:
-        if pace.sends(header(stream, stamp_ms), 0.0, round(stamp_ms * MS)):
+        departure = pace.dispatch(header(stream, stamp_ms), 0.0, round(stamp_ms * MS))
+        if departure is not None:
             up.append(stamp_ms)
-            gap_ms = None if len(up) == 1 else pytest.approx((up[-1] - up[-2]) * MS, abs=2)
-            assert pace.gap_ns == gap_ms
+            gap_ns = None if len(up) == 1 else pytest.approx((up[-1] - up[-2]) * MS, abs=2)
+            assert departure.gap_ns == gap_ns
     mean_ms = (up[-1] - up[0]) / (len(up) - 1)
     assert 0.95 * least_ms <= mean_ms <= 1.05 * most_ms
 
 
 def test_cameras_that_look_elsewhere_have_views_of_their_own():
     pace = pacer(every_ms=200)
-    assert pace.sends(header("ahead", 0), 0.0, 0)
-    assert pace.sends(header("left", 10), math.radians(90), 10 * MS)
-    assert not pace.sends(header("ahead again", 20), math.radians(-14), 20 * MS)
-    assert pace.sends(header("right", 30), math.radians(-15.1), 30 * MS)
+    assert pace.dispatch(header("ahead", 0), 0.0, 0)
+    assert pace.dispatch(header("left", 10), math.radians(90), 10 * MS)
+    assert not pace.dispatch(header("ahead again", 20), math.radians(-14), 20 * MS)
+    assert pace.dispatch(header("right", 30), math.radians(-15.1), 30 * MS)
 
 
 def test_the_newest_look_of_a_view_is_that_of_any_of_its_live_cameras():
     looks = NewestLooks()
     ahead, beside, left = header("02", 0), header("03", 25), header("left", 30)
     headings = {ahead: 0.0, beside: math.radians(14), left: math.radians(90)}
-    assert [looks.looked_ns(frame, headings[frame]) for frame in headings] == [None, None, None]
-    looks.learned(beside)
-    looks.learned(left)
-    assert looks.looked_ns(header("02", 100), 0.0) == 25 * MS
-    looks.learned(ahead)
-    assert looks.looked_ns(header("02", 200), 0.0) == 25 * MS, "an older look of the view"
-    assert looks.looked_ns(header("02", 600), 0.0) == 0, "03 has stopped"
+    assert [looks.add_frame(frame, headings[frame]) for frame in headings] == [None, None, None]
+    looks.add_look(beside)
+    looks.add_look(left)
+    assert looks.add_frame(header("02", 100), 0.0) == 25 * MS
+    looks.add_look(ahead)
+    assert looks.add_frame(header("02", 200), 0.0) == 25 * MS, "an older look of the view"
+    assert looks.add_frame(header("02", 600), 0.0) == 0, "03 has stopped"
 
 
 def test_headings_on_both_sides_of_south_are_near():
     pace = pacer(every_ms=200)
-    assert pace.sends(header("02", 0), math.radians(175), 0)
-    assert not pace.sends(header("03", 10), math.radians(-175), 10 * MS)
+    assert pace.dispatch(header("02", 0), math.radians(175), 0)
+    assert not pace.dispatch(header("03", 10), math.radians(-175), 10 * MS)
 
 
 def test_a_camera_that_stopped_is_not_waited_for():
     """Its turn would come, but nobody expects its next frame any more."""
     pace = pacer(every_ms=100)
-    pace.sends(header("02", 0), 0.0, 0)
-    pace.sends(header("03", 100), 0.0, 100 * MS)
+    pace.dispatch(header("02", 0), 0.0, 0)
+    pace.dispatch(header("03", 100), 0.0, 100 * MS)
     stamps_ms = range(200, 900, 100)
-    up = [stamp for stamp in stamps_ms if pace.sends(header("03", stamp), 0.0, stamp * MS)]
+    up = [stamp for stamp in stamps_ms if pace.dispatch(header("03", stamp), 0.0, stamp * MS)]
     assert up == [200, 300, 400, 500, 600, 700, 800]
 
 
@@ -164,7 +165,7 @@ def test_the_way_takes_so_many_at_a_time_until_answers_come():
     pace = pacer(in_flight=2)
     assert sent(pace, [(stamp_ms, "02") for stamp_ms in (0, 100, 200, 299)]) == ["02@0", "02@100"]
     assert pace.answered(header("02", 0), 300 * MS) == LookArrival(True, True, [])
-    assert pace.sends(header("02", 300), 0.0, 300 * MS)
+    assert pace.dispatch(header("02", 300), 0.0, 300 * MS)
 
 
 def test_an_answer_to_a_later_frame_shows_that_earlier_ones_are_lost():
@@ -257,7 +258,7 @@ def test_looks_grow_rare_while_answers_come_too_late(round_trip_ms: int):
             answered_ms = answers.pop(0)
             pace.answered(header("02", answered_ms), (answered_ms + round_trip_ms) * MS)
         pace.expire(stamp_ms * MS)
-        if pace.sends(header("02", stamp_ms), 0.0, stamp_ms * MS):
+        if pace.dispatch(header("02", stamp_ms), 0.0, stamp_ms * MS):
             up.append(stamp_ms)
             answers.append(stamp_ms)
     gaps_ms = [after - before for before, after in itertools.pairwise(up)]
@@ -283,7 +284,7 @@ def test_what_goes_up_is_answered_lost_or_on_its_way(steps: list[tuple[int, str]
     now_ms, up, answered, lost = 0, [], 0, 0
     for gap_ms, step in steps:
         now_ms += gap_ms
-        if step == "send" and pace.sends(header("02", now_ms), 0.0, now_ms * MS):
+        if step == "send" and pace.dispatch(header("02", now_ms), 0.0, now_ms * MS):
             up.append(header("02", now_ms))
         elif step == "answer" and up:
             before = pace.outstanding

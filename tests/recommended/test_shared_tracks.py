@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,9 @@ import pytest
 
 from genie_sim.core.messages import Detection
 from genie_sim.recommended.shared_tracks import SharedTracks, SharingRules, tracks_to_share
+from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track import Track
+from genie_sim.tracks.track_map import TrackMap
 from tests.core.worlds import S, seen
 from tests.recommended.shared import HERE, shared, track
 
@@ -18,15 +21,11 @@ def believed(
     *objects: Detection, own: tuple[Detection, ...] = (), now_s: float = 10.2, contradicted=False
 ) -> list[tuple[float, float, float] | None]:
     """The places of the shared objects that a car serves; the list holds for 10 s."""
-    asked: list[Any] = []
-
-    def contradicts(label: str, east_m: float, north_m: float, seen_ns: int) -> bool:
-        asked.append((label, east_m, north_m, seen_ns))
-        return contradicted
-
-    tracks = SharedTracks(SharingRules(), contradicts)
+    own_tracks = TrackMap(Existence())
+    own_tracks.contradicts = lambda *place: contradicted
+    tracks = SharedTracks(SharingRules(), own_tracks)
     tracks.replace(objects, 10 * S)
-    return [found.location for found in tracks.served(own, HERE, round(now_s * S))]
+    return [found.location for found in tracks.believed(own, HERE, round(now_s * S))]
 
 
 def test_a_shared_object_goes_on_with_its_velocity_for_a_second():
@@ -66,12 +65,12 @@ def test_what_was_seen_long_ago_is_not_served():
 
 
 def test_a_list_takes_the_place_of_the_last_unless_it_is_older():
-    tracks = SharedTracks(SharingRules(), lambda *_: False)
+    tracks = SharedTracks(SharingRules(), TrackMap(Existence()))
     tracks.replace((shared((20.0, 0.0)),), 10 * S)
     tracks.replace((shared((30.0, 0.0)),), 9 * S)
-    assert [found.location for found in tracks.served((), HERE, 10 * S)] == [(20.0, 0.0, 0.0)]
+    assert [found.location for found in tracks.believed((), HERE, 10 * S)] == [(20.0, 0.0, 0.0)]
     tracks.replace((), 11 * S)
-    assert tracks.served((), HERE, 11 * S) == []
+    assert tracks.believed((), HERE, 11 * S) == []
 
 
 def test_objects_without_motion_or_place_are_left_out():
@@ -79,16 +78,25 @@ def test_objects_without_motion_or_place_are_left_out():
     assert believed(replace(shared((20.0, 0.0)), location=None)) == []
 
 
+class OneTrack(TrackMap):
+    """A map with one track, which exists with this probability at any time."""
+
+    def __init__(self, track: Track, probability: float) -> None:
+        super().__init__(Existence())
+        self._track, self._probability = track, probability
+
+    def __iter__(self) -> Iterator[Track]:
+        return iter([self._track])
+
+    def existence(self, track: Track, now_ns: int) -> float:
+        return self._probability
+
+
 def is_shared(of: Track, existence: float = 0.9, now_s: float = 10.0, **settings: Any) -> bool:
     """Whether an edge shares a track with car1, which stands at the origin."""
-    words = tracks_to_share(
-        [of],
-        lambda *_: existence,
-        car="car1",
-        pose=HERE,
-        now_ns=round(now_s * S),
-        rules=SharingRules(**settings),
-    )
+    tracks = OneTrack(of, existence)
+    rules = SharingRules(**settings)
+    words = tracks_to_share(tracks, car="car1", pose=HERE, now_ns=round(now_s * S), rules=rules)
     return bool(list(words))
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from genie_sim.core.messages import Detections, Effect, Forgotten, Look, Publish
-from genie_sim.recommended.paced_genie import SHARED
-from genie_sim.recommended.shared_tracks import SharingRules
+from genie_sim.recommended.shared_tracks import SHARED, SharingRules
 from genie_sim.recommended.sharing import SharingGenie
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track_map import TrackMap

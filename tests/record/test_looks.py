@@ -69,20 +69,20 @@ def test_a_detectors_answer_to_the_frame_is_fresh():
 
 
 def test_a_cached_answer_is_a_result_and_as_old_as_its_look():
-    cached = Detections(EARLIER, ()).served("cache", "car1/genie", FRAME)
+    cached = Detections(EARLIER, ()).credited("cache", "car1/genie", FRAME)
     assert_row(row_of(cached), first=10, result=10, fresh=None, first_looked_ns=700, looked_ns=700)
 
 
 def test_a_cached_answer_is_never_fresh():
-    cached = Detections(FRAME, ()).served("cache", "car1/genie", FRAME)
+    cached = Detections(FRAME, ()).credited("cache", "car1/genie", FRAME)
     assert_row(row_of(cached), result=10, fresh=None, looked_ns=1000)
 
 
 def test_an_answer_that_is_replayed_twice_keeps_its_look():
     again = (
         Detections(EARLIER, ())
-        .served("cache", "edge1/genie", OTHER_CAMERA)
-        .served("cache", "car1/genie", FRAME)
+        .credited("cache", "edge1/genie", OTHER_CAMERA)
+        .credited("cache", "car1/genie", FRAME)
     )
     assert_row(row_of(again), fresh=None, looked_ns=700)
 
@@ -95,22 +95,22 @@ def test_the_answer_to_an_equal_frame_is_no_look_at_this_one(other: Header):
 
 
 def test_a_map_answer_is_as_old_as_the_newest_look_at_one_of_its_objects():
-    of_map = Detections(FRAME, stored(400, 900, 650)).served("map", "car1/genie")
+    of_map = Detections(FRAME, stored(400, 900, 650)).credited("map", "car1/genie")
     expected = {"first": 10, "result": None, "fresh": None, "looked_ns": 900}
     assert_row(row_of(of_map), **expected)
-    nothing = Detections(FRAME, ()).served("map", "car1/genie")
+    nothing = Detections(FRAME, ()).credited("map", "car1/genie")
     assert_row(row_of(nothing), first=10, first_looked_ns=None, looked_ns=None)
 
 
 def test_what_the_map_adds_to_a_cached_answer_counts():
-    cached = Detections(EARLIER, stored(950)).served("cache", "car1/genie", FRAME)
+    cached = Detections(EARLIER, stored(950)).credited("cache", "car1/genie", FRAME)
     assert_row(row_of(cached), fresh=None, looked_ns=950)
 
 
 def test_the_newest_look_is_that_of_all_answers_to_the_frame():
-    of_map = Detections(FRAME, stored(600)).served("map", "car1/genie")
-    cached = Detections(EARLIER, ()).served("cache", "edge1/genie", FRAME)
-    late = Detections(FRAME, stored(300)).served("map", "car1/genie")
+    of_map = Detections(FRAME, stored(600)).credited("map", "car1/genie")
+    cached = Detections(EARLIER, ()).credited("cache", "edge1/genie", FRAME)
+    late = Detections(FRAME, stored(300)).credited("map", "car1/genie")
     row = row_of(of_map, cached, Detections(FRAME, ()), late)
     assert_row(row, first=10, result=20, fresh=30, first_looked_ns=600, looked_ns=1000)
 
@@ -127,13 +127,13 @@ def test_a_map_keeps_the_newest_look_at_an_object_whoever_tells_of_it():
     (known,) = objects
     assert known.as_detection().seen_in == EARLIER
     for stamp_ms, newest_ms in ((900, 900), (400, 900)):
-        learn(Detections(FRAME, stored(stamp_ms)).served("map", "edge1/genie"))
+        learn(Detections(FRAME, stored(stamp_ms)).credited("map", "edge1/genie"))
         assert known.as_detection().seen_in.stamp_ns == newest_ms * MS
 
 
 def test_changes_of_an_answer_keep_its_look():
     seen = Detections(EARLIER, ()).restamped(FRAME)
-    for changed in (seen.with_objects(()), seen.with_look(None, 5), seen.served("detector", "x")):
+    for changed in (seen.with_objects(()), seen.with_look(None, 5), seen.credited("detector", "x")):
         assert (changed.seen_in, changed.is_fresh) == (EARLIER, False)
     assert stored(900)[0].with_confidence(0.5).seen_in == stored(900)[0].seen_in
 

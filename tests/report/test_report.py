@@ -646,7 +646,7 @@ def test_a_car_without_cameras_asks_with_its_position(browser, tmp_path):
             "street_2car_homo",
             2,
             {
-                "genie.object_map.threshold": "empirical",
+                "genie.object_map.threshold": {"percentile": 60},
                 "cameras": [{"name": "one", "recording": "02"}],
             },
         ),

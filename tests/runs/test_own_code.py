@@ -23,9 +23,9 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.cli import catalogue
 from genie_sim.cli.main import main
-from genie_sim.methods import METHODS
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
+from genie_sim.sim.method import METHODS
 from tests.checkout import REPOSITORY, CommandLine
 from tests.kitti_folder import make_drive
 
@@ -398,7 +398,6 @@ def test_a_folder_from_elsewhere_imports_nothing_unless_it_is_allowed(
     folder = str(from_elsewhere)
     for command in (
         ["report", folder],
-        ["export", folder],
         ["compare", folder],
         ["figures", folder],
     ):

@@ -19,11 +19,11 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES
-from genie_sim.faults import FAULTS
 from genie_sim.links.presets import LINKS
-from genie_sim.methods import METHODS
 from genie_sim.scenario.power import INTERFACES, OF_LINKS, OF_MODELS, parts
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK_MODELS
+from genie_sim.sim.method import METHODS
 from genie_sim.tracks.laws import ASSUMED
 
 REGISTRIES: dict[str, Mapping[str, Any]] = {

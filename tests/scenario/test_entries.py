@@ -10,7 +10,6 @@ from typing import Any
 
 import pytest
 
-from genie_sim import methods
 from genie_sim.base.errors import UserError
 from genie_sim.base.settings import plain_data
 from genie_sim.runs.folder import run_in_memory
@@ -18,6 +17,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
+from genie_sim.sim import method as methods
 from tests.sim.street import drive, street
 
 CARS: dict[str, Any] = {

@@ -18,7 +18,6 @@ from genie_sim.scenario.yaml_input import parse
         ("every: -1 ms", "every: must not be negative, but is '-1 ms'"),
         ("in_flight: 0", "in_flight: must be at least 1, not 0"),
         ("stale: 0 ms", "stale: must be more than zero, but is '0 ms'"),
-        ("own: some", "own: unknown own 'some'; known: all, free, rest"),
         ("view_range: 0 m", "view_range: must be more than zero"),
         ("view_margin: -1 deg", "view_margin: must not be negative"),
         ("p_min: 1.2", "p_min: must be from 0 to 1, not 1.2"),
@@ -27,7 +26,7 @@ from genie_sim.scenario.yaml_input import parse
         ("sharing: {gate: -1 m}", "sharing.gate: must not be negative, but is '-1 m'"),
         ("sharing: {self: -1 m}", "sharing.self: must not be negative, but is '-1 m'"),
         ("sharing: {reach: 0 m}", "sharing.reach: must be more than zero"),
-        ("sharing: {fresh: 0 s}", "sharing.fresh: must be more than zero"),
+        ("sharing: {seen_within: 0 s}", "sharing.seen_within: must be more than zero"),
         ("sharing: {p_min: 1.2}", "sharing.p_min: must be from 0 to 1, not 1.2"),
     ],
 )

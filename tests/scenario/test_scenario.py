@@ -30,10 +30,8 @@ from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.data.sources import SOURCES, Live, Recorded
-from genie_sim.faults import FAULTS
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
-from genie_sim.methods import METHODS
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import Fleet
 from genie_sim.scenario.methods import METHOD
@@ -41,7 +39,9 @@ from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.schema import json_schema
 from genie_sim.scenario.yaml_input import parse, read_mapping
+from genie_sim.sim.fault import FAULTS
 from genie_sim.sim.link_model import LINK, LINK_MODELS
+from genie_sim.sim.method import METHODS
 
 ROOT = Path(__file__).parents[2]
 PAPER = [f"{cars}car_{kind}" for cars in (1, 2, 3) for kind in ("homo", "hetero")]
@@ -313,10 +313,7 @@ choices = st.fixed_dictionaries(
         "object_map": st.fixed_dictionaries(
             {
                 "rate": st.floats(0, 1),
-                "threshold": (
-                    st.floats(0, 1)
-                    | st.sampled_from(["range_60", "empirical", {"percentile": 60.0}])
-                ),
+                "threshold": st.floats(0, 1) | st.just({"percentile": 60.0}),
             }
         ),
     },
@@ -548,7 +545,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: range60}}\n",
-        "genie.object_map.threshold: unknown threshold 'range60' (did you mean 'range_60'?)",
+        "genie.object_map.threshold: must be a number from 0 to 1",
     ),
     (
         TWO_CARS + "genie: {object_map: {threshold: {percentile: 101}}}\n",

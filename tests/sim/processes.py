@@ -56,4 +56,4 @@ def then(clock: Clock, steps: Steps, done: Callable[[], None]) -> simpy.Process:
 
 def send(clock: Clock, sender: Sender, size_bytes: int, left: Callable[[], None]) -> None:
     """Sends a message now, and calls ``left`` when its last bit has left."""
-    sender.sent(size_bytes).callbacks.append(lambda _: left())
+    sender.transmit(size_bytes).callbacks.append(lambda _: left())

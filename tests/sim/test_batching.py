@@ -24,7 +24,7 @@ from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host
 from genie_sim.sim.method import IMAGES, OBJECTS
 from genie_sim.sim.ros_graph import Graph, Subscriber
-from genie_sim.sim.settings import Admission, Serving
+from genie_sim.sim.settings import Serving
 from tests.sim.processes import job
 from tests.sim.street import FOV_RAD, fixed_device, scenario
 
@@ -157,49 +157,6 @@ def test_queues_are_shared_or_each_cameras_own():
     assert own.detector.drops == 1
 
 
-def test_order_is_that_of_arrival_or_that_of_deadlines():
-    """b's picture was taken before a's, but arrives later."""
-    pictures = [("first", 0, 30), ("a", 25, 31), ("b", 20, 32), ("c", 31, 33)]
-    fifo = Bench(batch=2).run(pictures).answered
-    assert [name for name, _ in fifo] == ["first@0", "a@25", "b@20", "c@31"]
-    edf = Bench(batch=2, order="edf").run(pictures).answered
-    assert [name for name, _ in edf] == ["first@0", "b@20", "a@25", "c@31"]
-    single = Bench(batch=1, order="edf").run(pictures).answered
-    assert [end for _, end in single] == [40, 50, 60, 70]
-
-
-def test_pictures_that_would_be_late_are_refused():
-    """With 10 ms each the picture of 0 ms is done at 10, that of 1 ms at 20, that of 2 ms at 30:
-    28 ms after it was taken, later than 25 ms.
-    """
-    admit = Admission(deadline_ns=25 * MS)
-    pictures = [("a", 0, 0), ("b", 1, 1), ("c", 2, 2), ("d", 9, 9)]
-    bench = Bench(batch=1, admit=admit).run(pictures)
-    assert bench.lost == [("c@2", "detector:late", 2)]
-    assert bench.answered == [("a@0", 10), ("b@1", 20), ("d@9", 30)]
-    # in a batch of two, b and c are done at 10 + 14
-    bench = Bench(batch=2, admit=admit).run(pictures)
-    assert [name for name, _ in bench.answered] == ["a@0", "b@1", "c@2", "d@9"]
-    # what waits for a full batch is late for it, unless the batch is full
-    waits = {"batch": 2, "wait_ns": 20 * MS, "admit": admit}
-    assert Bench(**waits).run([("a", 0, 0)]).answered == []
-    # an earlier deadline passes by what waits, a later one does not
-    edf = Bench(batch=1, order="edf", admit=admit)
-    edf.run([("a", 10, 10), ("b", 12, 12), ("c", 11, 13), ("d", 12, 13)])
-    assert [name for name, *_ in edf.lost] == ["d@12"]
-    # the picture that is pushed out is not counted as ahead
-    newest = Bench(1, batch=1, admit=admit).run([("a", 0, 0), ("b", 1, 1), ("c", 2, 2)])
-    assert [name for name, *_ in newest.lost] == ["b@1"]
-
-
-@pytest.mark.parametrize(("deadline_ns", "answered"), [(14 * MS, 2), (14 * MS - 1, 1)])
-def test_a_picture_is_admitted_that_would_be_in_time_to_the_nanosecond(deadline_ns, answered):
-    """A picture alone takes 10 ms, two at once 0.6 * 10 + 0.4 * 20 = 14 ms by mean times."""
-    admit = Admission(deadline_ns=deadline_ns)
-    bench = Bench(batch=2, wait_ns=1 * MS, admit=admit).run([("a", 0, 0), ("b", 0, 0)])
-    assert len(bench.answered) == answered
-
-
 def test_a_fault_loses_what_waits_and_what_is_in_service():
     bench = Bench(batch=2)
     bench.run([("a", 0, 0), ("b", 1, 1), ("c", 2, 2)], until_ms=5)
@@ -253,7 +210,7 @@ def test_every_picture_of_a_batch_has_the_time_of_a_slow_and_stalled_accelerator
     """Two pictures wait for a key that is computed, 4 ms, then take 3 times 14 ms, and 5 ms in
     which the accelerator stands still.
     """
-    bench = Bench(batch=2, wait_ns=MS, clock=Clock(is_traced=True))
+    bench = Bench(batch=2, wait_ns=MS, clock=Clock(keeps_paths=True))
     accelerator = bench.host.accelerator
     job(accelerator, 5 * MS)
     bench.clock.after(0, accelerator.slow, (3.0,))
@@ -299,9 +256,7 @@ def test_an_edge_has_a_serving_of_its_own_and_methods_another():
             "edges[1].serving.batch: 2 pictures never wait",
         ),
         ("serving={batch: 0}", "serving.batch: must be from 1 to 1,024, not 0"),
-        ("serving={order: lifo}", "serving.order: unknown"),
         ("serving={wait: -1 ms}", "serving.wait: "),
-        ("serving={admit: {deadline: 0 s}}", "serving.admit.deadline: must be "),
         ("serving={batches: 2}", "serving.batches: unknown"),
         (
             "methods=[{method: remote, serving: {batch: 4}}]",

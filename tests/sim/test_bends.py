@@ -13,11 +13,12 @@ import pytest
 
 from genie_sim.base.errors import UserError
 from genie_sim.base.seeds import stream
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look, Motion
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Look
 from genie_sim.faults.camera import CameraFault
 from genie_sim.faults.gnss import PositionError
 from genie_sim.sim.bends import Bend, Border, shifted
 from genie_sim.sim.encoding import EncodedContent
+from genie_sim.tracks.track import Motion
 from tests.conformance import small
 
 S = 1_000_000_000
@@ -46,7 +47,7 @@ def test_all_places_of_a_message_are_displaced_and_nothing_else():
     assert (
         moved.content.digest == "abc" and moved.header == HEADER and moved.digest == "camera_02/abc"
     )
-    encoded = EncodedContent((CAR,), wire_bytes=10, raw_bytes=100, features={})
+    encoded = EncodedContent((CAR,), encoded_bytes=10, raw_bytes=100, features={})
     moved = shifted(image(encoded), 3.0, -4.0)
     assert isinstance(moved, Image) and isinstance(moved.content, EncodedContent)
     assert moved.content.detections[0].location == (13.0, 16.0, 0.5)
@@ -184,7 +185,7 @@ def test_a_warm_crash_keeps_what_a_genie_knows_and_a_cold_one_does_not():
         before = len(genie.pure.object_map)
         world.clock.run(until=S + 1)
         assert before > 0 and (len(genie.pure.object_map) == before) is keeps
-        assert world.network.links["car1->edge1"].down_by == ["crash"]
+        assert world.network.links["car1->edge1"].cut_by == ["crash"]
         world.run()
         assert genie.completed > 0 and not world.network.outages
 

@@ -289,20 +289,20 @@ class Noting:
 
     is_up = True
 
-    def set_up(self, is_up: bool) -> None:
-        self.is_up = is_up
+    def set_available(self, is_available: bool) -> None:
+        self.is_up = is_available
 
 
 def test_a_hand_over_that_ends_during_an_outage_does_not_end_the_outage():
     sender = Noting()
     link = Link(Clock(), "car1->edge1", sender)  # type: ignore[arg-type]
-    link.connect(False)
-    link.take_down("outage")
-    link.connect(True)
+    link.set_connected(False)
+    link.cut("outage")
+    link.set_connected(True)
     assert not sender.is_up
-    link.put_up("outage")
+    link.restore("outage")
     assert sender.is_up
-    link.take_down("outage")
-    link.connect(False)
-    link.put_up("outage")
+    link.cut("outage")
+    link.set_connected(False)
+    link.restore("outage")
     assert not sender.is_up, "the hand-over goes on"

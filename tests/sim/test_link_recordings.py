@@ -11,8 +11,8 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.import_report import ImportReport
 from genie_sim.data.importers.link_import import IMPORTERS
 from genie_sim.links import recording
+from genie_sim.links.recorded import RecordedLink
 from genie_sim.links.recording import StepFunction
-from genie_sim.links.trace import RecordedLink
 from genie_sim.links.wire import Wire
 from genie_sim.runs.prepare import prepare
 from genie_sim.sim.link_model import LinkEnds

@@ -40,10 +40,10 @@ class Street:
         self.told.append(("dropped", message.header, where))
 
 
-def listener(street: Street, edge: str | None, has_server: bool = True) -> CarListener:
+def listener(street: Street, edge: str | None, is_answered: bool = True) -> CarListener:
     uplink: Any = None if edge is None else SimpleNamespace(edge=edge)
     graph: Any = street
-    return CarListener(graph, graph, uplink=uplink, has_server=has_server)
+    return CarListener(graph, graph, connection=uplink, is_answered=is_answered)
 
 
 @pytest.mark.parametrize(
@@ -71,5 +71,5 @@ def test_the_source_of_an_answer(source: str, served_by: str, edge: str | None, 
 def test_a_frame_is_received_or_lost_because_nobody_serves_it():
     street, message = Street(), ASKED
     listener(street, "edge1").deliver(IMAGES, message, "camera")  # type: ignore[arg-type]
-    listener(street, None, has_server=False).deliver(IMAGES, message, "camera")  # type: ignore[arg-type]
+    listener(street, None, is_answered=False).deliver(IMAGES, message, "camera")  # type: ignore[arg-type]
     assert street.told == [("received", HEADER, 9), ("dropped", HEADER, "car1:no_edge")]

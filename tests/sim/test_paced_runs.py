@@ -178,14 +178,6 @@ TOWN = {
 @pytest.mark.slow
 def test_in_one_world_edges_tell_cars_of_what_others_see():
     result = run_in_memory(read_scenario(TOWN))
-    values = {
-        (metric.method, metric.metric): metric.value
-        for metric in result.measured
-        if metric.metric.startswith("shared_")
-    }
-    assert values["alone", "shared_share"] == 0 and values["alone", "shared_right_share"] is None
-    assert 0 < values["sharing", "shared_share"] < 0.5
-    assert 0 < values["sharing", "shared_right_share"] < 1
     frames, held = (Columns.of(result.tables[name]) for name in ("frames", "held"))
     down = {name: frames.where(method=name)["bytes_down"].sum() for name in ("sharing", "alone")}
     right = {name: held.where(method=name)["right"].sum() for name in ("sharing", "alone")}

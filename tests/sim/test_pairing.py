@@ -17,13 +17,13 @@ from genie_sim.core.messages import CameraPose, Detections, Header, Image
 from genie_sim.faults.gnss import Gnss
 from genie_sim.links.burst_loss import BurstLoss, LossProcess
 from genie_sim.links.wire import Wire, WireSender
-from genie_sim.methods import METHODS
 from genie_sim.runs import build
 from genie_sim.scenario.profiles import load_profile
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.link import Link
 from genie_sim.sim.message_random import REMEMBERED, MessageRandom
+from genie_sim.sim.method import METHODS
 from tests.conformance import small
 from tests.sim.processes import sender
 
@@ -273,8 +273,10 @@ def test_pauses_change_no_share_of_losses(gap: int, size: int):
     """Of messages of n segments 1 - (1 - m) (1 - p)^(n - 1) are hit; within 5 %."""
     loss = BurstLoss(mean=0.05, burst=4)
     losses, count = LossProcess(loss, np.random.default_rng(3)), 40_000
-    hits = np.mean([losses.hits(number * (size + gap), size) for number in range(count)])
-    assert hits == pytest.approx(1 - (1 - 0.05) * (1 - loss.begins) ** (size - 1), rel=0.05)
+    hits = np.mean([losses.pass_steps(number * (size + gap), size) for number in range(count)])
+    assert hits == pytest.approx(
+        1 - (1 - 0.05) * (1 - loss.begin_probability) ** (size - 1), rel=0.05
+    )
 
 
 def test_two_position_errors_of_a_car_do_not_feel_each_other():

@@ -113,6 +113,19 @@ def test_topics_do_not_push_each_other_out_and_are_served_in_order_of_arrival():
     assert node.drops == 2
 
 
+def test_a_graph_is_busy_as_long_as_one_of_its_nodes_is():
+    graph = office()
+    assert not graph.is_busy, "nobody is there"
+    for name in ("clerk", "idle"):
+        Clerk(name, graph, (f"/{name}",), ())
+    graph.clock.run(graph.clock.timeout(0))
+    graph.inject("/clerk", Note(0), "sender")
+    graph.clock.run(until=WORK_NS // 2)
+    assert graph.is_busy
+    graph.clock.run()
+    assert not graph.is_busy
+
+
 def test_threads_work_at_the_same_time():
     node = clerk(threads=3)
     for number in range(4):
@@ -310,7 +323,7 @@ class Offices:
                         topic="/notes",
                         address=f"{other}/genie",
                     )
-                    self.graphs[name].bridge("/notes", bridge)
+                    self.graphs[name].add_bridge("/notes", bridge)
 
 
 def test_what_came_over_a_bridge_is_not_bridged_on():
@@ -342,7 +355,7 @@ def test_an_answer_goes_down_to_the_car_that_it_is_about():
     clock = Clock()
     edge = office("edge1", clock)
     server = EdgeServer(edge, HostConfig())
-    edge.bridge("/objects", server)
+    edge.add_bridge("/objects", server)
     heard = {}
     for name in ("car1", "car2"):
         car = office(name, clock)
@@ -379,9 +392,9 @@ def test_a_bridge_that_was_taken_down_loses_what_comes_and_what_was_on_its_way()
         address="there/node",
         lost=lambda note: lost.append((clock.now, note.header.stamp_ns)),
     )
-    here.bridge("/notes", bridge)
-    events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.take_down), (320_000, Note(3))]
-    for at_ns, what in [*events, (330_000, bridge.put_up), (600_000, Note(4))]:
+    here.add_bridge("/notes", bridge)
+    events = [(0, Note(1)), (300_000, Note(2)), (310_000, bridge.disconnect), (320_000, Note(3))]
+    for at_ns, what in [*events, (330_000, bridge.reconnect), (600_000, Note(4))]:
         clock.run(until=max(at_ns, 1))
         what() if callable(what) else bridge.deliver("/notes", what, "here/node")
     clock.run()

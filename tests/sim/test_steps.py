@@ -10,7 +10,6 @@ import pandas as pd
 import pytest
 
 from genie_sim.core.messages import CameraPose, Detections, Header, Image, Publish
-from genie_sim.methods import METHODS
 from genie_sim.record.log import Log
 from genie_sim.record.records import Tables, new_tables
 from genie_sim.runs.build import device
@@ -19,7 +18,7 @@ from genie_sim.scenario.reading import load_scenario
 from genie_sim.scenario.scenario import RECORDS
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host, Processor
-from genie_sim.sim.method import IMAGES, OBJECTS, Interceptor
+from genie_sim.sim.method import IMAGES, METHODS, OBJECTS, Interceptor
 from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.nodes import InterceptorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
@@ -146,10 +145,10 @@ def test_a_frame_that_waits_for_an_equal_one_and_one_that_waits_for_the_wire_and
         ("hop", CAR_HOP_ANSWER),
     ]
     later = trace(view(0, 0, 0.5), view(1, 2 * MS, 5.5))
-    on_wire = LINK_IMAGE - 200_000
-    waits = EDGE_DETECTOR - on_wire  # while the first is looked at
+    encoded = LINK_IMAGE - 200_000
+    waits = EDGE_DETECTOR - encoded  # while the first is looked at
     assert way("remote", later, number=1) == [
-        ("queueing", on_wire - 2 * MS),
+        ("queueing", encoded - 2 * MS),
         ("uplink", LINK_IMAGE),
         ("queueing", waits),
         ("inference", EDGE_DETECTOR),
@@ -259,7 +258,7 @@ def test_steps_in_a_row_at_one_place_are_one():
 
 
 def test_what_waits_for_a_processor_keeps_its_own_way():
-    clock = Clock(is_traced=True)
+    clock = Clock(keeps_paths=True)
     processor, paths = Processor(clock, "car1.accelerator", "accelerator"), []
     label = SpanLabel("inference", "detector")
 
@@ -303,7 +302,7 @@ class InTwos(Interceptor):
 
 
 def test_an_answer_to_an_older_frame_does_not_take_over_the_way_of_the_others():
-    clock, ways = Clock(is_traced=True), {}
+    clock, ways = Clock(keeps_paths=True), {}
     host = Host(clock, "car1", device(fixed()["jetson_tx2"], "autoware_vision_detector"), seed=1)
     graph = Graph(host)
     node = InterceptorNode(InTwos, graph, lambda *_: None)

@@ -10,7 +10,7 @@ import pytest
 
 from genie_sim.scenario.yaml_input import dump
 from genie_sim.study.design import Design, load_design
-from genie_sim.study.figures import HEAT_COLOURS, SweepFigures
+from genie_sim.study.figures import SweepFigures
 from tests import outline
 from tests.drawn_text import faults
 
@@ -88,7 +88,7 @@ def test_one_axis_of_each_kind():
 
 
 @pytest.mark.slow
-def test_two_axes_and_their_map():
+def test_two_axes():
     crossed = design({"rate": RATE, "gate": GATE})
     table = runs({"rate": [0.1, 0.2, 0.5], "gate [m]": [1.0, 32.5, 64.0]})
     outline.check(
@@ -145,17 +145,3 @@ def test_in_a_column_each_value_of_the_second_axis_is_a_line():
         assert line.get_label() == f"rule = {rule}"
         expected = cars[cars["rule"] == rule].groupby("rate")["value"].mean()
         assert line[0].get_ydata() == pytest.approx(expected.tolist())
-
-
-def test_a_heat_map_leaves_out_methods_on_which_the_axes_have_no_effect():
-    crossed = design({"rate": RATE, "rule": RULE})
-    table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
-    table.loc[table["method"] == "remote", "value"] = 0.5
-    figure = SweepFigures(crossed, table, TITLES, "made up").of("streaming_f1")
-    panels = [panel for panel in figure.axes if panel.images]
-    assert len(panels) == 1 and "Genie" in panels[0].get_title()
-    assert "remote (R)" in str(figure.get_suptitle())
-    ((lightest, *_), *_), darkest = panels[0].images[0].get_array(), panels[0].images[0]
-    values = np.asarray(darkest.get_array(), float)
-    shades = HEAT_COLOURS(darkest.norm(values)).mean(axis=-1)
-    assert (np.argsort(values, axis=None) == np.argsort(-shades, axis=None)).all(), lightest

@@ -23,7 +23,7 @@ SEED, SEGMENTS = 11, 200_000
 def lost(loss: BurstLoss, count: int, size: int = 1) -> np.ndarray:
     """Of so many messages of ``size`` segments, whether each is hit."""
     losses = LossProcess(loss, stream(SEED, "losses"))
-    return np.array([losses.hits(number * size, size) for number in range(count)])
+    return np.array([losses.pass_steps(number * size, size) for number in range(count)])
 
 
 @pytest.mark.parametrize(("mean", "burst"), [(0.01, 20), (0.1, 5), (0.3, 1), (0.02, 100)])

@@ -238,7 +238,7 @@ def test_a_link_that_goes_down_gives_its_share_to_the_others():
     for name, car in (("first", first), ("second", second)):
         send(air.clock, car, SIZE, lambda name=name: ended.update({name: air.clock.now}))
     alone_ns = SIZE * 8 * S // FREE.rate_bps(True)
-    air.clock.after(alone_ns // 2, first.set_up, (False,))
+    air.clock.after(alone_ns // 2, first.set_available, (False,))
     air.clock.run()
     assert ended == {"first": alone_ns // 2, "second": alone_ns // 2 + alone_ns * 3 // 4}
     send(air.clock, first, SIZE, lambda: ended.update(later=air.clock.now))

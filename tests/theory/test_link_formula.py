@@ -91,7 +91,7 @@ def alone(model: Wire, size_bytes: int, up: bool = True) -> int:
 @given(st.integers(1, 10**8))
 def test_a_message_takes_its_bits_over_the_rate_and_then_the_delay(size_bytes: int):
     bits = (size_bytes + math.ceil(size_bytes / 1448) * 90) * 8
-    assert LAN.wire_bits(size_bytes) == bits
+    assert LAN.link_bits(size_bytes) == bits
     assert alone(LAN, size_bytes) == bits + LAN.delay_ns, "at 1 Gbit/s a bit is a nanosecond"
 
 
@@ -144,9 +144,9 @@ def test_messages_sent_together_follow_each_other_on_the_wire():
         line.send(1000, number)
     line.run()
     assert line.arrived == [
-        (n, 1000 + (n + 1) * LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)
+        (n, 1000 + (n + 1) * LAN.link_bits(IMAGE_BYTES) + LAN.delay_ns) for n in range(4)
     ]
-    assert line.link.busy_ns == 4 * LAN.wire_bits(IMAGE_BYTES), (
+    assert line.link.busy_ns == 4 * LAN.link_bits(IMAGE_BYTES), (
         "the delay of the cable keeps no wire busy"
     )
 
@@ -156,7 +156,7 @@ def test_a_small_answer_waits_for_the_image_before_it():
     line.send(0, 1)
     line.send(1, 2, size_bytes=426, channel="objects")
     line.run()
-    assert line.arrived[1] == (2, LAN.wire_bits(IMAGE_BYTES) + LAN.wire_bits(426) + LAN.delay_ns)
+    assert line.arrived[1] == (2, LAN.link_bits(IMAGE_BYTES) + LAN.link_bits(426) + LAN.delay_ns)
 
 
 @given(
@@ -183,7 +183,7 @@ def test_jitter_is_uniform_from_zero_to_its_limit():
     for number in range(count):
         line.send(number * 100_000_000, number)
     line.run()
-    least_ns = LAN.wire_bits(IMAGE_BYTES) + LAN.delay_ns
+    least_ns = LAN.link_bits(IMAGE_BYTES) + LAN.delay_ns
     late_ns = np.array([at_ns - number * 100_000_000 - least_ns for number, at_ns in line.arrived])
     error_ns = limit_ns / math.sqrt(12 * count)
     print(
@@ -226,11 +226,11 @@ def test_a_link_that_loses_nothing_or_everything(loss: float, arrive: int):
 
 def test_during_an_outage_nothing_gets_through_and_afterwards_everything():
     """The outage is [begin, end): what decides is when a message's last bit leaves."""
-    wire_ns = LAN.wire_bits(IMAGE_BYTES)
+    wire_ns = LAN.link_bits(IMAGE_BYTES)
     begin_ns, end_ns = 100_000_000, 200_000_000
     line = Line(LAN)
-    line.clock.after(begin_ns, line.link.down_by.append, ("outage",))
-    line.clock.after(end_ns, line.link.down_by.remove, ("outage",))
+    line.clock.after(begin_ns, line.link.cut_by.append, ("outage",))
+    line.clock.after(end_ns, line.link.cut_by.remove, ("outage",))
     last_bit_ns = (begin_ns - 1, begin_ns, 150_000_000, end_ns - 1 + wire_ns // 2, end_ns + wire_ns)
     for number, leaves_ns in enumerate(last_bit_ns):
         line.send(leaves_ns - wire_ns, number)
@@ -299,7 +299,7 @@ def test_the_use_of_the_wire_is_known_while_a_message_is_on_it():
     line.clock.run(until=1000 + 500)
     assert line.link.busy_ns == 500
     line.run()
-    assert line.link.busy_ns == LAN.wire_bits(IMAGE_BYTES)
+    assert line.link.busy_ns == LAN.link_bits(IMAGE_BYTES)
 
 
 def test_an_answer_of_eight_objects_is_433_times_smaller_than_the_image():

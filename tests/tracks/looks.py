@@ -27,14 +27,14 @@ def tracks(existence=None, **settings) -> TrackMap:
 
 def after(map_: TrackMap, *looks: Look) -> TrackMap:
     for taken in looks:
-        map_.count(taken, taken.header.stamp_ns)
+        map_.learn(taken, taken.header.stamp_ns)
     return map_
 
 
 def there(map_: TrackMap, t_s: float) -> list[tuple[str, float, float]]:
     """What may leave at a time, by class and place."""
     map_.forget(round(t_s * S))
-    places = [(seen.label, *seen.location[:2]) for seen in map_.served(round(t_s * S))]
+    places = [(seen.label, *seen.location[:2]) for seen in map_.believed(round(t_s * S))]
     return sorted((label, round(east, 2), round(north, 2)) for label, east, north in places)
 
 

@@ -8,11 +8,12 @@ from dataclasses import replace
 import pytest
 
 from genie_sim.base.settings import from_plain
-from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image, Motion
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header, Image
 from genie_sim.judge import held as recording_held
 from genie_sim.judge.objects import Objects
 from genie_sim.tracks.consumer import ConsumerRules, Newest, Tracker
 from genie_sim.tracks.coverage import Viewer
+from genie_sim.tracks.track import Motion
 from tests.core.worlds import S, seen
 from tests.tracks.looks import FOV, MS, after, car, look, tracks
 
@@ -72,7 +73,7 @@ def test_newest_predicts_objects_with_a_velocity():
     consumer = Newest()
     tell(consumer, 0.0, car(33.0), camera="03")
     map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
-    objects = map_.visible(Viewer(image(1.0).header, image(1.0).pose, FOV), S)
+    objects = map_.in_view(Viewer(image(1.0).header, image(1.0).pose, FOV), S)
     consumer.on_frame(image(1.0))
     consumer.on_answer(Detections(image(1.0).header, tuple(objects), "map").with_look(None, S), S)
     assert held(consumer, 1.0) == [("car", pytest.approx(20.0, abs=0.1))]

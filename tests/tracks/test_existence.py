@@ -79,13 +79,13 @@ def test_a_late_look_is_associated_by_predicting_back_and_moves_nothing():
     map_ = after(tracks(), *(look(0.1 * i, car(10.0 + i)) for i in range(11)))
     (held,) = map_
     place, sightings = held.place(S), held.sightings
-    map_.count(look(0.55, car(15.5)), S)
+    map_.learn(look(0.55, car(15.5)), S)
     assert list(map_) == [held] and held.sightings == sightings + 1, (
         "it is the same car, half a second ago"
     )
-    assert held.place(S) == place and held.seen.stamp_ns == S
+    assert held.place(S) == place and held.seen_in.stamp_ns == S
     existence = held.existence
-    map_.count(look(0.65), S)
+    map_.learn(look(0.65), S)
     assert held.existence == existence, "a late look that does not show it says nothing about now"
 
 
@@ -94,10 +94,10 @@ def test_the_same_look_by_two_ways_counts_once():
     map_ = after(tracks(), one)
     (held,) = map_
     before = held.existence
-    again, boosted, _ = map_.count(one, 40 * MS)
-    assert again == [held] and boosted == {}
+    again = map_.learn(one, 40 * MS)
+    assert (again.requests, again.updates) == (1, 0)
     assert (held.existence, held.sightings) == (before, 1)
-    map_.count(one._replace(header=one.header._replace(frame_id="03")), 40 * MS)
+    map_.learn(one._replace(header=one.header._replace(frame_id="03")), 40 * MS)
     assert held.existence > before and held.sightings == 2, "another camera's look is another look"
 
 
@@ -146,10 +146,10 @@ def test_existence_follows_the_textbooks_recursion(scores, range_m):
         survival = 0.9998 if held.parked else 0.97
         header = Header(i * 100 * MS, "02", "car1")
         if score is None:
-            policy.unseen(held, range_m, header)
+            policy.doubt(held, range_m, header)
         else:
             held.sightings += 1
-            policy.seen(held, score, header)
+            policy.confirm(held, score, header)
         p = textbook(p, 0.1, survival, 0.9, None if score is None else 0.9 * score / 0.2)
         assert held.existence == pytest.approx(p, rel=1e-9)
         assert 0.0 <= held.existence <= 1.0
@@ -159,7 +159,7 @@ def test_existence_follows_the_textbooks_recursion(scores, range_m):
     ("range_m", "found"), [(10.0, 0.9), (20.0, 0.9), (30.0, 0.6), (40.0, 0.3), (60.0, 0.2)]
 )
 def test_the_assumed_chance_to_find_falls_with_the_range(range_m, found):
-    assert ASSUMED.found(True, range_m) == pytest.approx(found)
+    assert ASSUMED.detection(True, range_m) == pytest.approx(found)
 
 
 # What a look sees
@@ -220,7 +220,7 @@ def test_whatever_is_seen_bounds_hold_and_the_same_again_is_the_same(rounds, tau
         for i, many in enumerate(rounds):
             t_s = many[0][0] if many else 0.0
             found = [seen(label, score, at=(east, north)) for _, east, north, score, label in many]
-            map_.count(look(t_s, *found, camera=str(i)), round(t_s * S))
+            map_.learn(look(t_s, *found, camera=str(i)), round(t_s * S))
             assert all(0.0 <= one.existence <= 1.0 and one.variance[0] >= 0.0 for one in map_)
             assert len(list(map_)) == len(map_)
         return [(one.number, one.east_m, one.existence) for one in map_]

@@ -35,7 +35,7 @@ def test_a_measured_law_knows_a_good_detector_from_a_bad_one():
         ]
 
     good, bad = measured([looks(1)]), measured([looks(2)])
-    assert good.found(True, 12.0) > 0.95 > 0.75 > bad.found(True, 12.0) > 0.4
+    assert good.detection(True, 12.0) > 0.95 > 0.75 > bad.detection(True, 12.0) > 0.4
     assert good.others == pytest.approx(ASSUMED.others), "no persons were seen"
     assert all(
         found == pytest.approx(known) for found, known in zip(measured([]), ASSUMED, strict=True)

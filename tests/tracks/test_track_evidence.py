@@ -47,13 +47,13 @@ def test_four_looks_in_a_tenth_of_a_second_say_what_one_says(tau_ms: int, probab
     existing = track(0.5)
     rule = policy(tau_ms)
     for number in range(1, 5):
-        rule.seen(existing, 0.9, Header(25 * MS * number, "02", "car1"))
+        rule.confirm(existing, 0.9, Header(25 * MS * number, "02", "car1"))
     assert existing.existence == pytest.approx(probability)
 
 
 def test_a_look_that_misses_counts_by_its_distance_in_time():
     existing = track(0.5)
-    policy(100).unseen(existing, 10.0, Header(25 * MS, "02", "car1"))
+    policy(100).doubt(existing, 10.0, Header(25 * MS, "02", "car1"))
     odds = 0.1**0.25
     assert odds == pytest.approx(0.562, abs=1e-3)
     assert existing.existence == pytest.approx(odds / (1 + odds))
@@ -61,8 +61,8 @@ def test_a_look_that_misses_counts_by_its_distance_in_time():
 
 def test_a_look_after_tau_counts_whole():
     existing, other = track(0.5), track(0.5)
-    policy(100).unseen(existing, 10.0, Header(150 * MS, "02", "car1"))
-    policy(0).unseen(other, 10.0, Header(150 * MS, "02", "car1"))
+    policy(100).doubt(existing, 10.0, Header(150 * MS, "02", "car1"))
+    policy(0).doubt(other, 10.0, Header(150 * MS, "02", "car1"))
     assert existing.existence == other.existence == pytest.approx(0.1 / 1.1)
 
 
@@ -75,7 +75,7 @@ def test_answers_out_of_the_map_look_wider_by_the_margin(bearing_deg, margin_deg
     angle = math.radians(bearing_deg)
     at = (0.5 + 20 * math.cos(angle), 0.5 + 20 * math.sin(angle))
     wide = Look(image.header, image.pose, math.radians(170), (seen("car", 0.9, at=at),))
-    object_map.count(wide, 0)
+    object_map.learn(wide, 0)
     viewer = Viewer(image.header, image.pose, image.horizontal_fov_rad)
-    assert len(object_map.visible(viewer, 0)) == shown
-    assert object_map.shows(viewer, seen("car", 0.9, at=at)) == bool(shown)
+    assert len(object_map.in_view(viewer, 0)) == shown
+    assert object_map.is_in_view(viewer, seen("car", 0.9, at=at)) == bool(shown)

@@ -31,7 +31,7 @@ def test_a_track_is_a_kalman_filter_for_each_axis():
     covariance = np.diag([first_sigma_m**2, (VEHICLE.v_max_mps / 2) ** 2])
     axes = [(np.array([metre, 0.0]), covariance) for metre in places[0]]
     for i, place in enumerate(places):
-        map_.count(look(0.2 * i, car(*place)), i * 200 * MS)
+        map_.learn(look(0.2 * i, car(*place)), i * 200 * MS)
         if i:
             sigma_m = sigma_of(math.hypot(*place))
             axes = [
@@ -62,7 +62,7 @@ def test_the_view_ends_at_its_range(range_m, visible):
     place = car(30.0 * range_m)
     map_ = after(tracks(view_range_m=30.0), *(look(0.1 * i, place) for i in range(5)))
     viewer = Viewer(Header(S, "02", "car1"), CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
-    assert bool(map_.visible(viewer, S)) is visible
+    assert bool(map_.in_view(viewer, S)) is visible
 
 
 @pytest.mark.parametrize("away_m", [50e3, 1e9, 1e15])
@@ -72,7 +72,7 @@ def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m
     assert sorted(track.sightings for track in map_) == [2, 2]
     header = Header(S, "02", "car1")
     viewer = Viewer(header, CameraPose(0.0, 0.0, 1.6, 0.0), FOV)
-    objects = map_.visible(viewer, S)
+    objects = map_.in_view(viewer, S)
     assert [detection.location[0] for detection in objects] == pytest.approx([20.0, away_m])
 
 
@@ -82,7 +82,7 @@ def test_a_detection_far_away_is_a_track_like_any_other_and_costs_no_time(away_m
 def test_no_track_is_faster_than_twice_its_kinds_highest_speed(label: str, most_mps: float):
     """Also where it seems to have gone 40 m in half a second."""
     (track,) = after(tracks(), look(0.0, seen(label, 0.9, at=(10.0, 0.0))))
-    track.update(seen(label, 0.9, at=(10.0, 40.0)), sigma_of(10.0), Header(S // 2, "02", "car1"))
+    track.update(seen(label, 0.9, at=(10.0, 40.0)), 10.0, Header(S // 2, "02", "car1"))
     assert track.velocity_mps == pytest.approx((0.0, most_mps))
 
 

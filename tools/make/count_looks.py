@@ -45,13 +45,13 @@ class _Census(Existence):
     def expires_ns(self, track: Track) -> int:
         return track.seen_ns + COAST_NS if track.moving else NEVER_NS
 
-    def seen(self, track: Any, score: float, header: Header) -> None:
+    def confirm(self, track: Any, score: float, header: Header) -> None:
         record = self.records.setdefault(track.number, _Record(track.kind is VEHICLE))
         if record.scores:
             record.looks.append((track.range_m, True))
         record.scores.append(score)
 
-    def unseen(self, track: Any, range_m: float, header: Header) -> None:
+    def doubt(self, track: Any, range_m: float, header: Header) -> None:
         self.records[track.number].looks.append((range_m, False))
 
 
@@ -69,7 +69,7 @@ def counted(recordings: Iterable[Iterable[Look]]) -> LawCounts:
         census = _Census()
         tracks = TrackMap(census)
         for look in looks:
-            tracks.count(look, look.header.stamp_ns)
+            tracks.learn(look, look.header.stamp_ns)
         records += census.records.values()
     often = [record for record in records if len(record.looks) >= MIN_LOOKS]
     real = [record for record in often if record.found_share() >= REAL_SHARE]

@@ -1,5 +1,5 @@
-"""The pages of the reference. Two are committed (``python -m tools.reference``): no command prints
-what they say. The others are made with the site (``tools/reference/site.py``).
+"""The pages of the reference. One is committed (``python -m tools.reference``): no command prints
+what it says. The others are made with the site (``tools/reference/site.py``).
 """
 
 from __future__ import annotations
@@ -73,9 +73,10 @@ shows how to add one of your own, `module:Class`; `genie-sim show NAME` prints a
 sweep. The metrics, devices and links have pages of their own.
 """
 METRIC = """\
-The name is that in `metrics.json`; shares are from 0 to 1 there. [Better](../how-to/compare.md)
-says which way. [Add a metric](../extend/metric.md).
+The name is that in `metrics.json`; shares are from 0 to 1 there. ↑: more is
+[better](../how-to/compare.md); ↓: less is. [Add a metric](../extend/metric.md).
 """
+BETTER = {"higher": " ↑", "lower": " ↓", "": ""}
 
 KINDS = (
     *("methods", "faults", "sources", "link-models", "similarities", "evictions"),
@@ -87,11 +88,7 @@ Lines = Iterator[str]
 
 def texts() -> dict[str, str]:
     """The pages below docs that are committed."""
-    pages = {
-        "metrics": _page("Metrics", METRIC, metrics()),
-        "tables": _page("Tables", NULL, tables()),
-    }
-    return {f"reference/{name}.md": text for name, text in pages.items()}
+    return {"reference/metrics.md": _page("Metrics", METRIC, metrics())}
 
 
 def site_texts() -> dict[str, str]:
@@ -100,6 +97,7 @@ def site_texts() -> dict[str, str]:
     pages = {
         "cli": _page("Command line", CLI, commands()),
         "scenario": _page("Settings of a scenario", SETTINGS, settings()),
+        "tables": _page("Tables", NULL, tables()),
         "devices": _page("Devices", LAWS, devices(profiles)),
         "links": _page("Links", LINK, links()),
         "names": _page("Methods, faults and other names", NAMES, names(KINDS)),
@@ -177,9 +175,8 @@ def _columns(columns: Iterable[Column]) -> Lines:
 
 def metrics() -> Lines:
     """Every metric with its unit and its meaning."""
-    yield "| name | title | better | meaning |\n|---|---|---|---|"
     for name, metric in registry.METRICS.items():
-        yield f"| `{name}` | {metric.label} | {metric.better} | {_cell(metric.meaning)} |"
+        yield f"- `{name}`, {metric.label}{BETTER[metric.better]}: {_cell(metric.meaning)}"
 
 
 def names(kinds: Iterable[str]) -> Lines:

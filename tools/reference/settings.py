@@ -28,7 +28,7 @@ SEE = {  # where more is written
     "methods": "[Add a method](../extend/method.md)",
     "model": "`genie-sim list devices`",
     "spread": "[the timing model](../explanation/timing-model.md)",
-    "consumer": "[Freshness](../explanation/freshness.md)",
+    "consumer": "[The recommended Genie](../explanation/looks.md)",
     "judged": "[Correctness](../explanation/correctness.md)",
     "record": "[Tables](tables.md)",
     "metrics": "[Add a metric](../extend/metric.md)",
@@ -46,7 +46,7 @@ SEE = {  # where more is written
     "genie.similarity.name": "[Add a similarity](../extend/similarity.md)",
     "genie.eviction": "[Add an eviction policy](../extend/eviction.md)",
     "genie.object_map.rule": "[rules](../explanation/paper-readings.md#how-confidence-grows)",
-    "genie.object_map.forget_after": "[Freshness](../explanation/freshness.md)",
+    "genie.object_map.forget_after": "[The recommended Genie](../explanation/looks.md)",
 }
 UNITS = {  # by the example that the schema gives of a quantity
     "30 ms": "duration",

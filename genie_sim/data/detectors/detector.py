@@ -372,7 +372,6 @@ class DetectorSettings:
     weights : the network's file or its folder; ``None``: the folder GENIE_SIM_WEIGHTS
     size : width and height of the network's input [pixels]; ``None``: the detector's usual one
     min_score : the lowest score kept, in [0, 1]
-    place_from : detections with a lower score are kept without a location
     providers : ONNX Runtime's execution providers, best first
     threads : of the network
     encoding : of the pictures before the detector sees them
@@ -383,7 +382,6 @@ class DetectorSettings:
     weights: str | Path | None = None
     size: tuple[int, int] | None = None
     min_score: float = MIN_SCORE
-    place_from: float = 0.0
     providers: Sequence[str] = (CPU,)
     threads: int = 1
     encoding: Encoding = "raw"

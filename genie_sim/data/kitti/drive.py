@@ -22,7 +22,7 @@ from genie_sim.base.errors import UserError, as_user_error, unknown
 from genie_sim.base.geometry import Array, Geodetic, inverse, rigid
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
-from genie_sim.data.kitti.number_files import numbers, picture_size, size_of, within
+from genie_sim.data.kitti.number_files import are_plausible, numbers, picture_size, size_of
 from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
 
 log = logging.getLogger(__name__)
@@ -121,7 +121,7 @@ class KittiDrive:
                 )
             points = pykitti.utils.load_velo_scan(path)
         columns = points[:, :3].T.astype(np.float64, order="C")
-        if not within(columns):
+        if not are_plausible(columns):
             raise UserError(f"{path}: the scan has points that are not finite numbers")
         # so that each coordinate of all points lies together, which is how they are used
         by_coordinate: Array = columns.T
@@ -333,7 +333,7 @@ def _odometry(root: Path, drive: str, cameras: Sequence[str], origin: Geodetic |
         sequence = pykitti.odometry(str(base), number)
     calibration = sequence.calib
     _check_calibration(folder, calibration)
-    if not within(sequence.poses):
+    if not are_plausible(sequence.poses):
         raise UserError(f"{poses}: a number is not finite, or too large")
     sizes: dict[str, tuple[int, int] | None] = {}
     for camera in cameras:
@@ -366,7 +366,7 @@ def _check_calibration(folder: Path, calibration: Any) -> None:
     for camera in CAMERAS:
         for name in (f"K_cam{int(camera)}", f"T_cam{int(camera)}_velo"):
             matrix = getattr(calibration, name)
-            if not within(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
+            if not are_plausible(matrix) or abs(np.linalg.det(matrix)) < 1e-9:
                 raise UserError(
                     f"{folder}: calibration: {name} of camera {camera} cannot be inverted"
                 )
@@ -384,9 +384,9 @@ def _packet(path: Path) -> Array:
 
 
 def _numbered(folder: Path, extension: str) -> dict[int, Path]:
-    """Files by frame number, in ascending order."""
-    paths = [path for path in folder.glob(f"*.{extension}") if path.stem.isdecimal()]
-    return {int(path.stem): path for path in sorted(paths, key=lambda path: int(path.stem))}
+    """Files by frame number."""
+    paths = sorted(folder.glob(f"*.{extension}"))
+    return {int(path.stem): path for path in paths if path.stem.isdecimal()}
 
 
 def _pictures(folder: Path, camera: str, report: ImportReport) -> dict[int, Path]:

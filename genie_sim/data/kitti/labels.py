@@ -28,7 +28,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import Box, Location
 from genie_sim.data.importers.trace_import import tell_distances
 from genie_sim.data.kitti.drive import TRACKLETS, drive_folders, open_drive
-from genie_sim.data.kitti.number_files import lines, within
+from genie_sim.data.kitti.number_files import are_plausible, numbered_lines
 from genie_sim.data.kitti.tracking_sequence import (
     CAMERA,
     TRACKING,
@@ -224,13 +224,13 @@ def tracking_labels(path: Path, drive: TrackingSequence) -> list[tuple[int, Obje
     UserError.
     """
     labels = []
-    for number, fields in lines(path):
+    for number, fields in numbered_lines(path):
         where = f"{path}: line {number}"
         with as_user_error(f"{where}: not a tracking label", IndexError, ValueError, OverflowError):
             frame, track = int(fields[0]), int(fields[1])
             truncation, occlusion = int(float(fields[3])), int(fields[4])
             x1, y1, x2, y2, height_m, _, _, x, y, z = map(float, (*fields[6:13], *fields[13:16]))
-        if not within([x1, y1, x2, y2, height_m, x, y, z]):
+        if not are_plausible([x1, y1, x2, y2, height_m, x, y, z]):
             raise UserError(f"{where}: not a tracking label: a number is not finite, or too large")
         if not 0 <= frame < len(drive.world_SE3_camera0):
             raise UserError(f"{where}: frame {frame} has no line in oxts")
@@ -289,7 +289,7 @@ def _tracklet(item: ElementTree.Element) -> Tracklet:
     ]
     table = np.array(poses).reshape(-1, len(names))
     height_m, width_m, length_m = (float(item.findtext(name, "")) for name in "hwl")
-    if not within([height_m, width_m, length_m, *table.ravel()]):
+    if not are_plausible([height_m, width_m, length_m, *table.ravel()]):
         raise ValueError("a number is not finite, or too large")
     return Tracklet(
         kind=str(item.findtext("objectType")),

@@ -25,14 +25,14 @@ PICTURE_SIZES = {
 SAME_FOCAL_PX = 0.02  # two of the days differ by 0.04
 
 
-def within(values: npt.ArrayLike) -> bool:
+def are_plausible(values: npt.ArrayLike) -> bool:
     """Whether all values are numbers below ``MAX``: neither infinite nor nan, and their products
     are finite.
     """
     return bool((np.abs(np.asarray(values, dtype=np.float64)) < MAX).all())
 
 
-def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
+def numbered_lines(path: Path) -> Iterator[tuple[int, list[str]]]:
     """Number (from 1 on) and blank- or comma-separated fields of each line that is not empty."""
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         if line.strip():
@@ -40,16 +40,16 @@ def lines(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def numbers(path: Path, columns: int) -> Array:
-    """A table (n, columns) of numbers ``within`` bounds. Raises UserError for a line that holds
+    """A table (n, columns) of numbers ``are_plausible``. Raises UserError for a line that holds
     anything else.
     """
     rows: list[list[float]] = []
-    for number, fields in lines(path):
+    for number, fields in numbered_lines(path):
         with as_user_error(f"{path}: line {number}", ValueError):
             row = [float(field) for field in fields]
         if len(row) != columns:
             raise UserError(f"{path}: line {number}: {len(row)} fields, expected {columns}")
-        if not within(row):
+        if not are_plausible(row):
             raise UserError(f"{path}: line {number}: a number is not finite, or too large")
         rows.append(row)
     return np.array(rows).reshape(-1, columns)
@@ -57,7 +57,7 @@ def numbers(path: Path, columns: int) -> Array:
 
 def named_rows(path: Path) -> dict[str, list[str]]:
     """The rows of a calibration file whose lines are ``NAME: numbers`` or ``NAME numbers``."""
-    return {fields[0].rstrip(":"): fields[1:] for _, fields in lines(path)}
+    return {fields[0].rstrip(":"): fields[1:] for _, fields in numbered_lines(path)}
 
 
 def size_of(rows: Mapping[str, Iterable[str | float]], name: str) -> tuple[int, int] | None:
@@ -97,7 +97,7 @@ def matrices(
             ) from error
         with np.errstate(all="ignore"):
             singular = columns >= 3 and abs(np.linalg.det(matrix[:, :3])) < 1e-9
-        if singular or not within(matrix):
+        if singular or not are_plausible(matrix):
             raise UserError(f"{path}: {names[0]} is not a matrix that can be inverted")
         table.append(matrix)
     return table

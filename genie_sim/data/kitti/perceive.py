@@ -30,7 +30,6 @@ from genie_sim.data.kitti.tracking_sequence import TRACKING
 from genie_sim.data.trace import Trace, TraceFrame
 
 DEFAULT_DETECTOR = DetectorSettings()
-LOWEST_SCORE = 0.01  # for an evaluation: weak detections count for average precision
 
 
 def kitti_folder(root: str | Path | None) -> Path:
@@ -94,13 +93,7 @@ def perceive(
     )
     camera_frames = in_turn(drive, frames.numbers)
     network = detector.opened()
-    perceived = trace_frames(
-        drive,
-        camera_frames,
-        network,
-        place_from=detector.place_from,
-        encoding=detector.encoding,
-    )
+    perceived = trace_frames(drive, camera_frames, network, detector.encoding)
     pictures = []
     for done, frame in enumerate(perceived, start=1):
         pictures.append(frame)

@@ -70,7 +70,7 @@ class RosMessage:
     def with_look(self, look: Look | None, valid_ns: int | None) -> "RosMessage":
         return self
 
-    def served(self, source: str, by: str, header: Header | None = None) -> "RosMessage":
+    def credited(self, source: str, by: str, header: Header | None = None) -> "RosMessage":
         header = self.header if header is None else header
         return replace(self, source=source, served_by=by, header=header)
 

@@ -2,17 +2,16 @@
 
 import json
 import re
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.settings import SettingError, from_plain
-from genie_sim.core.genies import make_genie
-from genie_sim.core.messages import Forgotten, Observation
+from genie_sim.core.genies import make_genie, rules_on_car, rules_on_edge
+from genie_sim.core.messages import Observation
 from genie_sim.core.rules import GenieRules
-from genie_sim.core.similarity import SIMILARITIES
 from genie_sim.recommended.method import Recommended
 from genie_sim.recommended.shared_tracks import SharingRules
 from genie_sim_ros.codec import Codec, WireType
@@ -215,8 +214,6 @@ def make_gateway(
     settings = checked_settings(plan.settings, plan.pose_topic)
     middleware: dict[str, Any] = {"suffixes": (LOCAL, REMOTE), "map_answer": None}
     rules = GenieRules() if isinstance(settings, Recommended) else settings
-    if rules.similarity.name == "pose_grid" and rules is settings:
-        middleware["key"] = _posed(SIMILARITIES["pose_grid"](**rules.similarity.parameters).key)
     if object_codec is not None and plan.pose_topic is not None:
         middleware["map_answer"] = lambda header, objects: RosMessage(
             header, b"", object_codec, objects=tuple(objects), source="map"
@@ -252,20 +249,14 @@ def _genie_of(
             map_answer=middleware["map_answer"],
             suffixes=suffixes,
         )
-    alone = not plan.connect and plan.role == "car"
-    genie = make_genie(
-        settings,
-        plan.name,
-        plan.requests,
-        plan.answers,
-        on_edge=plan.role == "edge",
-        alone=alone,
-        **middleware,
-    )
-    if middleware["map_answer"] is None and genie.rules.miss_policy == "immediate":
+    if plan.role == "edge":
+        rules = rules_on_edge(settings)
+    else:
+        rules = rules_on_car(settings, alone=not plan.connect)
+    if middleware["map_answer"] is None and rules.miss_policy == "immediate":
         # there is no map to answer from meanwhile
-        genie.rules = replace(genie.rules, miss_policy="blocking")
-    return genie
+        rules = replace(rules, miss_policy="blocking")
+    return make_genie(rules, plan.name, plan.requests, plan.answers, **middleware)
 
 
 class Recorder:
@@ -277,11 +268,7 @@ class Recorder:
     def __call__(self, record: Observation, now_ns: int) -> None:
         if self._file is not None:
             line = {"t_ns": now_ns, "record": type(record).__name__, **asdict(record)}
-            if not isinstance(record, Forgotten):
-                line["header"] = record.header._asdict()
+            header = getattr(record, "header", None)
+            if header is not None:
+                line["header"] = header._asdict()
             self._file.write(json.dumps(line) + "\n")
-
-
-def _posed(key: Callable[[Any], Hashable]) -> Callable[[RosMessage], Hashable]:
-    """A message whose camera pose is unknown equals no other."""
-    return lambda message: ("no pose", message.header) if message.pose is None else key(message)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.cachier import PopularityCache, best_size
+from genie_sim.methods.cachier import Cachier, PopularityCache, best_size
 from tests.methods.caches.vectors import TOPIC, answer, at
 
 MS, S = 10**6, 10**9
@@ -48,7 +48,9 @@ def warm(per_entry_ns: int, capacity: Capacity | None = None) -> PopularityCache
     """It was asked five times for 1, twice for 2 and 3, once for 4, and its time has come to
     choose.
     """
-    cache = PopularityCache(capacity, 0.1, per_entry_ns=per_entry_ns, period_ns=5 * S)
+    cache = PopularityCache(
+        Cachier(radius=0.1, per_entry_ns=per_entry_ns, period_ns=5 * S), capacity
+    )
     for step, place in enumerate((4, 1, 1, 1, 2, 3, 1, 2, 3, 1)):
         asked(cache, 0.3 * place, step * 400 * MS)
     assert cache.cloud_ns == pytest.approx(100 * MS)
@@ -94,7 +96,7 @@ def test_counts_grow_old_and_are_forgotten():
 
 
 def test_near_ones_are_one_and_the_newest_stands_for_them():
-    cache = PopularityCache(None, 0.1, per_entry_ns=0, period_ns=5 * S)
+    cache = PopularityCache(Cachier(radius=0.1, per_entry_ns=0, period_ns=5 * S), None)
     first, again = at(0.0), at(0.05)
     # before the first answer
     assert cache.get(first, 0) is None and cache.get(again, 10 * MS) is None
@@ -106,7 +108,7 @@ def test_near_ones_are_one_and_the_newest_stands_for_them():
 
 
 def test_the_clouds_time_is_a_moving_mean_of_answered_misses():
-    cache = PopularityCache(None, 0.1, per_entry_ns=0, period_ns=5 * S)
+    cache = PopularityCache(Cachier(radius=0.1, per_entry_ns=0, period_ns=5 * S), None)
     asked(cache, 0.0, 0, cloud_ns=80 * MS)
     cache.get(at(2.0), S)  # its answer is lost
     asked(cache, 1.0, S, cloud_ns=160 * MS)

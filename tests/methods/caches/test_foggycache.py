@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from genie_sim.methods.foggycache import VotingCache
+from genie_sim.methods.foggycache import FoggyCache, VotingCache
 from tests.methods.caches.vectors import TOPIC, answer, at
 
 
@@ -13,7 +13,7 @@ def reuse_and_accuracy(theta: float, seed: int) -> tuple[float, float]:
     is another one.
     """
     rng = np.random.default_rng(seed)
-    cache = VotingCache(None, theta=theta, radius=0.15)
+    cache = VotingCache(FoggyCache(replay="world", theta=theta, radius=0.15), None)
     hits = right = 0
     for now, place in enumerate(rng.uniform(0.0, 2.0, 700)):
         true = 100.0 * (place // 0.2)
@@ -43,7 +43,7 @@ def test_with_theta_accuracy_rises_and_reuse_falls():
 
 
 def test_a_vote_needs_two_and_the_largest_cluster_wins():
-    cache = VotingCache(None, theta=0.7, radius=0.5)
+    cache = VotingCache(FoggyCache(replay="world", theta=0.7, radius=0.5), None)
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     assert cache.get(at(0.0), 1) is None, "one alone is no vote"
     cache.put(at(0.01), TOPIC, answer(1.5), 1)

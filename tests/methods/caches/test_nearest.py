@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,6 +95,8 @@ def test_an_answer_moves_with_its_camera():
     (one,) = moved(answer(10.0), aside, here).objects
     assert one.location == pytest.approx((97.0, 60.0, 0.8))
     assert moved(answer(10.0), HERE, HERE) == answer(10.0)
+    of_another_type = SimpleNamespace(objects=None)
+    assert moved(of_another_type, HERE, here) is of_another_type
     cache = NearestCache(None, 0.1, replay="camera")
     cache.put(key(0), TOPIC, answer(10.0), 0)
     (seen,) = cache.get(key(1, pose=here), 1)[TOPIC].objects

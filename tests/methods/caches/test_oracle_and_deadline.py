@@ -54,10 +54,10 @@ def drive(
         ways = scheduler.choose(one, 1000, now_ns)
         for way in ways:
             took_ms = (
-                local_ms if way.route == "local" else remote_ms + per_byte_ns * way.size_bytes / MS
+                local_ms if way.way == "local" else remote_ms + per_byte_ns * way.size_bytes / MS
             )
-            scheduler.answered(way.route, one, now_ns + round(took_ms * MS))
-        chosen.append([(way.route, way.size_bytes) for way in ways])
+            scheduler.answered(way.way, one, now_ns + round(took_ms * MS))
+        chosen.append([(way.way, way.size_bytes) for way in ways])
     return chosen
 
 
@@ -65,7 +65,7 @@ def test_the_faster_way_is_taken_once_both_are_known():
     never = 10**18
     for local_ms, remote_ms, expected in ((300, 50, "remote"), (30, 50, "local")):
         ways = drive(Scheduler(400 * MS, (1.0,), never), 10, local_ms, remote_ms)
-        assert {route for route, _ in ways[0]} == {"local", "remote"}, "nothing is known yet"
+        assert {way for way, _ in ways[0]} == {"local", "remote"}, "nothing is known yet"
         assert ways[1:] == [[(expected, 1000)]] * 9
 
 
@@ -84,10 +84,10 @@ def test_a_way_not_used_for_long_is_probed():
 
 def test_frames_that_wait_for_the_own_detector_make_it_later():
     scheduler = Scheduler(400 * MS, (1.0,), 10**18)
-    (first,) = {way.route for way in scheduler.choose(header(0), 1000, 0)} - {"remote"}
+    (first,) = {way.way for way in scheduler.choose(header(0), 1000, 0)} - {"remote"}
     scheduler.answered(first, header(0), 150 * MS)
     scheduler.answered("remote", header(0), 350 * MS)
-    assert [scheduler.choose(header(n), 1000, 500 * MS)[0].route for n in (1, 2, 3)] == [
+    assert [scheduler.choose(header(n), 1000, 500 * MS)[0].way for n in (1, 2, 3)] == [
         "local",
         "local",
         "remote",
@@ -100,16 +100,16 @@ def test_the_service_time_is_without_the_wait_for_the_detector():
     """
     scheduler = Scheduler(200 * MS, (1.0,), 10**18)
 
-    def routes(number: int, now_ms: int) -> set[str]:
-        return {way.route for way in scheduler.choose(header(number), 1000, now_ms * MS)}
+    def ways(number: int, now_ms: int) -> set[str]:
+        return {way.way for way in scheduler.choose(header(number), 1000, now_ms * MS)}
 
-    routes(0, 0)
+    ways(0, 0)
     scheduler.answered("local", header(0), 100 * MS)
-    assert routes(1, 150) == routes(2, 160) == {"local"}
+    assert ways(1, 150) == ways(2, 160) == {"local"}
     scheduler.answered("local", header(1), 250 * MS)
     scheduler.answered("local", header(2), 350 * MS)
-    assert routes(3, 400) == routes(4, 401) == {"local"}
-    assert routes(5, 402) == set()
+    assert ways(3, 400) == ways(4, 401) == {"local"}
+    assert ways(5, 402) == set()
 
 
 def test_an_answer_shows_which_earlier_frames_were_dropped():
@@ -117,7 +117,7 @@ def test_an_answer_shows_which_earlier_frames_were_dropped():
     scheduler.choose(header(0), 1000, 0)
     scheduler.answered("local", header(0), 100 * MS)  # 100 ms each; the edge never answers
     for number in (1, 2, 3):
-        assert [way.route for way in scheduler.choose(header(number), 1000, number * 100 * MS)] == [
+        assert [way.way for way in scheduler.choose(header(number), 1000, number * 100 * MS)] == [
             "local"
         ]
     scheduler.answered("local", header(2), 350 * MS)

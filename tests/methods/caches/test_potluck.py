@@ -7,7 +7,7 @@ import pytest
 
 from genie_sim.base.seeds import Draws
 from genie_sim.core.rules import Capacity
-from genie_sim.methods.potluck import AdaptiveThresholdCache
+from genie_sim.methods.potluck import AdaptiveThresholdCache, Potluck
 from tests.methods.caches.vectors import TOPIC, answer, at
 
 BOUNDARY = 0.2
@@ -19,7 +19,9 @@ def learned(boundary: float, seed: int, **settings: float) -> list[float]:
     """
     rng = np.random.default_rng(seed)
     cache, found = (
-        AdaptiveThresholdCache(None, Draws(seed + 100), warm=20, ttl_ns=10**15, **settings),
+        AdaptiveThresholdCache(
+            Potluck(replay="world", warm=20, ttl_ns=10**15, **settings), None, Draws(seed + 100)
+        ),
         [],
     )
     for now, place in enumerate(rng.uniform(0.0, 6.0, 1500)):
@@ -45,7 +47,9 @@ def test_a_wider_boundary_gives_a_wider_threshold():
 
 
 def test_wrong_hits_tighten_the_threshold_and_missed_hits_loosen_it():
-    cache = AdaptiveThresholdCache(None, Draws(1), dropout=0.0, warm=1, tighten=4.0, keep=0.8)
+    cache = AdaptiveThresholdCache(
+        Potluck(replay="world", dropout=0.0, warm=1, tighten=4.0, keep=0.8), None, Draws(1)
+    )
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(0.5), TOPIC, answer(1.0), 1)
     assert cache.reach == pytest.approx(0.1, abs=1e-3)
@@ -57,14 +61,16 @@ def test_wrong_hits_tighten_the_threshold_and_missed_hits_loosen_it():
 
 
 def test_dropped_hits_are_misses():
-    cache = AdaptiveThresholdCache(None, Draws(1), dropout=0.25)
+    cache = AdaptiveThresholdCache(Potluck(replay="world", dropout=0.25), None, Draws(1))
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     misses = sum(cache.get(at(0.0), 1) is None for _ in range(2000))
     assert misses / 2000 == pytest.approx(0.25, abs=0.03)
 
 
 def test_what_saves_least_per_byte_goes_first():
-    cache = AdaptiveThresholdCache(Capacity(entries=2), Draws(1), dropout=0.0)
+    cache = AdaptiveThresholdCache(
+        Potluck(replay="world", dropout=0.0), Capacity(entries=2), Draws(1)
+    )
     cache.put(at(0.0), TOPIC, answer(1.0), 0)
     cache.put(at(1.0), TOPIC, answer(1.0, 9.0, 20.0), 1)
     cache.get(at(1.0), 2)
@@ -74,7 +80,9 @@ def test_what_saves_least_per_byte_goes_first():
 
 
 def test_any_number_of_answers_may_be_over_at_once():
-    cache = AdaptiveThresholdCache(None, Draws(1), dropout=0.0, warm=2000, ttl_ns=10)
+    cache = AdaptiveThresholdCache(
+        Potluck(replay="world", dropout=0.0, warm=2000, ttl_ns=10), None, Draws(1)
+    )
     for number in range(1200):
         cache.put(at(number / 100), TOPIC, answer(1.0), 0)
     assert cache.near(at(-1.0), 1, 20) == [] and len(cache) == 0

@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.core.messages import CameraPose, Detection, Header, LookEvent, Observation
+from genie_sim.core.messages import CameraPose, Detection, Header, Observation
+from genie_sim.sim.monitor import LookEvent
 from genie_sim_ros.codec import WireType, codec_of
 from genie_sim_ros.gateway import Gateway, Peer
 from genie_sim_ros.looks import StampClock

@@ -8,15 +8,15 @@ from genie_sim.core.messages import Message
 from genie_sim.sim.interface import InterfaceUse
 from genie_sim.sim.link import Bridge
 from genie_sim.sim.link_model import LinkEnds, LinkModel
-from genie_sim.sim.method import DETECTOR, IMAGES, Uplink
+from genie_sim.sim.method import DETECTOR, IMAGES, UplinkTopics
 from genie_sim.sim.network import Network
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.topology import EdgeServer
 
 
-class CarUplink(Subscriber):
-    """Connects a car and its edge to one virtual network: frames go up, encoded before where
-    images are, and the answers to them come down.
+class CarConnection(Subscriber):
+    """Connects a car and its edge: frames go up, encoded before where images are, and the answers
+    to them come down.
 
     The car may ``leave`` its edge and ``join`` another. What it sends in between is lost, and so is
     what waits for the old link or is on it, and what the old edge answers while the car is away.
@@ -28,8 +28,8 @@ class CarUplink(Subscriber):
         Where the links are made.
     graph : Graph
         The car's graph.
-    topics : Uplink
-        What goes up and what comes down.
+    topics : UplinkTopics
+        On which topics frames go up and answers come down.
     model : LinkModel
         The car's link.
     edges : mapping
@@ -40,7 +40,7 @@ class CarUplink(Subscriber):
         self,
         network: Network,
         graph: Graph,
-        topics: Uplink,
+        topics: UplinkTopics,
         *,
         model: LinkModel,
         edges: Mapping[str, EdgeServer],
@@ -56,8 +56,8 @@ class CarUplink(Subscriber):
         self._bridges: dict[str, tuple[Bridge, Bridge]] = {}  # up and down, by the edge
         self._further: list[Bridge] = []
         self._encoder = network.add_coder(graph, "encoder", self._send)  # None: images stay raw
-        self._interface = network.interface(graph.name)
-        graph.bridge(topics.up, self)
+        self._interface = network.add_interface(graph.name)
+        graph.add_bridge(topics.up, self)
 
     def deliver(self, topic: str, message: Message, sender: str) -> None:
         """The car has published something: it goes up, encoded before if it is an image."""
@@ -70,22 +70,22 @@ class CarUplink(Subscriber):
         """The connection to the edge breaks; ``lost_by`` names what drops the messages."""
         self._lost_by = lost_by
         for bridge in self._bridges[self.edge]:
-            bridge.take_down()
+            bridge.disconnect()
 
     def join(self, edge: str) -> None:
         """There is a connection to this edge from now on."""
         if edge in self._bridges:
             for bridge in self._bridges[edge]:
-                bridge.put_up()
+                bridge.reconnect()
         else:
-            self._bridges[edge] = self.connect(edge, self._model, self._interface)
+            self._bridges[edge] = self.add_bridges(edge, self._model, self._interface)
         self.edge = edge
 
-    def bridge(self, bridge: Bridge) -> None:
+    def add_bridge(self, bridge: Bridge) -> None:
         """What goes up goes over another bridge from now on, too."""
         self._further.append(bridge)
 
-    def connect(
+    def add_bridges(
         self, edge_name: str, model: LinkModel, interface: InterfaceUse
     ) -> tuple[Bridge, Bridge]:
         """New links between the car and an edge: what carries frames up, which nothing is sent over

@@ -8,7 +8,7 @@ import numpy as np
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.links.recording import LinkRecording, StepFunction, read
-from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.link_model import LinkEnds, TimedSender
 
 if TYPE_CHECKING:
     from genie_sim.sim.network import Network
@@ -127,7 +127,7 @@ def _nearest(recording: LinkRecording, network: "Network", car: str) -> PlaceInR
     return at_ns
 
 
-class RecordedSender(Sender):
+class RecordedSender(TimedSender):
     """One direction of a recorded link.
 
     Parameters
