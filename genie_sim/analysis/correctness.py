@@ -106,12 +106,6 @@ def column_over(held: Columns, above: str, below: str) -> Sample:
     return Sample(held, held[above], held[below])
 
 
-def column_mean(held: Columns, column: str, weight: str = "") -> Sample:
-    """Mean of a column, weighted with another where there is one."""
-    weights = held[weight] if weight else np.ones(len(held))
-    return Sample(held, held[column] * weights, weights)
-
-
 def without_interval(sample: Sample) -> Measured:
     """The ratio alone."""
     above, below = (float(part.sum()) for part in sample.terms)
@@ -212,18 +206,11 @@ HELD = {
         "Share of the held objects that are held twice.",
         partial(column_over, above="duplicate", below="held"),
     ),
-    "gospa": _of_held(
-        "GOSPA",
-        LOWER,
-        "Mean GOSPA distance from the held objects to those in view.",
-        partial(column_mean, column="gospa_m"),
-        unit="m",
-    ),
     "place_error": _of_held(
         "position error",
         LOWER,
         "Mean distance of the right held objects to the true ones.",
-        partial(column_mean, column="error_m", weight="right"),
+        lambda held: Sample(held, held["error_m"] * held["right"], held["right"]),
         unit="m",
     ),
 }

@@ -180,7 +180,7 @@ class Comparison:
         made = self.compared
         metrics, methods = as_metrics(made, [name])
         if metrics or name in registry.METRICS:
-            return metric_values(name, metrics, methods, made.by, width_in)
+            return metric_values(name, metrics, methods, made.by, width_in, own=made.words)
         figure: Figure = named(name, self.figures(width_in))
         return figure
 
@@ -250,7 +250,8 @@ def figure_of_runs(run: Any, name: str, width_in: float | None) -> "Figure":
     makers = makers_of(run, width_in)
     measured = {metric.metric for metric in run.measured}
     if name not in makers and name in {*registry.METRICS, *measured}:
-        return metric_values(name, run.measured, run.methods, run.footer, width_in)
+        shown = run.measured, run.methods, run.footer, width_in
+        return metric_values(name, *shown, own=run.words)
     draw = named(name, makers)
     figure: Figure = draw()
     return figure

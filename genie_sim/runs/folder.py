@@ -118,7 +118,7 @@ def write(
         "run_id": run.run_id,
         **({"label": run.label} if run.label else {}),
         "facts": run.facts,
-        "metrics": registry.words(metric.metric for metric in run.measured),
+        "metrics": registry.words((metric.metric for metric in run.measured), run.words),
         "digests": provenance.digests(folder, FILES),
         "rows": {name: len(table) for name, table in tables.items()},
         "traces": {name: dict(known) for name, known in prepared.origin.provenance.items()},
@@ -132,7 +132,7 @@ def write(
 
 def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -> Run:
     """The run that wrote these tables."""
-    from genie_sim.analysis import metrics
+    from genie_sim.analysis import metrics, registry
 
     columns = {name: table.columns() for name, table in tables.items()}
     measured = metrics.compute(methods_of(prepared), columns, own=prepared.scenario.metrics)
@@ -143,6 +143,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -
         tables=columns,
         measured=measured,
         label=label,
+        words=registry.words_of_code(prepared.scenario.metrics),
     )
 
 

@@ -382,7 +382,7 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
         ),
         (
             {"perception": {"source": "town", "town": {"block": "5 m"}}},
-            "perception.town.block: 5.0 m is too short ",
+            "perception.town.block: 5 m is too short ",
         ),
         ({"record": ["frames"]}, "record[0]: unknown record 'frames'"),
     ],

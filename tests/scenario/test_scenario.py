@@ -507,7 +507,7 @@ MISTAKES = [
     (TWO_CARS + "seed: -1\n", "seed: must be at least 0, not -1"),
     (TWO_CARS + "queue_length: 0\n", "queue_length: must be at least 1, not 0"),
     (
-        TWO_CARS + "origin: [490, 8, 100]\n",
+        TWO_CARS + "origin: [91, 8, 100]\n",
         "origin: must be [latitude, longitude, altitude] in degrees, degrees and metres",
     ),
     (

@@ -526,7 +526,10 @@ def test_a_sweep_of_an_older_genie_sim_is_named_with_what_to_do(capsys):
     Path("results/s").mkdir(parents=True)
     Path("results/s/sweep.json").write_text('{"format": 1, "sweep": {}}')
     assert main(["sweep", "s.yaml"]) == 1
-    one_line(capsys, "results/s: made by an older genie-sim: format 1, this one reads ")
+    older = "results/s/sweep.json: made by an older genie-sim: format 1, this one reads "
+    one_line(capsys, older)
+    assert main(["table", "results/s"]) == 1
+    one_line(capsys, older)
 
 
 def test_an_axis_may_be_called_as_the_setting_it_varies():
