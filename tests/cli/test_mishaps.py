@@ -282,7 +282,7 @@ def test_a_month_is_not_too_long():
     ("setting", "message"),
     [
         ("fleet.cars=100000000000", "fleet.cars: must be from 1 to 1,000,000, not 100000000000"),
-        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
+        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this map"),
         ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
         (

@@ -312,7 +312,7 @@ MISTAKES = {
     "a route past the end": (
         "[0 s, 1 s]",
         "[90 s, 91 s]",
-        "cars[0].route.window: begins at 90 s, after the last",
+        "cars[0].route.window: no camera takes a frame in it",
     ),
 }
 
