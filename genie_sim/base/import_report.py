@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -35,22 +35,6 @@ DROPPED_SHARE = 0.5  # what loses more has another content than it claims
 Row = TypeVar("Row")
 
 
-class _Way(NamedTuple):
-    """The way of one car or vehicle: how many places, how long [s], how far [m], how fast [m/s]."""
-
-    places: int
-    duration_s: float
-    path_m: float
-    top_mps: float
-
-    def __str__(self) -> str:
-        rate = (self.places - 1) / self.duration_s if self.duration_s > 0 else 0.0
-        return (
-            f"{self.duration_s:,.4g} s at {rate:.3g} Hz, path {self.path_m:,.4g} m, "
-            f"top speed {self.top_mps:.3g} m/s"
-        )
-
-
 class ImportReport:
     """The report of one import of ``path``. ``accept``: what cannot be is told as a warning, not
     refused; ``option`` is how a user says so.
@@ -64,7 +48,7 @@ class ImportReport:
         self.chosen: list[str] = []
         self.warnings: list[str] = []
         self._ranges: dict[str, tuple[float, float, str]] = {}
-        self._ways: dict[str, _Way] = {}
+        self.ways: dict[str, str] = {}
 
     def read(self, what: str, count: int) -> None:
         """So many of something were read."""
@@ -206,9 +190,13 @@ class ImportReport:
         passed_s, steps_m = np.diff(t_s), np.hypot(*np.diff(at_m[:, :2], axis=0).T)
         with np.errstate(divide="ignore", invalid="ignore"):
             speeds = np.where(passed_s > 0, steps_m / passed_s, np.where(steps_m > 0, np.inf, 0.0))
-        way = _Way(len(t_s), float(t_s[-1] - t_s[0]), float(steps_m.sum()), float(speeds.max()))
-        self._ways[name] = way
-        self.speeds(name, speeds, float(t_s[-1] - t_s[0]))
+        duration_s = float(t_s[-1] - t_s[0])
+        rate = (len(t_s) - 1) / duration_s if duration_s > 0 else 0.0
+        self.ways[name] = (
+            f"{duration_s:,.4g} s at {rate:.3g} Hz, path {steps_m.sum():,.4g} m, "
+            f"top speed {speeds.max():.3g} m/s"
+        )
+        self.speeds(name, speeds, duration_s)
         self.times(name, t_s.tolist(), "in between it drives straight")
 
     def in_order(self, what: str, rows: Sequence[Row], key: Callable[[Row], Any]) -> list[Row]:
@@ -278,7 +266,7 @@ class ImportReport:
                 f"{what} {_plain(low)} to {_plain(high)} {unit}".rstrip()
                 for what, (low, high, unit) in self._ranges.items()
             ),
-            "ways": _listed((f"{name}: {way}" for name, way in self._ways.items()), "; "),
+            "ways": _listed((f"{name}: {way}" for name, way in self.ways.items()), "; "),
         }
         if parts["labels not used"]:
             parts["labels not used"] += "; --map LABEL=CLASS takes them for a class"
@@ -301,7 +289,7 @@ class ImportReport:
                 what: {"lowest": low, "highest": high, "unit": unit}
                 for what, (low, high, unit) in self._ranges.items()
             },
-            "ways": {name: way._asdict() for name, way in self._ways.items()},
+            "ways": self.ways,
             "warnings": list(self.warnings),
         }
         return {name: value for name, value in facts.items() if value}

@@ -302,7 +302,7 @@ def test_what_a_module_raises_as_it_is_imported_is_told_once(
 def test_a_class_of_ones_own_is_named_from_another_process(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    line = ["run", "street_1car_homo", "--no-report", "--jobs", "2"]
+    line = ["run", "street_1car_homo", "--no-report", "--seeds", "2", "--jobs", "2"]
     line += ["--set", "cars[0].route.window=[0 s, 1 s]"]
     assert main(line) == 0, "the processes stay, and run in another folder next"
     (tmp_path / "elsewhere").mkdir()

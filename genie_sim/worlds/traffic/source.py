@@ -47,7 +47,6 @@ class RecordedTraffic(FrameSource):
 
     is_one_world: ClassVar[bool] = True
     is_map: ClassVar[bool] = True
-    has_cars: ClassVar[bool] = True
 
     fcd: str = "sumo_grid"
     """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
