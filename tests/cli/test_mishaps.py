@@ -108,7 +108,6 @@ def test_every_path_is_taken_in_one_way():
         ["sweep", "~/nothing.yaml"],
         ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
-        ["run", "street_1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],
     ids=lambda arguments: " ".join(arguments[:2]),
 )
