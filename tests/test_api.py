@@ -61,6 +61,14 @@ def test_metrics_are_one_table(run):
 FIGURES = [*RUN_FIGURES, "metric"]
 
 
+@pytest.mark.parametrize(
+    ("name", "better"),
+    [("first_answer_mean", ", lower is better"), ("fresh_answered_share", ", higher is better")],
+)
+def test_the_axis_of_a_metric_says_which_way_is_better(run, name, better):
+    assert run.plot.metric(name).axes[0].get_xlabel().endswith(better)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(run, runs, name):
     """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
