@@ -134,7 +134,9 @@ class Caster(Listening):
         size_bytes = BEACON_BYTES + SEEN_BYTES * len(sees) + sum(offer.size_bytes for offer in sent)
         header = Header(frame.header.stamp_ns, TOPIC, frame.header.origin)
         velocity_mps = self._velocity_mps(frame)
-        return Cast(header, size_bytes, objects, frame.pose, velocity_mps, sees)
+        return Cast(
+            header, size_bytes, objects, pose=frame.pose, velocity_mps=velocity_mps, sees=sees
+        )
 
     def _velocity_mps(self, frame: Image) -> tuple[float, float]:
         """How the car has moved since it told last."""

@@ -74,7 +74,6 @@ def run(
     out: str | Path | None = None,
     report: bool = True,
     figures: bool = False,
-    jobs: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run:
@@ -97,34 +96,19 @@ def run(
         A folder that gets the result folder; by default the run stays in memory.
     report, figures : bool
         With ``out``: whether the result folder has ``report.html``, and the figures as SVG.
-    jobs : int
-        Processes on this machine, which simulate several methods side by side. The results do not
-        depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
-        at nodes and their maps. For a run in memory, in this process.
+        at nodes and their maps. For a run in memory.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method.
     """
     output = _output(report, figures)
-    _check_jobs(jobs)
-    if observer is not None and (jobs > 1 or out is not None):
-        raise UserError("observer: is for one run in memory, without jobs and out")
+    if observer is not None and out is not None:
+        raise UserError("observer: is for a run in memory, without out")
     loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
     if out is None:
-        return Run.of(
-            run_folder.run_in_memory(loaded, progress, label=label, workers=jobs, observer=observer)
-        )
-    return Run.of(
-        run_folder.run_to_folder(
-            loaded,
-            expanded(out),
-            progress,
-            output,
-            label=label,
-            workers=jobs,
-        )
-    )
+        return Run.of(run_folder.run_in_memory(loaded, progress, label=label, observer=observer))
+    return Run.of(run_folder.run_to_folder(loaded, expanded(out), progress, output, label=label))
 
 
 @typed

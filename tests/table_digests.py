@@ -72,7 +72,7 @@ def scenario(name: str) -> Scenario:
     if name == "faults":
         outage = {"fault": "outage", "target": "car1", "begin": "500 ms", "end": "1 s"}
         crash = {"fault": f"{OWN}:Crash", "target": "edge1", "begin": "800 ms", "end": "1.2 s"}
-        return small.scenario(faults=[outage, crash])
+        return small.scenario(("local", "remote", "genie"), faults=[outage, crash])
     parts = {"similarity": f"{OWN}:OwnSimilarity", "eviction": f"{OWN}:OwnEviction"}
     map_rules = {"threshold": {"percentile": 40}}
     own_genie = {**parts, "capacity": "20 entries", "object_map": map_rules}

@@ -61,6 +61,14 @@ def test_metrics_are_one_table(run):
 FIGURES = [*RUN_FIGURES, "metric"]
 
 
+@pytest.mark.parametrize(
+    ("name", "better"),
+    [("first_answer_mean", ", lower is better"), ("fresh_answered_share", ", higher is better")],
+)
+def test_the_axis_of_a_metric_says_which_way_is_better(run, name, better):
+    assert run.plot.metric(name).axes[0].get_xlabel().endswith(better)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(run, runs, name):
     """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
@@ -177,18 +185,6 @@ def test_a_sweep_takes_methods_and_a_label():
     assert loaded.title == "two links" and loaded.axes == ["link"]
 
 
-def test_a_run_that_is_saved_later_is_the_one_that_was_written_at_once(run):
-    folder = run.save("saved")
-    written = gs.run("street_3car_hetero", SHORT, seed=5, out="lab").folder
-    assert folder.name == written.name
-    names = sorted(path.name for path in written.iterdir())
-    assert names == sorted(path.name for path in folder.iterdir())
-    for name in names:
-        if name != "run.json":
-            assert (folder / name).read_bytes() == (written / name).read_bytes(), name
-    assert gs.load(folder).facts == gs.load(written).facts
-
-
 def test_a_notebook_shows_what_was_run_and_its_table_as_plain_text(run, runs):
     html = run._repr_html_()
     assert "3 cars, 3 edges" in html and '<th scope="col">remote (R)</th>' in html
@@ -239,9 +235,9 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
 @pytest.mark.parametrize("seeds", [None, 1])
 def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
     settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}
-    run = gs.run if seeds is None else partial(gs.run_seeds, seeds=seeds)
-    bare = run("street_1car_homo", settings, jobs=1, out="bare", report=False)
-    drawn = run("street_1car_homo", settings, jobs=1, out="drawn", figures=True)
+    run = gs.run if seeds is None else partial(gs.run_seeds, seeds=seeds, jobs=1)
+    bare = run("street_1car_homo", settings, out="bare", report=False)
+    drawn = run("street_1car_homo", settings, out="drawn", figures=True)
     assert not list(bare.folder.rglob("report.html")) + list(bare.folder.rglob("figures"))
     assert (drawn.folder / "report.html").is_file()
     assert (drawn.folder / "figures/latency_cdf.svg").is_file()
@@ -344,6 +340,8 @@ def test_a_class_of_a_notebook_keeps_its_runs_in_this_process(monkeypatch):
     with pytest.raises(gs.UserError, match="jobs: 2 processes do not know a class"):
         api._workers(2, given)
     assert api._workers(2, {"set": {}}).jobs == 2
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", __file__, raising=False)
+    assert api._workers(2, given).jobs == 2, "of a script others know it, too"
 
 
 @pytest.mark.parametrize(

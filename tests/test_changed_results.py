@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 import genie_sim as gs
-from genie_sim.analysis.seed_runs import read_about
+from genie_sim.analysis.seed_runs import FORMAT, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
 from genie_sim.record import provenance, results
+from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_to_folder
 from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY, copied
@@ -32,7 +33,8 @@ READERS = (
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("results")
-    folder = run_to_folder(load_scenario("street_1car_homo", SHORT), out).folder
+    scenario = load_scenario("street_1car_homo", SHORT)
+    folder = run_to_folder(scenario, out, output=Output(page=False)).folder
     assert folder is not None
     return folder
 
@@ -209,7 +211,7 @@ def test_what_is_no_mapping_is_one_line_with_the_file(text, command, tmp_path, c
     ("name", "kind"), [("titles", dict), ("methods", list), ("run_ids", list), ("metrics", dict)]
 )
 def test_what_a_sweep_says_of_itself_is_of_its_kind(name, kind, wrong, tmp_path):
-    (tmp_path / "sweep.json").write_text(json.dumps({"sweep": {}, name: wrong}))
+    (tmp_path / "sweep.json").write_text(json.dumps({"format": FORMAT, "sweep": {}, name: wrong}))
     if isinstance(wrong, kind):
         assert read_about(tmp_path)[name] == wrong
     else:
@@ -305,7 +307,6 @@ def test_nothing_is_written_through_a_link_out_of_the_folder(folder, capsys):
     victim.write_text("mine")
     (folder / "figures").mkdir()
     (folder / "figures" / "latency_cdf.svg").symlink_to(victim)
-    (folder / "report.html").unlink()
     (folder / "report.html").symlink_to(victim)
     assert main(["figures", str(folder)]) == 0 and main(["report", str(folder)]) == 0
     assert victim.read_text() == "mine"

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from genie_sim.analysis.metric import LOWER, MAIN, Sample, half_of_pair
+from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair
 from genie_sim.analysis.metrics import of_method, samples
-from genie_sim.analysis.registry import definition, shown, with_formulas
+from genie_sim.analysis.registry import Words, definition, shown, with_formulas
 from genie_sim.analysis.seed_runs import means_of, seeds_text
 from genie_sim.analysis.statistics import around, interval
 from genie_sim.analysis.tidy import is_negligible
@@ -54,14 +54,15 @@ class ComparedMethod:
 
 
 class Difference(NamedTuple):
-    """A metric of an arm and, where there is another to compare with, that one's value, and the
-    difference of both. ``by`` says what the interval is over, ``n`` over how many.
+    """A metric of an arm, what it is ``about``, and, where there is another to compare with, that
+    one's value and the difference of both. ``by`` says what the interval is over, ``n`` over how
+    many.
     """
 
     metric: str
     arm: str
     value: float | None
-    unit: str
+    about: Metric
     against: str = ""
     against_value: float | None = None
     difference: float | None = None
@@ -86,10 +87,9 @@ class Difference(NamedTuple):
             return ""
         if holds_zero:
             return "unclear"
-        better = definition(self.metric).better
-        if not better:
+        if not self.about.better:
             return "different"
-        return "better" if (self.high < 0) == (better == LOWER) else "worse"
+        return "better" if (self.high < 0) == (self.about.better == LOWER) else "worse"
 
 
 @dataclass(frozen=True)
@@ -108,6 +108,11 @@ class ComparedRuns:
     warning: str = ""
     left_out: str = ""
     metrics: Sequence[str] = ()
+
+    @property
+    def words(self) -> Words:
+        """What the results say of metrics of the user's own."""
+        return {name: told for arm in self.arms for name, told in _any(arm.runs).words.items()}
 
     @property
     def by(self) -> str:
@@ -213,7 +218,13 @@ def _compared(
                 arms.append(arm)
     of_rows = {arm.label: _samples(arm) for arm in arms}
     rows = []
-    for metric in metrics or _shown(arms):
+    unlike = _told_differently(arms)
+    for name in metrics:
+        if name in unlike:
+            raise UserError(f"compare: {name}: {unlike[name]}, so it is not one metric")
+    for name, why in unlike.items():
+        left_out += f" Without {name}: {why}."
+    for metric in metrics or [name for name in _shown(arms) if name not in unlike]:
         for arm in arms:
             reference = references.get(arm.label)
             row = _difference(metric, arm, reference)
@@ -259,6 +270,20 @@ def _common(
     if any(len(side) > len(cells) for side in sides):
         left_out[f"Only the {len(cells)} settings that all results have."] = None
     return cells, " ".join(left_out)
+
+
+def _told_differently(arms: Sequence[ComparedMethod]) -> dict[str, str]:
+    """The metrics of the user's own of which results say different things, with what they say."""
+    said: dict[str, dict[str, None]] = {}
+    for arm in arms:
+        for name, words in _any(arm.runs).words.items():
+            text = ", ".join(f"{key} {short_repr(value)}" for key, value in words.items())
+            said.setdefault(name, {})[text] = None
+    return {
+        name: f"results say of it both {' and '.join(map(short_repr, texts))}"
+        for name, texts in said.items()
+        if len(texts) > 1
+    }
 
 
 def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
@@ -339,7 +364,7 @@ def _difference(
     values = _values(arm, metric)
     if not values:
         return None
-    unit = definition(metric).unit_in_files
+    about = definition(metric, _any(arm.runs).words)
     others = _values(reference, metric) if reference is not None else {}
     pairs = [(value, others[seed]) for seed, value in values.items() if seed in others]
     if reference is None or not pairs:
@@ -347,7 +372,7 @@ def _difference(
             metric,
             arm.label,
             float(np.mean(list(values.values()))),
-            unit,
+            about,
             against="" if reference is None else reference.label,
         )
     value, against_value = (float(np.mean(side)) for side in zip(*pairs, strict=True))
@@ -355,7 +380,7 @@ def _difference(
         metric,
         arm.label,
         value,
-        unit,
+        about,
         against=reference.label,
         against_value=against_value,
         difference=value - against_value,

@@ -6,7 +6,6 @@ from typing import Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedRuns, as_metrics
-from genie_sim.analysis.registry import definition
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.statistics import MIN_SEEDS
 from genie_sim.record.results import TIDY_FIELDS, MetricValue
@@ -53,7 +52,7 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
                 "all",
                 "",
                 value=row.difference,
-                unit=row.unit,
+                unit=row.about.unit_in_files,
                 low=row.low,
                 high=row.high,
                 n=row.n,
@@ -64,7 +63,7 @@ def tidy_rows(comparison: ComparedRuns) -> Iterator[tuple[Any, ...]]:
 def about(comparison: ComparedRuns) -> str:
     """What the intervals are over, what is left out, and how sure all of them together are."""
     sentences = [f"{comparison.by[0].upper()}{comparison.by[1:]}."]
-    if any(definition(row.metric).unit == "%" for row in comparison.rows if row.against):
+    if any(row.about.unit == "%" for row in comparison.rows if row.against):
         sentences.append(ABOUT_SHARES)
     if any(row.by == BLOCKS for row in comparison.rows):
         sentences.append(ONE_RUN)
@@ -86,7 +85,7 @@ def pairs(comparison: ComparedRuns) -> ResultTable:
     rows = []
     for row in comparison.rows:
         if row.against:
-            metric = definition(row.metric)
+            metric = row.about
             cells = [
                 Cell(titles[row.arm]),
                 metric.cell(row.value),

@@ -20,7 +20,7 @@ from genie_sim.analysis.metric import (
     Sample,
     Seen,
     Tables,
-    share,
+    share_of,
 )
 from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns
@@ -106,12 +106,6 @@ def column_over(held: Columns, above: str, below: str) -> Sample:
     return Sample(held, held[above], held[below])
 
 
-def column_mean(held: Columns, column: str, weight: str = "") -> Sample:
-    """Mean of a column, weighted with another where there is one."""
-    weights = held[weight] if weight else np.ones(len(held))
-    return Sample(held, held[column] * weights, weights)
-
-
 def without_interval(sample: Sample) -> Measured:
     """The ratio alone."""
     above, below = (float(part.sum()) for part in sample.terms)
@@ -150,7 +144,7 @@ ANSWERS = {
         CORRECTNESS,
         meaning="Share of the cache hits with an F1 below 80 % against the detector's own answer "
         "to the same frame (a proxy for the truth).",
-        formula=lambda hits: share(hits, is_wrong(hits)) if len(hits) else None,
+        formula=lambda hits: share_of(hits, is_wrong(hits)) if len(hits) else None,
         rows="hits",
         tier=MAIN,
     ),
@@ -212,18 +206,11 @@ HELD = {
         "Share of the held objects that are held twice.",
         partial(column_over, above="duplicate", below="held"),
     ),
-    "gospa": _of_held(
-        "GOSPA",
-        LOWER,
-        "Mean GOSPA distance from the held objects to those in view.",
-        partial(column_mean, column="gospa_m"),
-        unit="m",
-    ),
     "place_error": _of_held(
         "position error",
         LOWER,
         "Mean distance of the right held objects to the true ones.",
-        partial(column_mean, column="error_m", weight="right"),
+        lambda held: Sample(held, held["error_m"] * held["right"], held["right"]),
         unit="m",
     ),
 }

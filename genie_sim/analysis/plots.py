@@ -54,4 +54,4 @@ class Plots:
         known = dict.fromkeys((*METRICS, *(metric.metric for metric in run.measured)))
         if name not in known:
             raise UserError(f"metric: {unknown_metric(name, known)}")
-        return metric_values(name, run.measured, run.methods, run.footer, ax=ax)
+        return metric_values(name, run.measured, run.methods, run.footer, own=run.words, ax=ax)

@@ -26,11 +26,12 @@ from genie_sim.analysis.drawing import (
 from genie_sim.analysis.metric import LOWER, SHORT, ZERO_DELAY, Metric
 from genie_sim.analysis.registry import (
     METRICS,
+    NO_WORDS,
+    Words,
     component_title,
     definition,
     is_drawn_logarithmically,
     shown,
-    title_of,
 )
 from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.style import COLUMN_IN, LINE_IN, PAGE_IN, TITLE_CHARACTERS
@@ -96,8 +97,8 @@ def latency_accuracy(
     axis.set_ylim(0, 1.02)
     axis.yaxis.set_major_formatter(FuncFormatter(style.percent_tick))
     axis.set_xlabel(f"{METRICS[LATENCY].label}, logarithmic")
-    axis.set_ylabel(title_of(accuracy))
-    title = f"Accuracy versus latency: {title_of(accuracy)}, with 95 % intervals"
+    axis.set_ylabel(METRICS[accuracy].title)
+    title = f"Accuracy versus latency: {METRICS[accuracy].title}, with 95 % intervals"
     return finish_panel(axis, ax, title, footer)
 
 
@@ -138,6 +139,7 @@ def metric_values(
     footer: str = "",
     width_in: float | None = None,
     *,
+    own: Words = NO_WORDS,
     ax: Axes | None = None,
 ) -> Figure:
     """A point with its interval for each method, and for each placement or component of which the
@@ -155,13 +157,15 @@ def metric_values(
         Names the run.
     width_in : float, optional
         The figure's width in inches; by default a column's.
+    own : mapping
+        What the results say of metrics of the user's own.
     ax : Axes, optional
         Where to draw; by default in a figure of its own.
     """
+    about = definition(name, own)
     rows = _rows(name, metrics, methods)
     if not rows:
         raise UserError(f"{name}: these results have no value of it")
-    about = definition(name)
     titles = {method.name: method.title for method in methods}
     names = []
     for row in rows:
@@ -182,7 +186,7 @@ def metric_values(
         x = _scaled(about, row.value, row.low, row.high)
         draw_point(axis, x, (number, None, None), styles[row.method])
         ends += [end for end in x if end is not None]
-    if is_drawn_logarithmically(name, ends):
+    if is_drawn_logarithmically(about, ends):
         low, high = 0.8 * min(ends), 1.25 * max(ends)
         logarithmic_x(axis, low, high, (1, 2, 5) if high < MANY_TICKS * low else (1,))
     elif min(ends) >= 0:
@@ -232,7 +236,8 @@ def differences(
     lines = -(-max(len(metrics), 1) // columns)
     row_in, panel_in = (SMALL_ROW_IN, SMALL_PANEL_IN) if narrow else (ROW_IN, MIN_PANEL_IN)
     room = SMALL_TITLE if narrow else TITLE_CHARACTERS
-    titles_of = [textwrap.fill(definition(metric).title, room) for metric in metrics]
+    abouts = {row.metric: row.about for row in rows}
+    titles_of = [textwrap.fill(abouts[metric].title, room) for metric in metrics]
     title_in = LINE_IN * max((title.count("\n") for title in titles_of), default=0)
     height_in = lines * (panel_in + title_in + row_in * len(arms))
     figure = Figure(figsize=(width_in, height_in + 0.2))
@@ -243,8 +248,8 @@ def differences(
             continue
         of_metric = {row.arm: row for row in rows if row.metric == metrics[number]}
         drawn = [of_metric.get(arm.label) for arm in arms]
-        _draw_differences(axis, metrics[number], drawn, [styles[arm.label] for arm in arms])
-        axis.set_xlabel(_label(metrics[number], narrow))
+        _draw_differences(axis, drawn, [styles[arm.label] for arm in arms])
+        axis.set_xlabel(_label(abouts[metrics[number]], narrow))
         axis.set_title(titles_of[number])
         name_rows(axis, [arm.title if number % columns == 0 else "" for arm in arms])
     references = list(dict.fromkeys(titles[row.against] for row in rows))
@@ -256,22 +261,19 @@ def differences(
     return figure
 
 
-def _draw_differences(
-    axis: Axes, metric: str, rows: Sequence[Difference | None], styles: Sequence[int]
-) -> None:
+def _draw_differences(axis: Axes, rows: Sequence[Difference | None], styles: Sequence[int]) -> None:
     """One metric: a point and an interval for each arm, the first at the top."""
     axis.axvline(0, color="black", linewidth=0.9)
     for place, (row, style_number) in enumerate(zip(rows, styles, strict=True)):
         if row is not None:
-            x = _scaled(definition(metric), row.difference, row.low, row.high)
+            x = _scaled(row.about, row.difference, row.low, row.high)
             draw_point(axis, x, (place, None, None), style_number)
     axis.margins(x=0.12)
     axis.locator_params(axis="x", nbins=3)
 
 
-def _label(metric: str, narrow: bool) -> str:
+def _label(info: Metric, narrow: bool) -> str:
     """The unit, and which side is better; in a column in one short line."""
-    info = definition(metric)
     points = "points" if narrow else "percentage points"
     unit = points if info.unit == "%" else info.unit
     lines = [f"[{unit}]" if unit else "difference"]

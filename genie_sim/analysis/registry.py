@@ -1,8 +1,8 @@
 """Every metric by its name. Whatever shows a metric to people, on the terminal, in tables, figures
 and pages, takes its words from here; files and the library use the names.
 
-One of the user's own (``metric.Metric``) is named ``package.module:name``; its words are told by
-its code, or by the results in which it has numbers.
+One of the user's own (``metric.Metric``) is named ``package.module:name``; its words travel in the
+results in which it has numbers.
 """
 
 import difflib
@@ -61,7 +61,8 @@ METRICS: Mapping[str, Metric] = {
 
 
 KINDS = tuple(dict.fromkeys(metric.rows for metric in METRICS.values()))
-_told: dict[str, Metric] = {}  # metrics of users' own by name, with the words of results or of code
+Words = Mapping[str, Mapping[str, Any]]  # what results say of each metric, by its name
+NO_WORDS: Words = {}
 
 
 def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
@@ -82,34 +83,42 @@ def own_metrics(names: Iterable[str]) -> dict[str, Metric]:
             text = f"title: {metric.title!r} is that of {titles[metric.title]}, too"
             raise UserError(f"metric {name!r}: {text}")
         own[name] = replace(metric, section=metric.section or OWN)
-    _told.update(own)
     return own
 
 
-def words(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+def words(names: Iterable[str], own: Words = NO_WORDS) -> dict[str, dict[str, Any]]:
     """What people read of these metrics, as plain data: how results tell it."""
-    metrics = {name: definition(name) for name in dict.fromkeys(names)}
-    return {name: {key: getattr(metrics[name], key) for key in WORDS} for name in metrics}
+    return {
+        name: {key: getattr(definition(name, own), key) for key in WORDS}
+        for name in dict.fromkeys(names)
+    }
 
 
-def learn(told: object, where: str) -> None:
-    """Takes the words of metrics of users' own from what results say, so that these are shown as
-    others are, without their code. Raises ``UserError``; ``where`` it stands begins errors.
+def words_of_code(names: Iterable[str]) -> dict[str, dict[str, Any]]:
+    """The same of the user's own, where their code may run."""
+    own = {name: metric for name, metric in with_formulas(names).items() if name not in METRICS}
+    return {name: {key: getattr(metric, key) for key in WORDS} for name, metric in own.items()}
+
+
+def checked_words(told: object, where: str) -> dict[str, dict[str, Any]]:
+    """Of what results say of metrics the words of the user's own, so that these are shown as others
+    are, without their code. Raises ``UserError``; ``where`` it stands begins errors.
     """
     if not isinstance(told, dict):
         raise UserError(f"{where}: must be a mapping, not {short_repr(told)}")
+    own: dict[str, dict[str, Any]] = {}
     for name, told_of in told.items():
         if not is_own(name):
             continue
         if not isinstance(told_of, dict):
             raise UserError(f"{where}: {name}: must be a mapping, not {short_repr(told_of)}")
         _check_words(f"{where}: {name}", told_of)
-        as_read: dict[str, Any] = {
+        own[name] = {
             key: one_line(value) if isinstance(value, str) else value
             for key, value in told_of.items()
             if key in WORDS
         }
-        _told[name] = replace(definition(name), **as_read)
+    return own
 
 
 def _check_words(where: str, words_of: Mapping[str, Any]) -> None:
@@ -128,10 +137,11 @@ def _check_words(where: str, words_of: Mapping[str, Any]) -> None:
 def with_formulas(names: Iterable[str]) -> dict[str, Metric]:
     """Metrics by their names; those of the user's own with their code, where that may run."""
     names = list(names)
+    found = {name: METRICS[name] for name in names if name in METRICS}
     for name in filter(is_own, names):
         with suppress(UserError):
-            own_metrics([name])
-    return {name: definition(name) for name in names}
+            found |= own_metrics([name])
+    return found
 
 
 def shown(tier: int, measured: Iterable[str]) -> list[str]:
@@ -145,9 +155,11 @@ def shown(tier: int, measured: Iterable[str]) -> list[str]:
     return [*usual, *filter(is_own, names)]
 
 
-def definition(name: str) -> Metric:
-    """A metric by its name; one of the user's own of which nothing is told goes by its name."""
-    return METRICS.get(name) or _told.get(name) or Metric(name, "")
+def definition(name: str, own: Words = NO_WORDS) -> Metric:
+    """A metric by its name; one of the user's own in the words of the results in which it is. One
+    of which nothing is told goes by its name.
+    """
+    return METRICS.get(name) or Metric(**{"title": name, "unit": "", **own.get(name, {})})
 
 
 def checked(names: Sequence[str], own: Iterable[str] = (), where: str = "metrics") -> Sequence[str]:
@@ -179,24 +191,19 @@ def near(name: str, known: Iterable[str] = METRICS) -> list[str]:
     return list(dict.fromkeys(by_text[text] for text in close))[:2]
 
 
-def title_of(metric: str) -> str:
-    """A metric's title; the name of one that is not registered."""
-    return definition(metric).title
-
-
 def component_title(component: str, methods: Sequence[MethodInfo] = ()) -> str:
     """The title of a metric's component: a method, a resource, or the zero-delay detector."""
     titles = COMPONENT_TITLES | {method.name: method.title for method in methods}
     return titles.get(component, component)
 
 
-def cell(metric: MetricValue | None) -> Cell:
+def cell(metric: MetricValue | None, own: Words = NO_WORDS) -> Cell:
     """A number of a run in the unit that is shown, with its interval."""
     if metric is None:
         return Cell()
     if metric.value is None:
         return Cell(math.nan)
-    return definition(metric.metric).cell(metric.value, metric.low, metric.high)
+    return definition(metric.metric, own).cell(metric.value, metric.low, metric.high)
 
 
 def spans_much(numbers: Sequence[float]) -> bool:
@@ -204,8 +211,8 @@ def spans_much(numbers: Sequence[float]) -> bool:
     return bool(numbers) and min(numbers) > 0 and max(numbers) / min(numbers) >= LOGARITHMIC_FROM
 
 
-def is_drawn_logarithmically(metric: str, numbers: Sequence[float]) -> bool:
+def is_drawn_logarithmically(metric: Metric, numbers: Sequence[float]) -> bool:
     """Whether an axis of a metric is logarithmic with these values on it; one of shares never
     is.
     """
-    return definition(metric).unit != "%" and spans_much(numbers)
+    return metric.unit != "%" and spans_much(numbers)

@@ -9,14 +9,16 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from genie_sim.analysis.registry import learn
+from genie_sim.analysis.registry import Words, checked_words
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.record import provenance, results
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo, MetricValue, Run
+from genie_sim.record.tables import other_format
 
 ABOUT = "sweep.json"  # what a study says of itself
+FORMAT = 3  # of that, and of its tables
 RUNS = "runs"  # the folder of whole results
 KINDS: Mapping[str, tuple[type, str]] = {  # what a study may say of itself
     "run_ids": (list, "a list"),
@@ -76,6 +78,11 @@ class SeedRuns:
         return self.runs[0].methods
 
     @property
+    def words(self) -> Words:
+        """What is said of metrics of the user's own."""
+        return self.runs[0].words
+
+    @property
     def changed(self) -> list[str]:
         """Files that were changed since the runs wrote them."""
         return list(dict.fromkeys(name for run in self.runs for name in run.changed))
@@ -98,7 +105,9 @@ def means_of(runs: Sequence[Run]) -> list[MetricValue]:
 
     rows = [{**asdict(metric), "seed": run.seed} for run in runs for metric in run.measured]
     numbers = ("value", "range_low", "range_high")
-    means = across_seeds(pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [])
+    means = across_seeds(
+        pd.DataFrame(rows).astype(dict.fromkeys(numbers, float)), [], own=runs[0].words
+    )
     return [
         MetricValue(
             metric=row["metric"],
@@ -168,12 +177,12 @@ def is_seeds_folder(folder: Path) -> bool:
 
 
 def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
-    """The run in a result folder; what it says of metrics of users' own is taken from it. Raises
+    """The run in a result folder; with what it says of metrics of the user's own. Raises
     ``UserError``.
     """
     loaded = results.load(folder, allow_changed=allow_changed)
-    learn(loaded.words, f"{folder / 'run.json'}: metrics")
-    return loaded
+    own = checked_words(loaded.words, f"{folder / 'run.json'}: metrics")
+    return replace(loaded, words=own)
 
 
 def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:
@@ -203,6 +212,8 @@ def read_about(folder: Path) -> dict[str, Any]:
     about = provenance.read_json(path)
     if not isinstance(about, dict) or not isinstance(about.get("sweep"), dict):
         raise UserError(f"{path}: cannot be read: not what a sweep says of itself")
+    if about.get("format") != FORMAT:
+        raise UserError(other_format(path, about.get("format"), FORMAT))
     for name, (kind, what) in KINDS.items():
         if type(about.setdefault(name, kind())) is not kind:
             raise UserError(f"{path}: {name}: not {what}")

@@ -203,10 +203,10 @@ def ratio(blocks: Blocks | None, above: Floats, below: Floats, is_share: bool = 
     is_share : bool
         Any other ratio is a mean, and gets the usual interval.
     """
-    n = int(below.sum())
-    if not n:
+    whole = float(below.sum())
+    if not whole:
         return Measured(None)
-    value = float(above.sum() / n)
+    value, n = float(above.sum() / whole), round(whole)
     half = None if blocks is None else blocks.half_width(blocks.influence(above, below))
     low, high = wilson(value, half, n) if is_share and half is not None else around(value, half)
     return Measured(value, low, high, n)

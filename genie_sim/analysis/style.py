@@ -119,18 +119,18 @@ DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
 HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-# What a response time goes into: its name, and a light tone and a hatch of no method's (after Paul
-# Tol).
+# What a response time goes into: its name, and a light tone of no method's (after Paul Tol) and a
+# hatch; of lines alone, for circles take half a megabyte of an SVG.
 PARTS: dict[str, tuple[str, dict[str, Any]]] = {
-    "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": "...."}),
+    "queueing": ("queueing", {"facecolor": "#DDDDDD", "hatch": ""}),
     "pending": ("equal frame pending", {"facecolor": "#FFFFFF", "hatch": "xxxx"}),
-    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": "oooo"}),
+    "genie": ("Genie or cache", {"facecolor": "#77AADD", "hatch": "\\\\\\\\"}),
     "hop": ("IPC", {"facecolor": "#FFAABB", "hatch": "||||"}),
     "encoding": ("encoding", {"facecolor": "#BBCC33", "hatch": "++++"}),
     "uplink": ("uplink", {"facecolor": "#EEDD88", "hatch": "////"}),
     "inference": ("inference", {"facecolor": "#44BB99", "hatch": ""}),
     "edges": ("network of edges", {"facecolor": "#99DDFF", "hatch": "----"}),
-    "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "\\\\\\\\"}),
+    "downlink": ("downlink", {"facecolor": "#EE8866", "hatch": "xx"}),
 }
 PLACEMENTS = {"car": "on cars", "edge": "on edges"}
 PLACEMENT_LINES: dict[str, dict[str, Any]] = {  # about the Genies there

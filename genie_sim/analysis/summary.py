@@ -13,6 +13,7 @@ from genie_sim.analysis.metric import (
     RECENT_MS,
     SHORT,
     ZERO_DELAY,
+    Metric,
 )
 from genie_sim.analysis.outages import FAULTS
 from genie_sim.analysis.registry import (
@@ -101,6 +102,7 @@ class _Numbers:
 
     def __init__(self, run: Run | SeedRuns) -> None:
         self.metrics = run.measured
+        self.words = run.words
         self.runs = tables_of_runs(run)
         self._by_place = {
             (metric.metric, metric.method, metric.placement, metric.component): metric
@@ -129,12 +131,16 @@ class _Numbers:
         """Whether there is a number of any of these metrics."""
         return any(name in self._places for name in metrics)
 
+    def about(self, name: str) -> Metric:
+        """What a metric is."""
+        return definition(name, self.words)
+
     def _range(self, name: str, method: str, placement: str, component: str) -> Cell:
         """The range of a number alone."""
         metric = self._by_place.get((name, method, placement, component))
         if metric is None or metric.range_low is None:
             return Cell()
-        return definition(metric.metric).cell(None, metric.range_low, metric.range_high)
+        return self.about(name).cell(None, metric.range_low, metric.range_high)
 
     def rows(
         self,
@@ -154,12 +160,13 @@ class _Numbers:
                     cell(
                         self._by_place.get(
                             (name, column.method, placement, component or column.component)
-                        )
+                        ),
+                        self.words,
                     )
                     for column in columns
                 ]
                 if any(found.is_known for found in cells):
-                    metric = definition(name)
+                    metric = self.about(name)
                     title = metric.titled(placement, component_title(component, self.methods))
                     yield Row(metric.labelled(title), cells)
                     ranges = [
@@ -172,7 +179,7 @@ class _Numbers:
     def section(self, title: str) -> ResultTable:
         """The table of a section, of the columns that have a number."""
         columns = [*self.columns, *(self.zero_delay() if title == CORRECTNESS else ())]
-        names = [name for name in (*METRICS, *self.own) if definition(name).section == title]
+        names = [name for name in (*METRICS, *self.own) if self.about(name).section == title]
         rows = list(self.rows(names, columns))
         table = ResultTable([column.title for column in columns], rows, title)
         return table.without_empty_columns()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from genie_sim.analysis.registry import definition
+from genie_sim.analysis.registry import NO_WORDS, Words, definition
 from genie_sim.analysis.statistics import MIN_SEEDS, half_of_mean
 from genie_sim.base.text import significant
 from genie_sim.record.results import METRIC_FIELDS
@@ -20,7 +20,11 @@ NEGLIGIBLE = 0.01  # of the value: differences below it are negligible
 
 
 def across_seeds(
-    runs: "pd.DataFrame", by: Sequence[str], differences: bool = False
+    runs: "pd.DataFrame",
+    by: Sequence[str],
+    *,
+    differences: bool = False,
+    own: Words = NO_WORDS,
 ) -> "pd.DataFrame":
     """Mean, 95 % t interval, range and, in ``n``, the count of the runs that define it, of each
     number within the groups ``by``: these columns and the fields of ``MetricValue``.
@@ -28,7 +32,8 @@ def across_seeds(
     The unit of replication is the seed: with several runs of a group under one seed, their mean
     counts once. There is no interval of fewer than ``MIN_SEEDS``, where all are equal, or of a
     percentile with too few answers. Unless they are of ``differences``, intervals end at zero and
-    shares at 1. A range is the mean of those of the runs.
+    shares at 1. A range is the mean of those of the runs. ``own`` is what the results say of
+    metrics of the user's own.
     """
     keys = [*by, *NUMBER]
     ranges = [name for name in ("range_low", "range_high") if name in runs]
@@ -41,7 +46,7 @@ def across_seeds(
     rows = grouped.mean().reset_index().assign(n=count)
     least = grouped["n"].min().to_numpy() if "n" in runs else np.full(len(rows), np.inf)
     names, means = rows["metric"].tolist(), rows["value"].to_numpy()
-    metrics = {name: definition(name) for name in set(names) if isinstance(name, str)}
+    metrics = {name: definition(name, own) for name in set(names) if isinstance(name, str)}
     low, high = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
     for place in np.flatnonzero((count >= MIN_SEEDS) & (spread > 0)).tolist():
         metric, value = metrics[names[place]], float(means[place])

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from genie_sim.analysis.compare import SEEDS, ComparedRuns, Difference
 from genie_sim.analysis.metric import HEADLINE
-from genie_sim.analysis.registry import definition, shown
+from genie_sim.analysis.registry import shown
 from genie_sim.base.text import number_text
 
 
@@ -26,6 +26,7 @@ def verdicts(comparison: ComparedRuns) -> list[str]:
 KINDS = {  # of a verdict: how a part of the sentence begins, and what stands before the reference
     "better": ("better", "than"),
     "worse": ("worse", "than"),
+    "different": ("different", "from"),
     "unclear": ("not clearly different", "from"),
     "": ("different by an amount without an interval", "from"),
     "negligible": ("negligibly different", "from"),
@@ -39,7 +40,7 @@ def _sentence(arm: str, reference: str, rows: Sequence[Difference]) -> str:
         of_kind = [row for row in rows if row.verdict == verdict]
         if of_kind:
             to = "" if parts else f" {before} {reference}"
-            titles = [definition(row.metric).title for row in of_kind]
+            titles = [row.about.title for row in of_kind]
             listed = _joined(titles) if verdict == "equal" else _listed(of_kind)
             parts.append(f"{begin}{to} in {listed}")
     sure = next((row for row in rows if row.low is not None and row.verdict != "equal"), None)
@@ -62,7 +63,7 @@ def _joined(texts: Sequence[str]) -> str:
 
 def _difference(row: Difference) -> str:
     """``first answer, mean (-340 ms, -342 to -338)``."""
-    info = definition(row.metric)
+    info = row.about
     assert row.difference is not None
     unit = "percentage points" if info.unit == "%" else info.unit
     text = f"{number_text(info.factor * row.difference, sign='+')} {unit}".rstrip()

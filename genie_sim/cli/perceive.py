@@ -1,6 +1,5 @@
 """The command ``perceive``. Everything heavy is imported after the arguments are parsed."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -10,7 +9,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH, accept_option, detector_options
 from genie_sim.cli.terminal import ProgressBar, tell
-from genie_sim.core.messages import Encoding
+from genie_sim.core.encodings import Encoding
 
 if TYPE_CHECKING:
     from genie_sim.data.detectors.detector import DetectorSettings
@@ -19,7 +18,7 @@ DEFAULT_MIN_SCORE = 0.3
 OF_NETWORK = ("kitti", "detector", "weights", "size", "providers", "threads", "classes")
 OF_DRIVE = (
     *(*OF_NETWORK, "drive", "accept", "out", "cameras"),
-    *("min_score", "origin", "allow_missing_scans", "evaluate", "encoding"),
+    *("min_score", "origin", "allow_missing_scans", "encoding"),
 )
 
 
@@ -50,10 +49,6 @@ OF_DRIVE = (
     metavar="TRACE",
     help="Instead: how far this environment's detections are from those of a trace of a drive.",
 )
-@click.option("--evaluate", is_flag=True, help="Judge the trace by KITTI's labels.")
-@click.option(
-    "--labels", help="Labels of another layout, such as tracking/0000 for 2011_09_26/0005."
-)
 @click.option(
     "--encoding",
     type=click.Choice(get_args(Encoding)),
@@ -71,8 +66,6 @@ def perceive(
     origin: str | None,
     allow_missing_scans: bool,
     check: str | None,
-    evaluate: bool,
-    labels: str | None,
     encoding: Encoding,
     **network: Any,
 ) -> None:
@@ -89,37 +82,22 @@ def perceive(
         settings = arguments.detector_settings(**network, min_score=DEFAULT_MIN_SCORE)
         _check(check, perception.kitti_folder(kitti), settings)
         return
-    if evaluate:
-        arguments.only("with --drive", *OF_DRIVE, "labels")
-    else:
-        arguments.only("with --drive, but without --evaluate", *OF_DRIVE)
-    if out is None and not evaluate:
-        raise UserError("perceive: say what you want: --out or --evaluate")
+    arguments.only("with --drive", *OF_DRIVE)
+    if out is None:
+        raise UserError("perceive: say with --out which file to write")
     world = arguments.geodetic("--origin", origin)
     settings = arguments.detector_settings(**network, min_score=min_score, encoding=encoding)
     assert drive is not None
-    if evaluate:  # weak detections count for average precision; they need no place
-        lowest = min(min_score, perception.LOWEST_SCORE)
-        settings = replace(settings, min_score=lowest, place_from=min_score)
-    if out is not None:
-        check_replaceable(out)  # before the detector runs
+    check_replaceable(out)  # before the detector runs
     root, camera_names = perception.kitti_folder(kitti), cameras.split(",")
     report = ImportReport(root, accept)
     selection = perception.FrameSelection(
         drive, camera_names, origin=world, allow_missing_scans=allow_missing_scans
     )
     with ProgressBar(unit="frames") as progress:
-        whole = perception.perceive(root, selection, settings, progress=progress, report=report)
-    trace = whole.at_least(min_score)
-    if out is not None:
-        click.echo(write_told(out, trace))
+        trace = perception.perceive(root, selection, settings, progress=progress, report=report)
+    click.echo(write_told(out, trace))
     tell(report)
-    if evaluate:
-        from genie_sim.data.kitti import evaluation
-        from genie_sim.data.kitti.labels import read_labels
-
-        labelled = read_labels(root, labels or drive, whole)
-        click.echo(evaluation.table(evaluation.evaluate(whole, labelled, min_score)), nl=False)
 
 
 def _check(name: str, kitti: Path, settings: "DetectorSettings") -> None:

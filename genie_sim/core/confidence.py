@@ -7,32 +7,31 @@ Each rule maps the stored confidence C, the sighting's confidence M.C and the ra
 from collections.abc import Callable
 
 ConfidenceRule = Callable[[float, float, float], float]
-"""Of ``stored`` (C), that of the ``sighting`` (M.C) and ``rate`` (lambda) the new C, all from 0 to
-1."""
+"""Of ``confidence`` (C), that of the ``sighting`` (M.C) and ``rate`` (lambda) the new C."""
 
 
-def noisy_or(stored: float, sighting: float, rate: float) -> float:
+def noisy_or(confidence: float, sighting: float, rate: float) -> float:
     """``C += lambda * M.C * (1 - C)``: sightings add up and never pass 1. The default."""
-    return stored + rate * sighting * (1.0 - stored)
+    return confidence + rate * sighting * (1.0 - confidence)
 
 
-def literal(stored: float, sighting: float, rate: float) -> float:
+def literal(confidence: float, sighting: float, rate: float) -> float:
     """``C += lambda * (C - M.C)`` as printed: a stronger sighting lowers the confidence. Clamped to
     [0, 1].
     """
-    return min(1.0, max(0.0, stored + rate * (stored - sighting)))
+    return min(1.0, max(0.0, confidence + rate * (confidence - sighting)))
 
 
-def ema(stored: float, sighting: float, rate: float) -> float:
+def ema(confidence: float, sighting: float, rate: float) -> float:
     """``C += lambda * (M.C - C)``: the exponential moving average of the sightings."""
-    return stored + rate * (sighting - stored)
+    return confidence + rate * (sighting - confidence)
 
 
-def positive_part(stored: float, sighting: float, rate: float) -> float:
+def positive_part(confidence: float, sighting: float, rate: float) -> float:
     """``C += lambda * max(M.C - C, 0)``: stronger sightings raise the confidence, weaker ones leave
     it.
     """
-    return stored + rate * max(sighting - stored, 0.0)
+    return confidence + rate * max(sighting - confidence, 0.0)
 
 
 CONFIDENCE_RULES: dict[str, ConfidenceRule] = {

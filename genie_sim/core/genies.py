@@ -17,7 +17,7 @@ from genie_sim.core.similarity import Similarity
 
 
 def rules_on_car(rules: GenieRules, *, alone: bool = False) -> GenieRules:
-    """The settings of a car's Genie: it serves the consumer by the miss policy, and answers others
+    """The settings of a car's Genie: it answers the consumer by the miss policy, and answers others
     only when they ask. Its misses go up, unless it is ``alone``: nobody listens to ``-remote``.
     """
     return replace(
@@ -30,8 +30,8 @@ def rules_on_car(rules: GenieRules, *, alone: bool = False) -> GenieRules:
 
 
 def rules_on_edge(rules: GenieRules) -> GenieRules:
-    """The settings of an edge's Genie: it serves other Genies, so it answers when it has an answer,
-    and stores all that it gets.
+    """The settings of an edge's Genie: other Genies ask it, so it answers when it has an answer,
+    and it stores all that it gets.
     """
     is_literal = rules.algorithm == "literal"
     miss_policy = rules.miss_policy if is_literal else "blocking"
@@ -41,8 +41,8 @@ def rules_on_edge(rules: GenieRules) -> GenieRules:
 def make_genie(
     rules: GenieRules,
     name: str,
-    subscribed: Sequence[str],
-    published: Sequence[str],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
     *,
     map_answer: MakeAnswer | None = Detections,
     suffixes: tuple[str, str] = SUFFIXES,
@@ -54,7 +54,7 @@ def make_genie(
     ----------
     rules : GenieRules
         The settings, as they are in its role: ``rules_on_car``, ``rules_on_edge``.
-    name, subscribed, published, map_answer, suffixes, names_changes
+    name, inputs, outputs, map_answer, suffixes, names_changes
         As those of ``GenieNode``.
 
     Raises
@@ -73,8 +73,8 @@ def make_genie(
     rule = confidence_rule(rules.object_map.rule)
     return GenieNode(
         name,
-        subscribed,
-        published,
+        inputs,
+        outputs,
         rules,
         key=similarity.key,
         new_keys=similarity.index,
@@ -96,9 +96,9 @@ def confidence_rule(name: str) -> ConfidenceRule:
         return rule
 
     @functools.wraps(rule)
-    def checked(stored: float, sighting: float, rate: float) -> float:
+    def checked(before: float, sighting: float, rate: float) -> float:
         try:
-            confidence = rule(stored, sighting, rate)
+            confidence = rule(before, sighting, rate)
         except Exception as error:
             raise UserError(f"confidence rule {name!r}: {type(error).__name__}: {error}") from error
         if (
@@ -109,7 +109,7 @@ def confidence_rule(name: str) -> ConfidenceRule:
             return float(confidence)
         raise UserError(
             f"confidence rule {name!r}: returned {short_repr(confidence)} for"
-            f" ({stored:g}, {sighting:g}, {rate:g}); expected a number from 0 to 1"
+            f" ({before:g}, {sighting:g}, {rate:g}); expected a number from 0 to 1"
         )
 
     checked(0.5, 0.5, 0.1)

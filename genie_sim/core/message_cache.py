@@ -4,7 +4,7 @@ theirs.
 
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from genie_sim.base.contracts import class_of, whole
@@ -36,16 +36,16 @@ class MessageCache:
         return len(self._answers)
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` on a miss. Counts as a use."""
-        stored_key = self._find(key, now_ns)
+        """The answers to an equal request, ``None`` on a miss. It is a use."""
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             return None
         self._eviction.used(stored_key, now_ns)
         return self._answers[stored_key]
 
     def peek(self, key: Hashable, now_ns: int) -> Answers | None:
-        """The answers to an equal request, ``None`` if there are none. Does not count as a use."""
-        stored_key = self._find(key, now_ns)
+        """The answers to an equal request, ``None`` if there are none. It is no use."""
+        stored_key = self._expire_and_find(key, now_ns)
         return None if stored_key is None else self._answers[stored_key]
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
@@ -57,7 +57,7 @@ class MessageCache:
         size_bytes = answer.size_bytes
         if self._capacity is not None and not self._capacity.holds(0, size_bytes):
             return
-        stored_key = self._find(key, now_ns)
+        stored_key = self._expire_and_find(key, now_ns)
         if stored_key is None:
             while self._answers and not self._fits(1, size_bytes):
                 self._evict()
@@ -72,8 +72,8 @@ class MessageCache:
         while not self._fits(0, 0):  # an answer grew
             self._evict()
 
-    def _find(self, key: Hashable, now_ns: int) -> Hashable | None:
-        """The stored key that equals ``key``; those whose time is over go on the way."""
+    def _expire_and_find(self, key: Hashable, now_ns: int) -> Hashable | None:
+        """The stored key that equals ``key``; equal ones whose time is over are removed."""
         stored_key = self._index.find(key)
         while stored_key is not None:
             expires_ns = self._eviction.expires_ns(stored_key)
@@ -110,27 +110,27 @@ class Requester:
     """Who wants the answer to a request: a client of ours, or a neighbour (``name``, if the
     middleware tells it).
 
-    ``answered`` are the topics on which the cache has already answered.
+    ``answered_topics`` are those on which the cache has already answered.
     """
 
     header: Header
     neighbour: bool
     name: str | None
-    answered: frozenset[str] = frozenset()
+    answered_topics: frozenset[str] = frozenset()
 
 
 @dataclass(slots=True)
 class PendingRequest:
-    """A request that was opened and has not expired; ``forwarded`` as long as a node of ours works
-    on it.
+    """A request that was opened and has not expired; ``is_forwarded`` as long as a node of ours
+    works on it.
     """
 
     topic: str
     key: Hashable
     deadline_ns: int | None
-    forwarded: bool
+    is_forwarded: bool
     requesters: list[Requester]
-    answered: set[str]  # the topics on which an answer came
+    answered_topics: set[str] = field(default_factory=set)  # on which an answer came
 
     def has_requester(self, header: Header) -> bool:
         """Whether the request with this header waits for the answer."""
@@ -147,7 +147,7 @@ class PendingIndex:
         identity: Literal["stamp_frame_origin", "stamp"],
         new_keys: Callable[[], KeyIndex],
     ) -> None:
-        """``identity``: what of a header counts."""
+        """``identity``: what of a header tells requests apart."""
         self._by_stamp = identity == "stamp"
         self._new_keys = new_keys
         self._by_header: OrderedDict[Hashable, PendingRequest] = OrderedDict()  # by deadline
@@ -179,7 +179,7 @@ class PendingIndex:
     def joinable(self, topic: str, key: Hashable) -> PendingRequest | None:
         """The request whose answer a request with an equal message can wait for."""
         pending = self.by_key(topic, key)
-        return None if pending is None or pending.answered else pending
+        return None if pending is None or pending.answered_topics else pending
 
     def open(self, header: Header, pending: PendingRequest) -> list[PendingRequest]:
         """A request waits from now on, one of this header at a time. Deadlines must not decrease
@@ -187,7 +187,7 @@ class PendingIndex:
         oldest.
         """
         self._by_header[header.stamp_ns if self._by_stamp else header] = pending
-        if pending.forwarded:
+        if pending.is_forwarded:
             self._keys.setdefault(pending.topic, self._new_keys()).add(pending.key)
             self._open[pending.topic, pending.key] = pending
         if pending.deadline_ns is None and len(self._by_header) > MAX_TIMELESS:
@@ -196,15 +196,15 @@ class PendingIndex:
 
     def expire(self, now_ns: int) -> list[PendingRequest]:
         """Removes and returns the requests whose deadline has come."""
-        expired = []
+        overdue = []
         while (deadline_ns := self.next_deadline_ns) is not None and deadline_ns <= now_ns:
-            expired.append(self._remove_oldest())
-        return expired
+            overdue.append(self._remove_oldest())
+        return overdue
 
     def close(self, pending: PendingRequest) -> None:
         """Nobody needs to join this request any more; a second answer still finds it."""
-        if pending.forwarded:
-            pending.forwarded = False
+        if pending.is_forwarded:
+            pending.is_forwarded = False
             if self._open.get((pending.topic, pending.key)) is pending:
                 del self._open[pending.topic, pending.key]
                 self._keys[pending.topic].discard(pending.key)

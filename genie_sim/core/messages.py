@@ -5,17 +5,16 @@ slots: they cost three fifths of named tuples. Locations are metres in the scena
 east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(x1, y1, x2, y2)``.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
+from genie_sim.core.encodings import Encoding as Encoding
 from genie_sim.core.header import Header as Header
 
 Location = tuple[float, float, float]
 Box = tuple[float, float, float, float]
-
-# how pictures are sent; the number is JPEG's quality
-Encoding = Literal["raw", "png", "jpeg90", "jpeg80"]
 
 # autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n
 # bytes.
@@ -42,6 +41,19 @@ class CameraPose(NamedTuple):
     north_m: float
     up_m: float
     heading_rad: float
+
+    def carried(self, location: Location, to: "CameraPose") -> Location:
+        """The place that is as far ahead, aside and above of pose ``to`` as a location is of this
+        one.
+        """
+        turn_rad = to.heading_rad - self.heading_rad
+        cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
+        east_m, north_m = location[0] - self.east_m, location[1] - self.north_m
+        return (
+            to.east_m + cosine * east_m - sine * north_m,
+            to.north_m + sine * east_m + cosine * north_m,
+            to.up_m + (location[2] - self.up_m),
+        )
 
 
 class Message(Protocol):
@@ -191,7 +203,7 @@ class Look(NamedTuple):
     Parameters
     ----------
     header : Header
-        The frame. It identifies the look: whoever gets it by two ways counts it once.
+        The frame. It identifies the look: whoever gets it by two ways learns it once.
     pose : CameraPose
         Where the camera was.
     horizontal_fov_rad : float
@@ -381,16 +393,16 @@ class MapChange(NamedTuple):
     confidence: float
 
     @classmethod
-    def of(cls, stored: MapObject) -> "MapChange":
+    def of(cls, item: MapObject) -> "MapChange":
         """An object of a map as it is now."""
-        return cls(stored.number, stored.label, stored.location, stored.confidence)
+        return cls(item.number, item.label, item.location, item.confidence)
 
 
 @dataclass(slots=True)
 class ObjectLookups(Observation):
     """The object map was asked ``requests`` times for one message.
 
-    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` counts the
+    ``kind`` is ``sighting`` (Algorithm 2, line 4) or ``boost`` (line 11). ``hits`` are the
     look-ups answered by a stored object with C >= C_T; ``updates`` the confidences changed, by
     ``boost_sum`` in total (C_new - C_old). ``changes`` are the objects that these updates changed,
     and the new ones; ``forgotten`` those that the map no longer holds because of this message. A
@@ -399,11 +411,11 @@ class ObjectLookups(Observation):
 
     header: Header
     kind: str
-    requests: int
-    hits: int
-    updates: int
-    boost_sum: float
-    objects: int
+    requests: int = 0
+    hits: int = 0
+    updates: int = 0
+    boost_sum: float = 0.0
+    objects: int = 0
     changes: tuple[MapChange, ...] = ()
     forgotten: tuple[MapChange, ...] = ()
 

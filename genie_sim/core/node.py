@@ -69,8 +69,8 @@ class GenieNode:
     ----------
     name : str
         The Genie's name; what is before the first ``/`` names its host.
-    subscribed, published : sequence of str
-        The encapsulated node's own topics, T_S and T_P.
+    inputs, outputs : sequence of str
+        The encapsulated node's own topics: T_S, to which it subscribes, and T_P.
     rules : GenieRules
         The settings, as they are in the Genie's role (``core.genies``).
     key : callable
@@ -93,8 +93,8 @@ class GenieNode:
     def __init__(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         rules: GenieRules,
         *,
         key: Callable[[Any], Hashable],
@@ -113,20 +113,21 @@ class GenieNode:
         self._key = key
         self._new_cache = new_cache
         self._pending = PendingIndex(rules.header_identity, new_keys)
-        self._map_answer = map_answer if rules.miss_policy == "immediate" else None
+        self._make_map_answer = map_answer if rules.miss_policy == "immediate" else None
         self._local, self._remote = suffixes
         self._names_changes = names_changes
-        self._subscribed, self._published = tuple(subscribed), tuple(published)
+        self._inputs, self._outputs = tuple(inputs), tuple(outputs)
         self._caches: dict[str, MessageCache] = {}  # H_DB: a hashmap for each topic of requests
+        # requests come on T and T-remote, answers on P-local and P-remote
         requests = {
             topic + suffix: Arrival(topic, True, suffix == self._remote)
             for suffix in ("", self._remote)
-            for topic in self._subscribed
+            for topic in self._inputs
         }
         answers = {
             topic + suffix: Arrival(topic, False, suffix == self._remote)
             for suffix in suffixes
-            for topic in self._published
+            for topic in self._outputs
         }
         # by topic, with its suffix; of a topic in both lists, requests win
         self._arrivals = {**requests, **answers, **requests}
@@ -137,13 +138,13 @@ class GenieNode:
 
     def publications(self) -> tuple[str, ...]:
         """Every topic that this Genie may publish on."""
-        missed = self._subscribed
+        miss_topics = self._inputs
         if self.rules.pending_index == "per_topic":  # there answers are taken for requests
-            missed += tuple(topic for topic, of in self._arrivals.items() if not of.is_request)
+            miss_topics += tuple(topic for topic, of in self._arrivals.items() if not of.is_request)
         return (
-            *(topic + suffix for topic in missed for suffix in (self._local, self._remote)),
-            *self._published,
-            *(topic + self._remote for topic in self._published),
+            *(topic + suffix for topic in miss_topics for suffix in (self._local, self._remote)),
+            *self._outputs,
+            *(topic + self._remote for topic in self._outputs),
         )
 
     def on_message(
@@ -176,11 +177,11 @@ class GenieNode:
         requester = Requester(message.header, neighbour=is_remote, name=sender)
         answers = cache.get(key, now_ns)  # lines 12 and 17
         if answers is None:
-            return effects + self._on_miss(name, message, key, requester, now_ns)
-        if len(answers) < len(self._published):  # the node may still answer on other topics
+            return effects + self._on_miss(name, message, requester, key=key, now_ns=now_ns)
+        if len(answers) < len(self._outputs):  # the node may still answer on other topics
             pending = self._pending.by_key(name, key)
             if pending is not None:
-                pending.requesters.append(replace(requester, answered=frozenset(answers)))
+                pending.requesters.append(replace(requester, answered_topics=frozenset(answers)))
         return effects + self._on_hit(message, requester, answers)
 
     def _on_answer(self, topic: str, message: Answer, is_remote: bool, now_ns: int) -> list[Effect]:
@@ -217,7 +218,7 @@ class GenieNode:
         return effects  # line 11
 
     def _on_miss(
-        self, topic: str, message: Request, key: Hashable, requester: Requester, now_ns: int
+        self, topic: str, message: Request, requester: Requester, *, key: Hashable, now_ns: int
     ) -> list[Effect]:
         """Lines 12 to 15: no stored answer. The node is given the requests of clients, and of equal
         ones only the first. Neighbours get hits only, unless ``neighbour_miss`` has theirs run,
@@ -244,7 +245,9 @@ class GenieNode:
             expiry_ns = rules.request_expiry_ns
             deadline_ns = None if expiry_ns is None else now_ns + expiry_ns
             waiting = [requester] if is_run else []
-            pending = PendingRequest(topic, key, deadline_ns, is_run, waiting, answered=set())
+            pending = PendingRequest(
+                topic, key, deadline_ns, is_forwarded=is_run, requesters=waiting
+            )
             effects += _unanswered(pending_requests.open(header, pending))  # line 15
         if not requester.neighbour:
             effects += self._map_answers(message)
@@ -254,11 +257,11 @@ class GenieNode:
         """Lines 16 to 19: the stored answers go to whoever asked."""
         objects, rules = self.object_map, self.rules
         effects: list[Effect] = [self._image_lookup(requester, "hit")]
-        for topic, stored in answers.items():
-            header = stored.header if rules.replay_stamp == "stored" else message.header
-            reply = stored
+        for topic, answer in answers.items():
+            header = answer.header if rules.replay_stamp == "stored" else message.header
+            reply = answer
             if objects is not None:
-                reply, lookups = objects.enhanced_cache_boost_data(stored, header)  # line 18
+                reply, lookups = objects.enhanced_cache_boost_data(answer, header)  # line 18
                 if lookups is not None:
                     effects.append(lookups)
                 if not requester.neighbour or rules.share_filter == "confident":
@@ -288,10 +291,10 @@ class GenieNode:
         """Records of what is lost when a fault wipes this Genie's state: unanswered client requests
         and map objects. It is not called again after that.
         """
-        lost: list[Observation] = [*_unanswered(self._pending)]
+        observations: list[Observation] = [*_unanswered(self._pending)]
         if self._names_changes and self.object_map:
-            lost.append(Forgotten(tuple(map(MapChange.of, self.object_map))))
-        return lost
+            observations.append(Forgotten(tuple(map(MapChange.of, self.object_map))))
+        return observations
 
     def cache_entries(self) -> int:
         """How many requests the message cache holds answers to."""
@@ -303,9 +306,9 @@ class GenieNode:
     def _time_passes(self, now_ns: int) -> list[Effect]:
         """Forgets the objects of the map and the pending requests whose time is over."""
         effects: list[Effect] = []
-        forgotten = self.object_map.forget(now_ns) if self.object_map is not None else ()
-        if forgotten and self._names_changes:
-            effects.append(Forgotten(tuple(map(MapChange.of, forgotten))))
+        objects = self.object_map.forget(now_ns) if self.object_map is not None else ()
+        if objects and self._names_changes:
+            effects.append(Forgotten(tuple(map(MapChange.of, objects))))
         deadline_ns = self._pending.next_deadline_ns
         if deadline_ns is not None and deadline_ns <= now_ns:
             effects += self.on_deadline(now_ns)
@@ -314,13 +317,13 @@ class GenieNode:
     def _store(self, topic: str, answer: Answer, pending: PendingRequest, now_ns: int) -> None:
         """Line 10: the answer becomes the value of its request's key."""
         cache = self._caches[pending.topic]
-        stored = None
-        if topic in pending.answered and self.rules.second_answer != "overwrite":
-            stored = (cache.peek(pending.key, now_ns) or {}).get(topic)
-        if stored is None:
+        old = None
+        if topic in pending.answered_topics and self.rules.second_answer != "overwrite":
+            old = (cache.peek(pending.key, now_ns) or {}).get(topic)
+        if old is None:
             cache.put(pending.key, topic, answer, now_ns)
         elif self.rules.second_answer == "merge":
-            cache.put(pending.key, topic, merged(stored, answer), now_ns)
+            cache.put(pending.key, topic, merged(old, answer), now_ns)
 
     def _release(
         self,
@@ -335,13 +338,13 @@ class GenieNode:
         """The first answer to a request goes to everyone who waits for it, under the header of each
         one's own request; not to the neighbour that the ``broadcast`` reaches.
         """
-        if topic in pending.answered:
+        if topic in pending.answered_topics:
             return
-        pending.answered.add(topic)
-        if len(pending.answered) == len(self._published):
+        pending.answered_topics.add(topic)
+        if len(pending.answered_topics) == len(self._outputs):
             self._pending.close(pending)
         for requester in pending.requesters:
-            if topic in requester.answered:
+            if topic in requester.answered_topics:
                 continue
             if requester.neighbour:
                 if requester.header == broadcast:
@@ -360,15 +363,15 @@ class GenieNode:
         """What a client gets at once although its request missed: the map's confident objects in
         view.
         """
-        if self._map_answer is None or self.object_map is None or request.pose is None:
+        if self._make_map_answer is None or self.object_map is None or request.pose is None:
             return []
         in_view = self.object_map.in_view(
             request.pose, request.horizontal_fov_rad, self.rules.view_range_m
         )
-        answer = self._map_answer(
-            request.header, tuple(stored.as_detection() for stored in in_view)
+        answer = self._make_map_answer(
+            request.header, tuple(entry.as_detection() for entry in in_view)
         )
-        return [Publish(topic, answer.credited("map", self.name)) for topic in self._published]
+        return [Publish(topic, answer.credited("map", self.name)) for topic in self._outputs]
 
     def _publication(self, topic: str, answer: Answer, requester: Requester) -> Publish:
         """The answer on the topic on which the requester listens."""
@@ -381,19 +384,19 @@ class GenieNode:
         return ImageLookup(requester.header, outcome, role, self.cache_entries())
 
 
-def merged(stored: Answer, later: Answer) -> Answer:
+def merged(first: Answer, later: Answer) -> Answer:
     """``second_answer: merge``: objects of new classes or places are added to the first answer."""
-    if stored.objects is None or later.objects is None:
+    if first.objects is None or later.objects is None:
         return later
-    places = {(item.label, item.location) for item in stored.objects}
-    added = [item for item in later.objects if (item.label, item.location) not in places]
-    return stored.with_objects([*stored.objects, *added])
+    places = {(item.label, item.location) for item in first.objects}
+    additions = [item for item in later.objects if (item.label, item.location) not in places]
+    return first.with_objects([*first.objects, *additions])
 
 
 def _unanswered(requests: Iterable[PendingRequest]) -> Iterator[Expired]:
     """The clients' requests among these that nobody has answered."""
     for pending in requests:
-        if not pending.answered:
+        if not pending.answered_topics:
             for requester in pending.requesters:
-                if not requester.neighbour and not requester.answered:
+                if not requester.neighbour and not requester.answered_topics:
                     yield Expired(requester.header)

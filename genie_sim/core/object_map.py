@@ -75,41 +75,41 @@ class ObjectMap:
         looked_in = answer.seen_in or answer.header
         objects: list[Detection] = []
         changes: list[MapChange] = []
-        lookups = ObjectLookups(answer.header, "sighting", 0, 0, 0, 0.0, 0)
+        lookups = ObjectLookups(answer.header, "sighting")
         threshold = self.threshold
         for sighting in answer.objects:  # line 3
             if sighting.location is not None:
                 from_map = sighting.placed_by == "map"
-                before, stored = self.sight(sighting, now_ns)  # lines 4 to 7
-                stored.note_frame(sighting.seen_in if from_map else looked_in)
+                before, entry = self.sight(sighting, now_ns)  # lines 4 to 7
+                entry.note_frame(sighting.seen_in if from_map else looked_in)
                 lookups.requests += 1
                 if before is not None:
                     lookups.hits += before >= threshold
                     lookups.updates += 1
-                    lookups.boost_sum += stored.confidence - before
-                    sighting = sighting.with_confidence(stored.confidence)
+                    lookups.boost_sum += entry.confidence - before
+                    sighting = sighting.with_confidence(entry.confidence)
                 if names_changes:
-                    changes.append(MapChange.of(stored))
+                    changes.append(MapChange.of(entry))
             objects.append(sighting)
         lookups.changes, lookups.objects = tuple(changes), len(self)
         return answer.with_objects(objects), lookups
 
     def sight(self, sighting: Detection, now_ns: int = 0) -> tuple[float | None, StoredObject]:
-        """Lines 4 to 7: boosts the stored object that ``seen`` shows, or adds it. Returns the
+        """Lines 4 to 7: boosts the stored object that a sighting shows, or adds it. Returns the
         confidence before (``None`` for a new object) and the stored object.
         """
         assert sighting.location is not None
-        stored = self.match(sighting.label, sighting.location)  # line 4
-        if stored is None:
+        entry = self.match(sighting.label, sighting.location)  # line 4
+        if entry is None:
             return None, self._add(sighting, sighting.location, now_ns)  # line 7
         if self._forget_after_ns is not None:
-            self._last_ns[stored] = now_ns
-            self._last_ns.move_to_end(stored)
-        before = stored.confidence
+            self._last_ns[entry] = now_ns
+            self._last_ns.move_to_end(entry)
+        before = entry.confidence
         after = self._boosted_confidence(before, sighting.confidence, self._rate)  # line 5
-        stored.set_confidence(after)
+        entry.set_confidence(after)
         self._threshold.changed(before, after)
-        return before, stored
+        return before, entry
 
     def enhanced_cache_boost_data(
         self, answer: Answer, header: Header
@@ -120,28 +120,28 @@ class ObjectMap:
         if answer.objects is None:  # line 9
             return answer, None
         objects: list[Detection] = []
-        others: list[StoredObject] = []
-        shown: set[int] = set()
-        lookups = ObjectLookups(header, "boost", 0, 0, 0, 0.0, len(self))
+        additions: list[StoredObject] = []
+        numbers: set[int] = set()
+        lookups = ObjectLookups(header, "boost", objects=len(self))
         for detection in answer.objects:  # line 10
             if detection.location is not None:
                 confident = [
-                    stored
-                    for stored in self.at(detection.location)  # line 11
-                    if stored.confidence >= self.threshold  # line 12
+                    entry
+                    for entry in self.at(detection.location)  # line 11
+                    if entry.confidence >= self.threshold  # line 12
                 ]
-                others += confident  # line 13; added below, lest line 10 iterates over them
+                additions += confident  # line 13; added below, lest line 10 iterates over them
                 lookups.requests += 1
                 lookups.hits += bool(confident)
                 itself = self.match(detection.label, detection.location)
                 if itself is not None:
-                    shown.add(itself.number)
+                    numbers.add(itself.number)
                     detection = detection.with_confidence(itself.confidence)
             objects.append(detection)
-        for stored in others:
-            if stored.number not in shown:
-                shown.add(stored.number)
-                objects.append(stored.as_detection())
+        for entry in additions:
+            if entry.number not in numbers:
+                numbers.add(entry.number)
+                objects.append(entry.as_detection())
         return answer.with_objects(objects), lookups
 
     def confident(self, answer: Answer) -> Answer:
@@ -154,14 +154,14 @@ class ObjectMap:
 
     def forget(self, now_ns: int) -> list[StoredObject]:
         """Removes and returns the objects that nobody has seen for ``forget_after``."""
-        forgotten: list[StoredObject] = []
+        entries: list[StoredObject] = []
         while self._last_ns and self._forget_after_ns is not None:
-            stored, last_ns = next(iter(self._last_ns.items()))
+            entry, last_ns = next(iter(self._last_ns.items()))
             if last_ns + self._forget_after_ns > now_ns:
                 break
-            forgotten.append(stored)
-            self._remove(stored)
-        return forgotten
+            entries.append(entry)
+            self._remove(entry)
+        return entries
 
     def match(self, label: str, location: Location) -> StoredObject | None:
         """The stored object that a sighting of class ``label`` at ``location`` shows: the nearest
@@ -189,26 +189,26 @@ class ObjectMap:
             sector.box(), pose[:2], sector.ahead, sector.min_cosine, range_m
         )
         threshold = self.threshold
-        return [stored for stored in in_sector if stored.confidence >= threshold]
+        return [entry for entry in in_sector if entry.confidence >= threshold]
 
     def _add(self, sighting: Detection, location: Location, now_ns: int) -> StoredObject:
-        stored = StoredObject(self._next_number, sighting, location)
+        entry = StoredObject(self._next_number, sighting, location)
         if self._forget_after_ns is not None:
-            self._last_ns[stored] = now_ns
+            self._last_ns[entry] = now_ns
         self._count += 1
         self._next_number += 1
-        self._places.add(stored, stored.label, location[0], location[1])
+        self._places.add(entry, entry.label, location[0], location[1])
         if self._same_location is not None:
-            self._same_location.add(stored)
-        self._threshold.added(stored.confidence)
-        return stored
+            self._same_location.add(entry)
+        self._threshold.added(entry.confidence)
+        return entry
 
-    def _remove(self, stored: StoredObject) -> None:
-        del self._last_ns[stored]
-        self._places.remove(stored, stored.label, stored.location[0], stored.location[1])
+    def _remove(self, entry: StoredObject) -> None:
+        del self._last_ns[entry]
+        self._places.remove(entry, entry.label, entry.location[0], entry.location[1])
         if self._same_location is not None:
-            self._same_location.remove(stored)
-        self._threshold.removed(stored.confidence)
+            self._same_location.remove(entry)
+        self._threshold.removed(entry.confidence)
         self._count -= 1
 
 
@@ -220,17 +220,17 @@ class SameLocation:
     def __init__(self) -> None:
         self._objects: dict[Location, list[StoredObject]] = {}
 
-    def add(self, stored: StoredObject) -> None:
-        self._objects.setdefault(stored.location, []).append(stored)
+    def add(self, entry: StoredObject) -> None:
+        self._objects.setdefault(entry.location, []).append(entry)
 
-    def remove(self, stored: StoredObject) -> None:
-        self._objects[stored.location].remove(stored)
+    def remove(self, entry: StoredObject) -> None:
+        self._objects[entry.location].remove(entry)
 
     def nearest(self, label: str | None, location: Location) -> StoredObject | None:
         """The oldest object of a class (``None``: of any) at a location."""
-        for stored in self._objects.get(location, ()):
-            if label is None or stored.label == label:
-                return stored
+        for entry in self._objects.get(location, ()):
+            if label is None or entry.label == label:
+                return entry
         return None
 
     def at(self, location: Location) -> list[StoredObject]:

@@ -72,8 +72,8 @@ class ObjectMapRules:
     """λ of Algorithm 2, the rate of the confidence rule."""
 
     threshold: Annotated[Share | Percentile, OneOf("a number from 0 to 1, {percentile: N}")] = 0.60
-    """C_T, above which objects are shared and served. The paper's 60 % may be read as a number, or
-    as a percentile of the confidences stored now."""
+    """C_T, from which on objects are shared and answered. The paper's 60 % may be read as a number,
+    or as a percentile of the confidences stored now."""
 
     forget_after_ns: Annotated[int, Bounds(above=0)] | None = None
     """After this time without a sighting the map forgets an object; `null`: never, as in the
@@ -184,7 +184,7 @@ class GenieRules:
     latencies."""
 
     view_range_m: Annotated[float, Bounds(above=0)] = 50.0
-    """Objects of the map count as in view up to this distance. Assumed."""
+    """Objects of the map are in view up to this distance. Assumed."""
 
     fresh_objects: Literal["confident", "all"] = "confident"
     """Whether objects below C_T in the node's own fresh answer reach the clients on its own host.
@@ -229,10 +229,10 @@ class GenieRules:
         return _below(LITERAL, value) if value.get("algorithm") == "literal" else value
 
 
-def _below(preset: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
+def _below(preset: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, Any]:
     """A preset with the given settings above it, sections setting by setting."""
-    merged = {**preset, **given}
+    result = {**preset, **settings}
     for name, section in preset.items():
-        if isinstance(section, Mapping) and isinstance(given.get(name, {}), Mapping):
-            merged[name] = {**section, **given.get(name, {})}
-    return merged
+        if isinstance(section, Mapping) and isinstance(settings.get(name, {}), Mapping):
+            result[name] = {**section, **settings.get(name, {})}
+    return result

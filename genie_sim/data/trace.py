@@ -137,19 +137,6 @@ class Trace(Drive):
         frames = {camera: tuple(map(moved, sequence)) for camera, sequence in self.frames.items()}
         return replace(self, origin=origin, frames=frames)
 
-    def at_least(self, min_score: float) -> "Trace":
-        """The same trace without the detections below a score."""
-
-        def kept(frame: TraceFrame) -> TraceFrame:
-            return replace(
-                frame, detections=tuple(d for d in frame.detections if d.score >= min_score)
-            )
-
-        frames = {camera: tuple(map(kept, sequence)) for camera, sequence in self.frames.items()}
-        parameters = self.provenance.get("parameters", {}) | {"min_score": min_score}
-        provenance = {**self.provenance, "parameters": parameters}
-        return replace(self, frames=frames, provenance=provenance)
-
 
 def feature_facts(frames: Mapping[str, Sequence[TraceFrame]]) -> dict[str, dict[str, Any]]:
     """Of each feature that every frame has: its dimension, and the sha256 of all of them, camera by

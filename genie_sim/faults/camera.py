@@ -1,6 +1,5 @@
 """Cameras that fail: they show nothing, or the same picture again and again."""
 
-import math
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -49,19 +48,13 @@ class CameraFault(Fault):
 def _moved_all(
     before: CameraPose, after: CameraPose, objects: tuple[Detection, ...]
 ) -> tuple[Detection, ...]:
-    """Objects where they seem to be: as far ahead of the later pose as they were of the earlier."""
-    turn_rad = after.heading_rad - before.heading_rad
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
-    moved = []
+    """Objects where they seem to be: as far ahead of the later pose as they were of the earlier, at
+    their own height.
+    """
+    places = []
     for item in objects:
         if item.location is not None:
-            east, north, up = item.location
-            ahead, aside = east - before.east_m, north - before.north_m
-            place = (
-                after.east_m + cosine * ahead - sine * aside,
-                after.north_m + sine * ahead + cosine * aside,
-                up,
-            )
-            item = item.with_location(place)
-        moved.append(item)
-    return tuple(moved)
+            east_m, north_m, _ = before.carried(item.location, after)
+            item = item.with_location((east_m, north_m, item.location[2]))
+        places.append(item)
+    return tuple(places)

@@ -9,7 +9,7 @@ from genie_sim.sim.network import Network
 
 @dataclass(frozen=True)
 class Crash(Fault):
-    """The host ``target`` crashes, and is back at the end. Meanwhile its links are down. What is
+    """The host ``target`` crashes, and is back at the end. Meanwhile its links are cut. What is
     queued and in service there is lost.
     """
 

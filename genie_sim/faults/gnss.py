@@ -89,7 +89,7 @@ class Gnss(Fault):
 
 
 def _displaced(
-    network: Network, error: PositionError, sign: int, message: Message, other: str
+    network: Network, error: PositionError, sign: int, message: Message, host: str
 ) -> Message:
     east_m, north_m = error.at(network.clock.now)
     return shifted(message, sign * east_m, sign * north_m)

@@ -54,8 +54,8 @@ class HandOver(Fault):
         """
         current_edge = dict(edge_of)
         free_ns = dict.fromkeys(edge_of, 0)  # when the car's last hand-over is over
-        for index, timed in sorted(enumerate(faults), key=lambda item: item[1].begin_ns):
-            hand_over = timed.fault
+        for index, entry in sorted(enumerate(faults), key=lambda item: item[1].begin_ns):
+            hand_over = entry.fault
             assert isinstance(hand_over, HandOver)
             car, edge = hand_over.target, hand_over.edge
             if car not in current_edge:
@@ -65,14 +65,14 @@ class HandOver(Fault):
                 yield index, "target", f"{car} has no 'edge' to leave"
             elif edge not in edges:
                 yield index, "edge", unknown("edge", edge, edges)
-            elif timed.mean_time_between_ns is not None:
+            elif entry.mean_time_between_ns is not None:
                 yield index, "mean_time_between", "a car changes to an edge once; give 'begin'"
-            elif timed.end_ns != timed.begin_ns + hand_over.gap_ns:
+            elif entry.end_ns != entry.begin_ns + hand_over.gap_ns:
                 yield index, "end", "a hand-over is over after its 'gap'; leave it out"
             elif edge == current_edge[car]:
                 yield index, "edge", f"{car} is with {edge} already"
-            elif timed.begin_ns < free_ns[car]:
+            elif entry.begin_ns < free_ns[car]:
                 over = duration_text(free_ns[car])
                 yield index, "begin", f"comes before the hand-over before it is over, at {over}"
             current_edge[car] = edge
-            free_ns[car] = timed.end_ns or timed.begin_ns
+            free_ns[car] = entry.end_ns or entry.begin_ns

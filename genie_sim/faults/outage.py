@@ -8,10 +8,10 @@ from genie_sim.sim.network import Network
 
 @dataclass(frozen=True)
 class Outage(Fault):
-    """The links at ``target`` are down: a car's, an edge's, those between ``edges``, or one such as
+    """The links at ``target`` are cut: a car's, an edge's, those between ``edges``, or one such as
     ``car1->edge1``.
 
-    A message is lost whose last bit leaves while the link is down.
+    A message is lost whose last bit leaves while the link is cut.
     """
 
     target: str

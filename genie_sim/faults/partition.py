@@ -20,9 +20,9 @@ class Partition(Fault):
     dropped_by = "partition"
 
     def strike(self, network: Network) -> Strike:
-        def inside(message: Message, other: str) -> Message | None:
+        def inside(message: Message, host: str) -> Message | None:
             """The message, if the host at the other end is in the same part."""
-            return message if other in self.target else None
+            return message if host in self.target else None
 
         bend = Bend(inside, inside, self.dropped_by)
         for host in self.target:

@@ -14,11 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from genie_sim.core.messages import Detections, Image
-from genie_sim.judge.gospa import GOSPA_CUT_M, gospa_m
 from genie_sim.judge.held import Held, held
 from genie_sim.judge.held_spans import HeldSpans, JudgedObjects
 from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, turns
-from genie_sim.judge.objects import UNKNOWN, Objects
+from genie_sim.judge.objects import Objects
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
 from genie_sim.record.columns import Codes, Columns, Text
@@ -33,16 +32,14 @@ RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS
 
 
 class _Compared(NamedTuple):
-    """The objects that are held in view, and how each of them is judged.
-
-    What they are, the code of the label, the judgement and whether another car saw it last; then
-    the pairs with visible objects, scene by scene and nearest first, and which of them match.
+    """The objects that are held in view: what they are, the code of the label and how each is
+    judged; then the pairs with visible objects, scene by scene and nearest first, and which of them
+    match.
     """
 
     held: Held
     label: Array
     judgement: Array
-    is_shared: Array
     pairs: Pairs
     is_match: Array
 
@@ -168,7 +165,7 @@ class MapAccuracy:
             GroupedPlaces(
                 visible.scene * classes + visible.class_, visible.east_m, visible.north_m
             ),
-            max(float(views.tolerance_m.max()), GOSPA_CUT_M),
+            float(views.tolerance_m.max()),
         )
         scene = items.scene[pairs.ours]
         pairs = pairs.rows(np.lexsort((pairs.theirs, pairs.ours, pairs.distance_m2, scene)))
@@ -186,12 +183,10 @@ class MapAccuracy:
         others = np.flatnonzero(judgement == NEVER_THERE)
         moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
         judgement[others[moved_away]] = MOVED_AWAY
-        is_shared = (known.seen_by != UNKNOWN) & (known.seen_by != views.car[items.scene])
         return _Compared(
             items,
             label=known.label,
             judgement=judgement,
-            is_shared=is_shared,
             pairs=pairs,
             is_match=is_match,
         )
@@ -246,12 +241,8 @@ class MapAccuracy:
         judged = [
             _counts(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
-        # What is there and cannot be seen is neither right nor wrong.
-        is_held = judgement != HIDDEN
-        held_ = _counts(items.scene, is_held, scenes)
         of_pairs = items.scene[pairs.ours]
         moving = visible.moving == 1
-        compares = (pairs.distance_m2 <= GOSPA_CUT_M**2) & is_held[pairs.ours]
         found = np.zeros(len(moving), dtype=bool)
         found[pairs.theirs[compared.is_match]] = True
         errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
@@ -265,23 +256,17 @@ class MapAccuracy:
             "what": Text.of(np.where(views.is_consumer, 0, 1), [CONSUMER, ZERO_DELAY]),
             "car": Text.of(views.car, list(self._cars)),
             "stamp_ns": views.now_ns,
-            "held": held_,
+            # what is there and cannot be seen is neither right nor wrong
+            "held": _counts(items.scene, judgement != HIDDEN, scenes),
             "right": right,
             "moved_away": judged[MOVED_AWAY],
             "never_there": judged[NEVER_THERE],
             "duplicate": judged[DUPLICATE],
-            "shared": _counts(items.scene, is_held & compared.is_shared, scenes),
-            "shared_right": _counts(items.scene, compared.is_shared & (judgement == RIGHT), scenes),
             "hidden": judged[HIDDEN],
             "visible_static": _counts(visible.scene, ~moving, scenes),
             "found_static": _counts(visible.scene, found & ~moving, scenes),
             "visible_moving": _counts(visible.scene, moving, scenes),
             "found_moving": _counts(visible.scene, found & moving, scenes),
-            "gospa_m": gospa_m(
-                pairs.rows(compares),
-                of_pairs[compares],
-                held_ + _counts(visible.scene, moving | True, scenes),
-            ),
             "error_m": error_m,
         }
         self._table.extend_columns(Columns(columns))

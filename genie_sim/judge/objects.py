@@ -13,7 +13,6 @@ from genie_sim.core.messages import Detection
 from genie_sim.judge.joins import Array
 from genie_sim.record.columns import Codes
 
-UNKNOWN = -1
 MAX_KEPT = 100_000  # objects and lists of them, at the begin of a window
 _label = attrgetter("label")
 _location = attrgetter("location")
@@ -22,24 +21,22 @@ _motion = attrgetter("motion")
 
 class ShownColumns(NamedTuple):
     """One row per object: codes of its label and of its class, where it is [m], and of a track its
-    velocity [m/s] and the car that saw it last (``UNKNOWN`` if it is no track).
+    velocity [m/s].
     """
 
     label: Array
     class_: Array
     east_m: Array
     north_m: Array
-    up_m: Array
     velocity_east_mps: Array
     velocity_north_mps: Array
-    seen_by: Array
 
     def rows(self, selection: Array) -> "ShownColumns":
         """Those of a mask or of indices."""
         return ShownColumns(*(column[selection] for column in self))
 
 
-_NONE = ShownColumns(*(np.zeros(0, dtype=code) for code in "qqdddddq"))
+_NONE = ShownColumns(*(np.zeros(0, dtype=code) for code in "qqdddd"))
 
 
 class _Classes(dict[str, tuple[int, int]]):
@@ -115,18 +112,15 @@ class Objects:
         codes = array("q", chain.from_iterable([classes[label] for label in map(_label, placed)]))
         places = array("d", chain.from_iterable(map(_location, placed)))
         velocities_mps = np.zeros((len(placed), 2))
-        seen_by = np.full(len(placed), UNKNOWN)
         motions = list(map(_motion, placed))
         if any(motions):
             for place, motion in enumerate(motions):
                 if motion is not None:
                     velocities_mps[place] = motion.velocity_mps
-                    seen_by[place] = self.cars[motion.seen_in.origin]
         self._parts.append(
             ShownColumns(
                 *np.frombuffer(codes, dtype=np.int64).reshape(-1, 2).T,
-                *np.frombuffer(places).reshape(-1, 3).T,
+                *np.frombuffer(places).reshape(-1, 3).T[:2],
                 *velocities_mps.T,
-                *seen_by[np.newaxis],
             )
         )

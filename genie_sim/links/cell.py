@@ -323,17 +323,17 @@ class CellDirection:
             self._next_end = self.clock.timeout(next_ns)
             self._next_end.callbacks.append(self._end_next)
 
-    def _end_next(self, planned: simpy.Event) -> None:
-        if planned is not self._next_end:
+    def _end_next(self, event: simpy.Event) -> None:
+        if event is not self._next_end:
             return
         self._advance()
-        ended = [transmission for transmission in self._transmissions if transmission.left <= 0]
+        complete = [transmission for transmission in self._transmissions if transmission.left <= 0]
         self._transmissions = [
             transmission for transmission in self._transmissions if transmission.left > 0
         ]
-        self.occupancy.leave(len(ended))
+        self.occupancy.leave(len(complete))
         self._replan()
-        for transmission in ended:
+        for transmission in complete:
             self.completed += 1
             self.sent_bytes += transmission.size_bytes
             transmission.sender.end()
@@ -364,16 +364,16 @@ class CellDirection:
 
     def _give_up_failed(self) -> None:
         """What has had no coverage for too long is lost."""
-        failed = [
+        failures = [
             transmission
             for transmission in self._transmissions
             if _has_failed(transmission, self.clock.now)
         ]
-        for transmission in failed:
+        for transmission in failures:
             self._transmissions.remove(transmission)
             self.occupancy.leave()
             self.drops += 1
-        for transmission in failed:
+        for transmission in failures:
             transmission.sender.end(is_lost=True)
 
 

@@ -12,9 +12,9 @@ KBIT = 10**3
 MBIT = 10**6
 
 
-def _wire(up_bps: int | None, down_bps: int | None, delay_ns: int, **others: int) -> Choice:
+def _wire(up_bps: int | None, down_bps: int | None, delay_ns: int, **settings: int) -> Choice:
     return complete(
-        "wire", Wire, rate_up_bps=up_bps, rate_down_bps=down_bps, delay_ns=delay_ns, **others
+        "wire", Wire, rate_up_bps=up_bps, rate_down_bps=down_bps, delay_ns=delay_ns, **settings
     )
 
 

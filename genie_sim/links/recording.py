@@ -28,6 +28,8 @@ POSSIBLE = {"Mbit/s": (0.001, 100_000.0), "ms": (0.05, 600_000.0)}
 # and those of what drives, by radio, the median round trip, in between these.
 USUAL = {"Mbit/s": (0.2, 2_500.0), "ms": (1.0, 2_000.0)}
 PLACE_COLUMNS = ("east_m", "north_m")
+# The Arrow types of all columns that there may be.
+TYPES = dict.fromkeys(("t_ns", *WHOLE_COLUMNS), "int64") | dict.fromkeys(PLACE_COLUMNS, "double")
 LONG_PERIOD_S = 60.0  # from one measurement of a link to the next
 MAX_WHOLE = 2**63 - 1
 
@@ -118,15 +120,15 @@ def read(name: str) -> LinkRecording:
 
 @remembered
 def _read(path: Path) -> LinkRecording:
-    def checked(found: "pa.Schema", _: Mapping[str, Any]) -> Sequence[str]:
-        for column in found:
-            if column.name not in ("t_ns", *WHOLE_COLUMNS, *PLACE_COLUMNS):
-                known = ", ".join(_types())
-                raise UserError(f"{path}: column {column.name}: unknown; known: {known}")
-            if str(column.type) != _types()[column.name]:
-                kind = _types()[column.name]
+    def checked(file_schema: "pa.Schema", _: Mapping[str, Any]) -> Sequence[str]:
+        for column in file_schema:
+            if column.name not in TYPES:
+                choices = ", ".join(TYPES)
+                raise UserError(f"{path}: column {column.name}: unknown; known: {choices}")
+            if str(column.type) != TYPES[column.name]:
+                kind = TYPES[column.name]
                 raise UserError(f"{path}: column {column.name}: must be of type {kind}")
-        return list(found.names)
+        return list(file_schema.names)
 
     table, about = parquet.read(path, "recorded link", checked)
     columns = table.to_pydict()
@@ -197,17 +199,8 @@ def write(path: Path, columns: Mapping[str, Sequence[Any]], about: Mapping[str, 
 
     check(str(path), columns)
     types = {
-        name: getattr(pa, "float64" if kind == "double" else kind)()
-        for name, kind in _types().items()
+        name: getattr(pa, "float64" if kind == "double" else kind)() for name, kind in TYPES.items()
     }
     schema = pa.schema([pa.field(name, types[name], nullable=False) for name in columns])
     rows: Iterable[tuple[Any, ...]] = zip(*columns.values(), strict=True)
     parquet.write(path, schema, (dict(zip(columns, row, strict=True)) for row in rows), about)
-
-
-def _types() -> dict[str, str]:
-    """The Arrow types of all columns that there may be."""
-    return {
-        **dict.fromkeys(("t_ns", *WHOLE_COLUMNS), "int64"),
-        **dict.fromkeys(PLACE_COLUMNS, "double"),
-    }

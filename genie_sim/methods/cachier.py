@@ -38,11 +38,11 @@ def best_size(counts: Iterable[float], per_entry_ns: float, cloud_ns: float) -> 
     (``counts``, by key) for the k most popular ones, and ``cloud_ns`` the time until the cloud's
     answer arrives.
     """
-    ordered = sorted(counts, reverse=True)
-    total = math.fsum(ordered) or 1.0
-    masses = accumulate(ordered, initial=0.0)
-    expected = [k * per_entry_ns + (1 - mass / total) * cloud_ns for k, mass in enumerate(masses)]
-    return expected.index(min(expected))
+    descending = sorted(counts, reverse=True)
+    total = math.fsum(descending) or 1.0
+    masses = accumulate(descending, initial=0.0)
+    costs_ns = [k * per_entry_ns + (1 - mass / total) * cloud_ns for k, mass in enumerate(masses)]
+    return costs_ns.index(min(costs_ns))
 
 
 class PopularityEviction(Eviction):
@@ -89,20 +89,20 @@ class PopularityCache(SimilarityCache):
         self._per_entry_ns = settings.per_entry_ns
         self._period_ns = settings.period_ns
         self._next_ns: int | None = None  # when k is computed again
-        self._counted = Nearest()  # the keys of all counts
+        self._requested = Nearest()  # the keys of all counts
         self._missed_ns: dict[Hashable, int] = {}  # misses without an answer, the oldest first
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
         if self._next_ns is None or now_ns >= self._next_ns:
             self._resize()
             self._next_ns = now_ns + self._period_ns
-        stored = self.near(key, 1, now_ns, self.reach)
-        similar = stored or self._counted.near(key, 1, self.reach)
+        hits = self.near(key, 1, now_ns, self.reach)
+        similar = hits or self._requested.near(key, 1, self.reach)
         if not similar:
-            self._counted.add(key)
+            self._requested.add(key)
         self.popularity.requested(similar[0][1] if similar else key)
-        if stored:
-            return stored[0][1]
+        if hits:
+            return hits[0][1]
         self._expire_misses(now_ns)
         self._missed_ns[key] = now_ns
         return None
@@ -118,13 +118,13 @@ class PopularityCache(SimilarityCache):
             self.cloud_ns += GAIN * (duration_ns - self.cloud_ns)
         counts = self.popularity.counts
         if key not in counts:
-            for _, other in self._counted.near(key, 1, self.reach):
-                counts[key] = counts.pop(other)
-                self._counted.discard(other)
-                if other in self._answers:
-                    self._remove(other)
+            for _, twin in self._requested.near(key, 1, self.reach):
+                counts[key] = counts.pop(twin)
+                self._requested.discard(twin)
+                if twin in self._answers:
+                    self._remove(twin)
         counts.setdefault(key, 1.0)
-        self._counted.add(key)
+        self._requested.add(key)
 
     def put(self, key: Hashable, topic: str, answer: Answer, now_ns: int) -> None:
         super().put(key, topic, answer, now_ns)
@@ -138,7 +138,7 @@ class PopularityCache(SimilarityCache):
 
     def _resize(self) -> None:
         for key in self.popularity.age():
-            self._counted.discard(key)
+            self._requested.discard(key)
         if self.cloud_ns is not None:
             counts = self.popularity.counts.values()
             best = best_size(counts, self._per_entry_ns, self.cloud_ns)
@@ -201,15 +201,15 @@ class Cachier(SimilarityCaching):
         return PopularityCache(self, capacity)
 
 
-def _cloud(host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
+def _cloud(host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GenieNode:
     """The cloud's node. It stores nothing: each request goes to its detector, whose answer goes
     back to the requester.
     """
     rules = cache_rules(host.rules, share_requests=False)
     return GenieNode(
         f"{host.name}/cloud",
-        subscribed,
-        published,
+        inputs,
+        outputs,
         replace(rules, same_key_pending="forward", neighbour_miss="process"),
         key=Exact().key,
         new_keys=Exact().index,

@@ -56,15 +56,13 @@ class Central(Method):
         )
 
 
-def _hub(host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]) -> GenieNode:
+def _hub(host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GenieNode:
     """The Genie with the only cache. It answers the other edges, and sends them nothing unasked."""
     rules = replace(rules_on_edge(host.rules), share_requests=False, share_answers="on_request")
-    return make_genie(rules, f"{host.name}/genie", subscribed, published)
+    return make_genie(rules, f"{host.name}/genie", inputs, outputs)
 
 
-def _requester(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
-) -> GenieNode:
+def _requester(host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> GenieNode:
     """A node that stores nothing: a request goes to its detector and to the hub, and the first
     answer goes back.
     """
@@ -72,8 +70,8 @@ def _requester(
     similarity = SIMILARITY.make(rules.similarity)
     return GenieNode(
         f"{host.name}/asker",
-        subscribed,
-        published,
+        inputs,
+        outputs,
         rules,
         key=similarity.key,
         new_keys=similarity.index,

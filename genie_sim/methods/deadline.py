@@ -129,7 +129,9 @@ class Scheduler:
         if header not in pending:
             return
         size_bytes, sent_ns = pending[header]
-        self._pending[way] = {other: sent for other, sent in pending.items() if sent[1] > sent_ns}
+        self._pending[way] = {
+            frame: departure for frame, departure in pending.items() if departure[1] > sent_ns
+        }
         if way == "remote":
             self._remote.add(size_bytes, now_ns - sent_ns)
             return
@@ -166,10 +168,10 @@ class Deadline(Method):
         )
 
     def _router(
-        self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+        self, host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> "Router":
         scheduler = Scheduler(self.deadline_ns, self.shares, self.probe_ns)
-        return Router(f"{host.name}/router", scheduler, subscribed, published)
+        return Router(f"{host.name}/router", scheduler, inputs, outputs)
 
 
 class Router(LocalAndRemote):

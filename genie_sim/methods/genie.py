@@ -53,27 +53,27 @@ class Genie(Method):
 
 
 def _phantom_on_car(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+    host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> GenieNode:
     """The local phantom waits for the remote one, because its own map holds no more than what that
     has sent before. It has no node of its own to learn from.
     """
     rules = replace(rules_on_car(host.rules), miss_policy="blocking", car_learns="all")
-    return _genie(host, rules, subscribed, published)
+    return _genie(host, rules, inputs, outputs)
 
 
 def _phantom_on_edge(
-    host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+    host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> GenieNode:
     """The remote phantom has no detector that could answer later: it answers at once from its
     map.
     """
     rules = replace(rules_on_edge(host.rules), miss_policy="immediate")
-    return _genie(host, rules, subscribed, published)
+    return _genie(host, rules, inputs, outputs)
 
 
 def _genie(
-    host: HostContext, rules: GenieRules, subscribed: tuple[str, ...], published: tuple[str, ...]
+    host: HostContext, rules: GenieRules, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> GenieNode:
     name = f"{host.name}/genie"
-    return make_genie(rules, name, subscribed, published, names_changes=host.names_changes)
+    return make_genie(rules, name, inputs, outputs, names_changes=host.names_changes)

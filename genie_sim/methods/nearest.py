@@ -5,12 +5,10 @@ numbers.
 from collections.abc import Callable, Hashable
 
 import numpy as np
-import numpy.typing as npt
 
 from genie_sim.base.features import DIMENSION, UNIT, Vector, feature_of, unpacked
 from genie_sim.core.messages import CameraPose, Header, Image
 
-Slots = npt.NDArray[np.intp]
 NONE = -1.0  # as a radius: no other key is near enough
 MAX_SQUARE = 1e9  # more than any squared distance
 
@@ -34,9 +32,9 @@ def key_of(feature: str) -> Callable[[Image], FeatureKey]:
     """
 
     def key(image: Image) -> FeatureKey:
-        packed = feature_of(image.content, feature)
-        assert packed is not None, "checked before the run"
-        return FeatureKey(unpacked(packed), image.header, image.pose)
+        feature_bytes = feature_of(image.content, feature)
+        assert feature_bytes is not None, "checked before the run"
+        return FeatureKey(unpacked(feature_bytes), image.header, image.pose)
 
     return key
 
@@ -99,37 +97,33 @@ class Nearest:
         nearest first, of equally near ones the older.
         """
         stream = self._stream_numbers.get(key.stream)
-        used = len(self._keys)
-        if stream is None or not used:
+        slots = len(self._keys)
+        if stream is None or not slots:
             return []
-        dots = self._vectors[:used] @ key.vector
-        squares: Vector = self._squares[:used] - 2 * dots + np.float32(key.square)
-        squares[self._streams[:used] != stream] = np.inf
+        dots = self._vectors[:slots] @ key.vector
+        squares: Vector = self._squares[:slots] - 2 * dots + np.float32(key.square)
+        squares[self._streams[:slots] != stream] = np.inf
         own_slot = self._slots.get(key)
         if own_slot is not None:
             squares[own_slot] = np.inf
-        return self._first(np.arange(used), squares, count, radius)
+        return [
+            (float(np.sqrt(squares[slot])) / UNIT, neighbour)
+            for slot in self._nearest_slots(squares, count, radius)
+            if (neighbour := self._keys[slot]) is not None
+        ]
 
-    def _first(
-        self, slots: Slots, squares: Vector, count: int, radius: float
-    ) -> list[tuple[float, FeatureKey]]:
-        """Of the keys in these slots, so far away each (squared), the ``count`` nearest; infinity
-        is none.
-        """
+    def _nearest_slots(self, squares: Vector, count: int, radius: float) -> list[int]:
+        """The slots of the ``count`` nearest keys, by their squared distances; infinity is none."""
         max_square = min((radius * UNIT) ** 2, MAX_SQUARE)
         if count == 1:
             max_square = min(max_square, float(squares.min()))
-        elif count < len(slots):
+        elif count < len(squares):
             max_square = min(max_square, float(np.partition(squares, count - 1)[count - 1]))
         near = np.flatnonzero(squares <= max_square)
         if len(near) > 1:
-            near = near[np.lexsort((self._born[slots[near]], squares[near]))][:count]
-        neighbours = []
-        for index in near.tolist():
-            key = self._keys[slots[index]]
-            if key is not None:
-                neighbours.append((float(np.sqrt(squares[index])) / UNIT, key))
-        return neighbours
+            near = near[np.lexsort((self._born[near], squares[near]))][:count]
+        slots: list[int] = near.tolist()
+        return slots
 
     def _grow(self) -> None:
         for name in ("_vectors", "_squares", "_streams", "_born"):

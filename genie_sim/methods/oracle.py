@@ -52,22 +52,22 @@ class AnswerHistory:
             self._in_cell.setdefault(cell, []).append(len(self._answers))
         self._answers.append((answer, objects))
 
-    def right(self, detected: Sequence[Detection]) -> Detections | None:
-        """The newest answer whose objects match the ``detected`` ones, F1 at least 0.8; ``None`` if
+    def right(self, detections: Sequence[Detection]) -> Detections | None:
+        """The newest answer whose objects match the ``detections``, F1 at least 0.8; ``None`` if
         there is none.
 
         It must share an object with them, so only answers with one in reach are compared.
         """
-        expected = placed(detected)
-        if not expected:
+        places = placed(detections)
+        if not places:
             return self._empty
-        shared: Counter[int] = Counter()  # objects that may be the same, by the answer's number
-        for item in expected:
-            shared.update(self._answers_around(item))
-        for number in sorted(shared, reverse=True):
+        common: Counter[int] = Counter()  # objects that may be the same, by the answer's number
+        for item in places:
+            common.update(self._answers_around(item))
+        for number in sorted(common, reverse=True):
             answer, objects = self._answers[number]
-            highest_f1 = 2 * shared[number] / (len(expected) + len(objects))
-            if highest_f1 >= SAME_F1 and f1(objects, expected) >= SAME_F1:
+            highest_f1 = 2 * common[number] / (len(places) + len(objects))
+            if highest_f1 >= SAME_F1 and f1(objects, places) >= SAME_F1:
                 return answer
         return None
 

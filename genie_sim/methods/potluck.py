@@ -72,8 +72,8 @@ class AdaptiveThresholdCache(SimilarityCache):
         settings = self._settings
         if len(self) < settings.warm:
             return
-        for distance, other in self.near(key, 1, now_ns):
-            agree = are_same(self.objects_of([answer], key.pose), self.stored_objects(other))
+        for distance, neighbour in self.near(key, 1, now_ns):
+            agree = are_same(self.objects_of([answer], key.pose), self.stored_objects(neighbour))
             if distance <= self.reach and not agree:
                 self.reach /= settings.tighten
             elif distance > self.reach and agree:

@@ -42,10 +42,10 @@ class RandomNearestCache(NearestCache):
         nearest = self.near(key, 1, now_ns, self.reach)
         if not nearest:
             return None
-        distance, stored = nearest[0]
-        drawn = self._draws.uniform(frame_key(key.header))
-        is_hit = drawn * self.reach < self.reach - distance
-        return stored if is_hit or distance == 0 else None
+        distance, neighbour = nearest[0]
+        number = self._draws.uniform(frame_key(key.header))
+        is_hit = number * self.reach < self.reach - distance
+        return neighbour if is_hit or distance == 0 else None
 
 
 @dataclass(frozen=True, kw_only=True)

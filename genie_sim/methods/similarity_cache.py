@@ -10,7 +10,7 @@ from typing import Literal
 from genie_sim.base.matching import Placed, f1, placed
 from genie_sim.core.eviction import Eviction
 from genie_sim.core.message_cache import Answers, MessageCache
-from genie_sim.core.messages import Answer, CameraPose, Detection
+from genie_sim.core.messages import Answer, CameraPose
 from genie_sim.core.node import GenieNode
 from genie_sim.core.rules import Capacity, GenieRules
 from genie_sim.core.similarity import Exact
@@ -41,14 +41,14 @@ class SimilarityCache(MessageCache):
 
     def get(self, key: Hashable, now_ns: int) -> Answers | None:
         assert isinstance(key, FeatureKey)
-        chosen = self.choose(key, now_ns)
-        if chosen is None:
+        match = self.choose(key, now_ns)
+        if match is None:
             return None
-        self._eviction.used(chosen, now_ns)
-        answers = self._answers[chosen]
+        self._eviction.used(match, now_ns)
+        answers = self._answers[match]
         if self._replay == "world":
             return answers
-        return {topic: moved(answer, chosen.pose, key.pose) for topic, answer in answers.items()}
+        return {topic: moved(answer, match.pose, key.pose) for topic, answer in answers.items()}
 
     def choose(self, key: FeatureKey, now_ns: int) -> FeatureKey | None:
         """The stored key whose answers are replayed: the nearest up to ``reach`` away; ``None`` on
@@ -63,10 +63,10 @@ class SimilarityCache(MessageCache):
         """The nearest keys whose time is not over, as ``Nearest.near``."""
         while True:
             neighbours = self.keys.near(key, count, radius)
-            expired = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
-            if not expired:
+            overdue = [neighbour for _, neighbour in neighbours if self._is_over(neighbour, now_ns)]
+            if not overdue:
                 return neighbours
-            for neighbour in expired:
+            for neighbour in overdue:
                 self._remove(neighbour)
 
     def _is_over(self, key: FeatureKey, now_ns: int) -> bool:
@@ -95,11 +95,11 @@ class SimilarityCache(MessageCache):
 
     def stored_objects(self, key: FeatureKey) -> "AnswerObjects":
         """The same of the stored answers of a key."""
-        stored = self._stored_objects.get(key)
-        if stored is None:
-            stored = self.objects_of(self._answers[key].values(), key.pose)
-            self._stored_objects[key] = stored
-        return stored
+        objects = self._stored_objects.get(key)
+        if objects is None:
+            objects = self.objects_of(self._answers[key].values(), key.pose)
+            self._stored_objects[key] = objects
+        return objects
 
     def _remove(self, key: Hashable) -> None:
         super()._remove(key)
@@ -122,32 +122,20 @@ answer_objects = functools.lru_cache(maxsize=4096)(AnswerObjects)
 
 
 @functools.lru_cache(maxsize=4096)
-def are_same(objects: AnswerObjects, others: AnswerObjects) -> bool:
+def are_same(objects: AnswerObjects, more: AnswerObjects) -> bool:
     """Whether two answers are taken for the same."""
-    return f1(objects.placed, others.placed) >= SAME_F1
+    return f1(objects.placed, more.placed) >= SAME_F1
 
 
 def moved(answer: Answer, old: CameraPose, new: CameraPose) -> Answer:
     """The answer with every object as far ahead and aside of pose ``new`` as it was of ``old``."""
     if old == new or answer.objects is None:
         return answer
-    turn_rad = new.heading_rad - old.heading_rad
-    cosine, sine = math.cos(turn_rad), math.sin(turn_rad)
-
-    def placed_anew(detection: Detection) -> Detection:
-        if detection.location is None:
-            return detection
-        east_m, north_m, up_m = detection.location
-        east_m, north_m, up_m = east_m - old.east_m, north_m - old.north_m, up_m - old.up_m
-        return detection.with_location(
-            (
-                new.east_m + cosine * east_m - sine * north_m,
-                new.north_m + sine * east_m + cosine * north_m,
-                new.up_m + up_m,
-            )
-        )
-
-    return answer.with_objects([placed_anew(detection) for detection in answer.objects])
+    objects = [
+        item if item.location is None else item.with_location(old.carried(item.location, new))
+        for item in answer.objects
+    ]
+    return answer.with_objects(objects)
 
 
 def stores_nothing() -> MessageCache:
@@ -213,8 +201,8 @@ class SimilarityCaching(Method):
         self,
         host: HostContext,
         capacity: Capacity | None,
-        subscribed: tuple[str, ...],
-        published: tuple[str, ...],
+        inputs: tuple[str, ...],
+        outputs: tuple[str, ...],
         *,
         forwards_misses: bool,
     ) -> GenieNode:
@@ -222,8 +210,8 @@ class SimilarityCaching(Method):
         cache = self.cache(host, capacity)
         return GenieNode(
             f"{host.name}/cache",
-            subscribed,
-            published,
+            inputs,
+            outputs,
             cache_rules(host.rules, share_requests=forwards_misses),
             key=key_of(self.feature),
             new_keys=lambda: Nearest(lambda: cache.reach),

@@ -44,26 +44,26 @@ class Recommended(Method):
     title = "recommended Genie"
 
     every_ns: int = 75_000_000
-    """Mean gap between the frames of a view that go up, or that of its frames where it is longer; a
-    frame goes up that is nearest to when a look falls due. Streams whose headings differ by less
-    than 15 degrees show one view and take turns."""
+    """Mean time between the frames of a view that go up, or between all of its frames where that is
+    longer; the frame nearest to the instant at which a look is due goes up. Streams whose headings
+    differ by less than 15 degrees show one view and take turns."""
 
     in_flight: Count = 4
     """At most this many frames of a car are on their way to the edge and back."""
 
     stale_ns: Annotated[int, Bounds(above=0)] = 500_000_000
-    """An answer about an older frame counts as no look. While the round trip is longer than this,
-    only one frame is on its way; with each such answer in a row the gap between looks grows: to
-    this time, then twice as long each time, up to 10 s."""
+    """An answer about an older frame is no look. While the round trip is longer than this, only one
+    frame is on its way; with each such answer in a row the time between looks grows: to this time,
+    then twice as long each time, up to 10 s."""
 
     view_range_m: Annotated[float, Bounds(above=0)] = 50.0
-    """Answers out of the map look this far."""
+    """Answers out of the map reach this far."""
 
     view_margin_rad: Annotated[float, Bounds(minimum=0)] = math.radians(10.0)
-    """Answers out of the map look this much wider than the camera, on each side."""
+    """Answers out of the map are this much wider than the camera's view, on each side."""
 
     p_min: Share = 0.8
-    """The map serves what exists with at least this probability."""
+    """The map believes in what exists with at least this probability; only that is answered."""
 
     tau_ns: int = 100_000_000
     """Looks within this time are no independent evidence; 0 weighs every look in full."""
@@ -73,9 +73,9 @@ class Recommended(Method):
     detector on other drives, or assumed."""
 
     sharing: SharingRules | Literal["auto"] | None = "auto"
-    """What a Genie beside each edge's detector shares with the cars of one another's looks; `null`:
-    nothing. Only where all cars are in one world at one time; `auto`: as by default there, else
-    nothing."""
+    """What a Genie beside each edge's detector tells a car of the objects that other cars saw;
+    `null`: nothing. Only where all cars are in one world at one time; `auto`: as by default there,
+    else nothing."""
 
     relay_time_ns: Annotated[int, Bounds(above=0)] | None = 236_000
     """CPU time of a message that a Genie only relays or learns from; an answer of its own making
@@ -111,12 +111,12 @@ class Recommended(Method):
         )
 
     def _new_car_genie(
-        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+        self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> PacedGenie:
         return self.car_genie(
             f"{host.name}/genie",
-            subscribed,
-            published,
+            inputs,
+            outputs,
             has_edge=host.has_edge,
             object_map=self._new_map(host),
             sharing=self._sharing(host),
@@ -126,8 +126,8 @@ class Recommended(Method):
     def car_genie(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         *,
         has_edge: bool,
         object_map: TrackMap,
@@ -140,25 +140,25 @@ class Recommended(Method):
         pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
         return PacedGenie(
             name,
-            subscribed,
-            published,
+            inputs,
+            outputs,
             pacer=pacer if has_edge else None,
             object_map=object_map,
-            shared=None if sharing is None else SharedTracks(sharing, object_map),
+            shared_tracks=None if sharing is None else SharedTracks(sharing, object_map),
             map_answer=map_answer,
             suffixes=suffixes,
             names_changes=names_changes,
         )
 
     def _new_edge_genie(
-        self, host: HostContext, subscribed: Sequence[str], published: Sequence[str]
+        self, host: HostContext, inputs: Sequence[str], outputs: Sequence[str]
     ) -> SharingGenie:
         rules = self._sharing(host)
         assert rules is not None
         return SharingGenie(
             f"{host.name}/genie",
-            subscribed,
-            published,
+            inputs,
+            outputs,
             object_map=self._new_map(host),
             rules=rules,
             make_answer=Detections,

@@ -41,10 +41,10 @@ class PacedRemote(Remote):
         )
 
     def _sender(
-        self, host: HostContext, subscribed: tuple[str, ...], published: tuple[str, ...]
+        self, host: HostContext, inputs: tuple[str, ...], outputs: tuple[str, ...]
     ) -> "PacedSender":
         pacer = Pacer(every_ns=self.every_ns, in_flight=self.in_flight, stale_ns=self.stale_ns)
-        return PacedSender(f"{host.name}/sender", pacer, subscribed, published)
+        return PacedSender(f"{host.name}/sender", pacer, inputs, outputs)
 
 
 class PacedSender(LocalAndRemote):
@@ -57,15 +57,15 @@ class PacedSender(LocalAndRemote):
     def on_message(
         self, topic: str, message: Message, now_ns: int, sender: str | None = None
     ) -> list[Effect]:
-        expired: list[Effect] = [Expired(loss.header) for loss in self._pacer.expire(now_ns)]
+        effects: list[Effect] = [Expired(loss.header) for loss in self._pacer.expire(now_ns)]
         if topic != self._images:
             arrival = self._pacer.answered(message.header, now_ns)
-            expired += [Expired(loss.header) for loss in arrival.lost]
-            return [*expired, Publish(self._objects, message)]
+            effects += [Expired(loss.header) for loss in arrival.losses]
+            return [*effects, Publish(self._objects, message)]
         assert isinstance(message, Image)
         if self._pacer.dispatch(message.header, message.pose.heading_rad, now_ns) is None:
-            return [*expired, Expired(message.header)]
-        return [*expired, Publish(self._images + REMOTE, message)]
+            return [*effects, Expired(message.header)]
+        return [*effects, Publish(self._images + REMOTE, message)]
 
     def next_deadline_ns(self) -> int | None:
         return self._pacer.next_deadline_ns()

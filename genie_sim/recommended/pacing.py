@@ -34,13 +34,13 @@ class Loss:
 
 
 class LookArrival(NamedTuple):
-    """What the coming of an answer means: whether it is in time to count as a look, whether it was
+    """What the coming of an answer means: whether it is in time to be a look, whether it was
     still waited for, and which frames it shows to be lost.
     """
 
     is_in_time: bool
     is_awaited: bool
-    lost: Sequence[Loss]
+    losses: Sequence[Loss]
 
 
 class RoundTrip:
@@ -102,18 +102,19 @@ class SentFrame(NamedTuple):
 @dataclass(slots=True)
 class Stream:
     """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, the
-    time [ns] to it from the one before, and the frame that last went up. ``None`` before the first.
+    time [ns] to it from the one before, and the frame that went up last; ``None`` until there is
+    one.
     """
 
     stamp_ns: int
     heading_rad: float
     interval_ns: int | None = None
-    sent: SentFrame | None = None
+    last_sent: SentFrame | None = None
 
     def next_ns(self, newest: "Stream") -> float:
         """When its next frame is expected, at the time of the ``newest`` frame of its view, whose
-        interval counts where its own is not known yet. Infinity if neither is, or if the frame
-        should have been there for more than half an interval: then the camera stands still.
+        interval stands in for its own where that is unknown. Infinity if both are, or if the frame
+        is overdue by more than half an interval: then the camera stands still.
         """
         interval_ns = self.interval_ns or newest.interval_ns
         if interval_ns is None:
@@ -160,7 +161,7 @@ class NewestLooks:
         return max(looks_ns, default=None)
 
     def add_look(self, header: Header) -> None:
-        """A detector's answer to this frame has come, in time to count."""
+        """A detector's answer to this frame has come, in time."""
         before_ns = self._looked_ns.get(header.frame_id, header.stamp_ns)
         self._looked_ns[header.frame_id] = max(header.stamp_ns, before_ns)
 
@@ -171,13 +172,13 @@ class Pacer:
     Parameters
     ----------
     every_ns : int
-        Looks of a view fall due this far apart; 0: every frame is due. The frames that go up have
-        this mean gap, or that of the view's frames where it is longer.
+        Looks of a view are due this far apart; 0: every frame is. Between the frames that go up is
+        this time on average, or that between all frames of the view where it is longer.
     in_flight : int
         At most this many frames are on their way at a time.
     stale_ns : int
-        An answer about an older frame counts as no look. While the round trip is longer than this,
-        only one frame is on its way; with each such answer in a row the gap between looks grows: to
+        An answer about an older frame is no look. While the round trip is longer than this, only
+        one frame is on its way; with each such answer in a row the time between looks grows: to
         this time, then twice as long each time, up to 10 s.
     """
 
@@ -200,12 +201,14 @@ class Pacer:
         view = self._streams.add_frame(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._interval_ns()
-        sent = [other.sent for other in view.values() if other.sent is not None]
-        last = max(sent, key=SentFrame.order, default=None)
+        departures = [other.last_sent for other in view.values() if other.last_sent is not None]
+        last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
-        if self.outstanding >= self._window() or not _goes(stream, view.values(), due_ns, every_ns):
+        if self.outstanding >= self._window() or not _is_its_turn(
+            stream, view.values(), due_ns, every_ns
+        ):
             return None
-        stream.sent = SentFrame(header.stamp_ns, due_ns)
+        stream.last_sent = SentFrame(header.stamp_ns, due_ns)
         self._outstanding[header] = now_ns
         return Departure(None if last is None else header.stamp_ns - last.stamp_ns)
 
@@ -216,16 +219,16 @@ class Pacer:
         is_in_time = now_ns - header.stamp_ns <= self._stale_ns
         sent_ns = self._outstanding.get(header)
         if sent_ns is None:
-            return LookArrival(is_in_time, is_awaited=False, lost=())
-        lost = []
+            return LookArrival(is_in_time, is_awaited=False, losses=())
+        losses = []
         for earlier in list(self._outstanding):
             del self._outstanding[earlier]
             if earlier == header:
                 break
-            lost.append(Loss(earlier, "overtaken"))
+            losses.append(Loss(earlier, "overtaken"))
         self._stale_in_a_row = 0 if is_in_time else self._stale_in_a_row + 1
         self.round_trip.measured(now_ns - sent_ns)
-        return LookArrival(is_in_time, is_awaited=True, lost=lost)
+        return LookArrival(is_in_time, is_awaited=True, losses=losses)
 
     def expire(self, now_ns: int) -> list[Loss]:
         """Removes and returns the frames that have been on their way for longer than the timeout.
@@ -233,16 +236,16 @@ class Pacer:
         Frames that are lost together double the timeout once.
         """
         timeout_ns = self.round_trip.timeout_ns
-        lost = [
+        headers = [
             header
             for header, sent_ns in self._outstanding.items()
             if now_ns - sent_ns >= timeout_ns
         ]
-        for header in lost:
+        for header in headers:
             del self._outstanding[header]
-        if lost:
+        if headers:
             self.round_trip.timed_out()
-        return [Loss(header, "timed_out") for header in lost]
+        return [Loss(header, "timed_out") for header in headers]
 
     def next_deadline_ns(self) -> int | None:
         """When ``expire`` has something to do, if no answer comes before."""
@@ -274,7 +277,9 @@ def _due_ns(last: SentFrame, every_ns: int) -> int:
     return last.due_ns + every_ns
 
 
-def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int) -> bool:
+def _is_its_turn(
+    stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns: int
+) -> bool:
     """Whether this stream's newest frame is the one for the look that is due."""
     if due_ns is None:
         return True
@@ -293,7 +298,7 @@ def _goes(stream: Stream, view: Collection[Stream], due_ns: int | None, every_ns
 
 def _sent_ns(stream: Stream) -> float:
     """The stamp of the frame of a stream that went up last; before the first minus infinity."""
-    return -math.inf if stream.sent is None else stream.sent.stamp_ns
+    return -math.inf if stream.last_sent is None else stream.last_sent.stamp_ns
 
 
 def _turn_rad(heading_rad: float, other_rad: float) -> float:

@@ -1,7 +1,7 @@
 """Tracks that an edge shares with a car: what other cars saw, and what of it the car may believe.
 
-An edge shares tracks of other origins, and a car serves them only where its own cameras do not say
-otherwise. A car never gets itself: others see it, and would make it a ghost to itself.
+An edge shares tracks that other cars saw, and a car believes in them only where its own cameras do
+not say otherwise. It gets no track of itself, which others see: to it that is a false object.
 """
 
 import math
@@ -16,7 +16,7 @@ from genie_sim.tracks.track_map import FAST_DRIFT_M, TrackMap
 
 SHARED = "shared"  # the source of what an edge tells a car of others' looks
 SAME_SHARED_M = 2.0  # assumed: shared objects of a kind this near to each other are one
-OLD_NS = 1_500_000_000  # assumed: what was seen longer ago is not served
+OLD_NS = 1_500_000_000  # assumed: what was seen longer ago is not believed in
 
 
 @dataclass(frozen=True)
@@ -101,9 +101,9 @@ class SharedTracks:
     def believed(self, own: Sequence[Detection], pose: CameraPose, now_ns: int) -> list[Detection]:
         """The shared objects that the car believes beside its own, each at its predicted place.
 
-        ``own`` are the objects that the car serves itself; ``pose`` is where its camera is.
+        ``own`` are the objects of the car's own map; ``pose`` is where its camera is.
         """
-        believed: list[Detection] = []
+        objects: list[Detection] = []
         ahead_s = min(max(now_ns - self._valid_ns, 0), COAST_NS) * 1e-9
         for item in self._objects:
             if item.motion is None or item.location is None:
@@ -117,12 +117,12 @@ class SharedTracks:
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
                 or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
-                or _is_near(believed, kind, east_m, north_m, within_m=SAME_SHARED_M)
+                or _is_near(objects, kind, east_m, north_m, within_m=SAME_SHARED_M)
                 or self._own_tracks.contradicts(item.label, east_m, north_m, seen_ns)
             ):
                 continue
-            believed.append(item.with_location((east_m, north_m, up_m)))
-        return believed
+            objects.append(item.with_location((east_m, north_m, up_m)))
+        return objects
 
 
 def _is_near(
@@ -135,8 +135,8 @@ def _is_near(
 ) -> bool:
     """Whether one of the objects is of this kind and within a distance of a place."""
     return any(
-        known.location is not None
-        and kind_of(known.label) is kind
-        and math.hypot(known.location[0] - east_m, known.location[1] - north_m) <= within_m
-        for known in objects
+        item.location is not None
+        and kind_of(item.label) is kind
+        and math.hypot(item.location[0] - east_m, item.location[1] - north_m) <= within_m
+        for item in objects
     )

@@ -24,7 +24,7 @@ class SharingGenie(TrackingGenie):
 
     Parameters
     ----------
-    name, subscribed, published, object_map, names_changes
+    name, inputs, outputs, object_map, names_changes
         As those of ``TrackingGenie``.
     rules : SharingRules
         What cars get.
@@ -37,8 +37,8 @@ class SharingGenie(TrackingGenie):
     def __init__(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         *,
         object_map: TrackMap,
         rules: SharingRules,
@@ -46,9 +46,7 @@ class SharingGenie(TrackingGenie):
         answers_frames: bool = False,
         names_changes: bool = True,
     ) -> None:
-        super().__init__(
-            name, subscribed, published, object_map=object_map, names_changes=names_changes
-        )
+        super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
         self._rules = rules
         self._make_answer = make_answer
         self._answers_frames = answers_frames
@@ -73,14 +71,14 @@ class SharingGenie(TrackingGenie):
         if answer.source == SHARED:  # its own
             return []
         effects = self._forget(now_ns)
-        own = topic == self._objects
-        viewer = self._viewers.pop(answer.header, None) if own else None
+        is_own = topic == self._objects
+        viewer = self._viewers.pop(answer.header, None) if is_own else None
         look = answer.look if viewer is None else look_of(answer, viewer)
         if look is not None:
             effects.append(self._learn(look, now_ns))
-            if own:  # neighbours get the look itself, and track its objects in maps of their own
-                sent = answer.with_objects(()).with_look(look, None)
-                effects.append(Publish(self._between_edges, sent))
+            if is_own:  # neighbours get the look itself, and track its objects in maps of their own
+                report = answer.with_objects(()).with_look(look, None)
+                effects.append(Publish(self._between_edges, report))
         return effects if viewer is None else [*effects, self._share(answer, viewer, now_ns)]
 
     def _answer(self, frame: Request, now_ns: int) -> list[Effect]:
@@ -101,5 +99,5 @@ class SharingGenie(TrackingGenie):
             now_ns=now_ns,
             rules=self._rules,
         )
-        shared = self._make_answer(answer.header, tuple(tracks)).with_look(None, now_ns)
-        return Publish(self._objects, shared.credited(SHARED, self.name))
+        answer_of_others = self._make_answer(answer.header, tuple(tracks)).with_look(None, now_ns)
+        return Publish(self._objects, answer_of_others.credited(SHARED, self.name))

@@ -29,7 +29,7 @@ class TrackingGenie(Interceptor):
     ----------
     name : str
         Of the node.
-    subscribed, published : Sequence[str]
+    inputs, outputs : Sequence[str]
         The detector's own topics: one of images, one of objects.
     object_map : TrackMap
         Learns looks and gives tracks.
@@ -40,8 +40,8 @@ class TrackingGenie(Interceptor):
     def __init__(
         self,
         name: str,
-        subscribed: Sequence[str],
-        published: Sequence[str],
+        inputs: Sequence[str],
+        outputs: Sequence[str],
         *,
         object_map: TrackMap,
         names_changes: bool,
@@ -49,7 +49,7 @@ class TrackingGenie(Interceptor):
         self.name = name
         self.object_map = object_map
         self._names_changes = names_changes
-        (self._images,), (self._objects,) = subscribed, published
+        (self._images,), (self._objects,) = inputs, outputs
         self._viewers: OrderedDict[Header, Viewer] = OrderedDict()  # of frames, by their stamps
 
     def on_void(self) -> list[Observation]:
@@ -82,5 +82,5 @@ class TrackingGenie(Interceptor):
 
 def look_of(answer: Answer, viewer: Viewer) -> Look:
     """What a detector's answer to a frame says."""
-    placed = tuple(item for item in answer.objects or () if item.location is not None)
-    return Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, placed)
+    detections = tuple(item for item in answer.objects or () if item.location is not None)
+    return Look(answer.header, viewer.pose, viewer.horizontal_fov_rad, detections)

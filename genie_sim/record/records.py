@@ -255,14 +255,11 @@ class HeldRow(NamedTuple):
     ]
     never_there: Annotated[Int32, "objects", "of those held: not there, nor before"]
     duplicate: Annotated[Int32, "objects", "of those held: what is there is held once more"]
-    shared: Annotated[Int32, "objects", "of those held: another car saw it last"]
-    shared_right: Annotated[Int32, "objects", "of those shared: right"]
     hidden: Annotated[Int32, "objects", "there, but not visible; counted in no other column"]
     visible_static: Annotated[Int32, "objects", "visible and not moving"]
     found_static: Annotated[Int32, "objects", "of those: held"]
     visible_moving: Annotated[Int32, "objects", "visible and moving"]
     found_moving: Annotated[Int32, "objects", "of those: held"]
-    gospa_m: Annotated[float, "m", "GOSPA, p = 2, c = 5 m, alpha = 2"]
     error_m: Annotated[float | None, "m", "mean over those right: distance from what is there"]
 
 

@@ -121,7 +121,7 @@ class Run:
     ``facts`` is everything that decided the outcome, ``yaml`` the scenario with every setting
     written out; ``folder`` is ``None`` for a run that was not written down, and ``changed`` names
     files in it that were changed since. ``label`` is what the user calls it, or empty. ``words``
-    are what the folder says of each metric.
+    are what is said of metrics of the user's own.
     ``tables`` holds the tables by name, as numpy columns. Each is an attribute as well, a pandas
     table that is made when it is first asked for: ``run.frames``. ``record.records`` describes
     the columns.

@@ -1,8 +1,8 @@
 """What a fault changes of the messages that hosts exchange, and of what their cameras take.
 
 A host is bent where its messages cross its border: what leaves it over links passes the outward
-functions, what comes the inward ones. So every method meets the same fault, and the nodes on the
-host itself go on in a world of their own.
+functions, what comes the inward ones. So every method meets the same fault, and what the nodes of
+one host exchange stays as it is.
 """
 
 from collections.abc import Callable
@@ -57,6 +57,9 @@ class Border(NamedTuple):
                 return bend.cause
             message = inside
         return message
+
+
+NO_BORDER = Border("", "", [], [])
 
 
 class BentFrame:

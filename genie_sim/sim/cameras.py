@@ -43,10 +43,8 @@ class CameraNode(Node):
         self._published = published
         self._senses = senses
         self._frames = frames  # of a map they are computed on the way: a list would hold them all
-        if route.window_ns is None:
-            begin_ns, end_ns = frames[0].stamp_ns, frames[-1].stamp_ns + 1
-        else:
-            begin_ns, end_ns = route.window_ns
+        begin_ns, end_ns = route.window_of(frames)
+        if route.window_ns is not None:
             self._frames = [frame for frame in frames if begin_ns <= frame.stamp_ns < end_ns]
         if camera.rate is not None:
             self._frames = thinned(self._frames, camera.rate)
@@ -76,12 +74,12 @@ class CameraNode(Node):
     def _publish(self, image: Image) -> None:
         """Publishes what faults leave of an image."""
         for sense, cause in self._senses:
-            sensed = sense(image)
-            if sensed is None:
+            seen_image = sense(image)
+            if seen_image is None:
                 self.drops += 1
                 self.graph.dropped(image, f"{self.name}:{cause}")
                 return
-            image = sensed
+            image = seen_image
         self.publish(IMAGES, image)
 
     def _image(self, header: Header, frame: Frame) -> Image:
@@ -92,5 +90,12 @@ class CameraNode(Node):
         else:
             size_bytes = POSITION_BYTES
             digest, dhash = f"{header.frame_id}/", 0
-        fov_rad = frame.horizontal_fov_rad
-        return Image(header, size_bytes, digest, dhash, frame.pose, fov_rad, frame)
+        return Image(
+            header,
+            size_bytes,
+            digest,
+            dhash,
+            pose=frame.pose,
+            horizontal_fov_rad=frame.horizontal_fov_rad,
+            content=frame,
+        )

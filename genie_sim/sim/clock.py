@@ -20,7 +20,7 @@ Steps = Generator[simpy.Event, Any, None]  # what a process does
 class Clock(simpy.Environment):
     """The time of a run: ``now`` is in whole nanoseconds since its start.
 
-    Where time ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
+    If it ``keeps_paths``, every frame is followed, which changes nothing else: ``path`` is the
     last span of the path of the message that is handled now. A process that has one in hand waits
     with ``wait``, which continues its path, or takes it out of a queue with ``waited``. A span
     begins where the one before it ends, so the spans of an answer add up to its response time.
@@ -32,7 +32,7 @@ class Clock(simpy.Environment):
         super().__init__()
         self.path: Span | None = None
         self.in_flight = 0
-        self._is_traced = keeps_paths
+        self._keeps_paths = keeps_paths
 
     if TYPE_CHECKING:
 
@@ -87,7 +87,7 @@ class Clock(simpy.Environment):
 
     def begin(self, header: Header) -> None:
         """A new frame is handled from now on."""
-        if self._is_traced:
+        if self._keeps_paths:
             self.path = Span(None, self.now, before=None, header=header)
 
     def wait(self, event: simpy.Event, label: SpanLabel) -> Steps:
@@ -137,7 +137,7 @@ def _whole_ns(delay: Any) -> int:
 
 
 class Occupancy:
-    """How many wait somewhere, counted at each change and not at samples.
+    """How many wait somewhere. It changes with each that comes or goes, and is not sampled.
 
     Parameters
     ----------
@@ -162,8 +162,8 @@ class Occupancy:
         """How many have waited at a time; who is taken at once has not waited."""
         return max(self._most, self._count if self._clock.now > self._since_ns else 0)
 
-    def forget_most(self) -> None:
-        """The most at a time is that from now on."""
+    def restart_most(self) -> None:
+        """From now on ``most`` is the most since now."""
         self._change(0)
         self._most = 0
 
@@ -223,7 +223,7 @@ class NewestQueue(Generic[Item]):
         if self._takers:
             self._takers.pop(0).succeed(item)
             return None
-        oldest = self.in_the_way(item.flow) if self.items else None
+        oldest = self.oldest_of_full(item.flow) if self.items else None
         if oldest is not None:
             self.take(oldest)
         self.items.append(item)
@@ -245,8 +245,8 @@ class NewestQueue(Generic[Item]):
         self.items.remove(item)
         self.occupancy.leave()
 
-    def in_the_way(self, flow: Any) -> Item | None:
-        """The item that a new one of a flow pushes out; ``None`` if there is room."""
+    def oldest_of_full(self, flow: Any) -> Item | None:
+        """The oldest item of a flow, which a new one pushes out; ``None`` if there is room."""
         of_flow = [item for item in self.items if item.flow == flow]
         return of_flow[0] if len(of_flow) >= self._length else None
 

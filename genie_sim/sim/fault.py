@@ -65,23 +65,23 @@ class Fault:
         """Yields each problem of the scenario's faults of this kind: (the fault's index, field,
         what is wrong).
         """
-        known = {"car": [*edge_of], "car or edge": [*edge_of, *edges]}.get(cls.befalls)
-        for index, timed in enumerate(faults):
-            target = timed.fault.target
+        choices = {"car": [*edge_of], "car or edge": [*edge_of, *edges]}.get(cls.befalls)
+        for index, entry in enumerate(faults):
+            target = entry.fault.target
             if not target:
                 yield index, "target", "must not be empty"
             for name in (target,) if isinstance(target, str) else target:
-                if known is None:
+                if choices is None:
                     yield from _check_link(index, name, [*edge_of, *edges, "edges"])
-                elif name not in known:
-                    yield index, "target", unknown(cls.befalls, name, known)
+                elif name not in choices:
+                    yield index, "target", unknown(cls.befalls, name, choices)
 
 
-def _check_link(index: int, name: str, known: Collection[str]) -> Iterator[Problem]:
+def _check_link(index: int, name: str, choices: Collection[str]) -> Iterator[Problem]:
     """Yields the problem of a target that is no known place, nor a link between two."""
     ends = name.removesuffix(f"->{ALL}").split("->")
-    if len(ends) > 2 or not set(ends) <= set(known):
-        text = unknown("target", name, known)
+    if len(ends) > 2 or not set(ends) <= set(choices):
+        text = unknown("target", name, choices)
         yield index, "target", f"{text}, or a link such as car1->edge1"
 
 

@@ -12,34 +12,34 @@ from genie_sim.sim.monitor import FaultSpan
 from genie_sim.sim.network import Network
 
 
-def run(timed: TimedFault, network: Network, last_frame_ns: int, spans: list[FaultSpan]) -> Steps:
+def run(entry: TimedFault, network: Network, last_frame_ns: int, spans: list[FaultSpan]) -> Steps:
     """The process of a fault: it begins and ends, once or again and again. A recurring one does not
     begin again after the last frame. ``spans`` gets every time from a beginning to an end.
     """
-    clock, target = network.clock, timed.fault.target
-    owner, between_ns = f"fault {timed.kind!r}", timed.mean_time_between_ns
-    rng = network.stream(timed.name)
+    clock, target = network.clock, entry.fault.target
+    owner, between_ns = f"fault {entry.kind!r}", entry.mean_time_between_ns
+    rng = network.stream(entry.name)
 
     def drawn(mean_ns: int) -> simpy.Timeout:
         return clock.timeout(max(1, round(rng.exponential(mean_ns))))
 
-    yield clock.timeout(timed.begin_ns)
+    yield clock.timeout(entry.begin_ns)
     if between_ns is not None:
         yield drawn(between_ns)
     while between_ns is None or clock.now <= last_frame_ns:
         text = target if isinstance(target, str) else ", ".join(target)
         place = len(spans)
-        spans.append(FaultSpan(timed.kind, text, clock.now, None))
-        steps = timed.fault.strike(network)
+        spans.append(FaultSpan(entry.kind, text, clock.now, None))
+        steps = entry.fault.strike(network)
         generator = "a generator, a function that yields"
         require(isinstance(steps, Generator), f"{owner}: strike()", steps, generator)
         with as_user_error(owner, UserError):  # such as an unknown host
             event = next(steps, None)
         process = clock.process(_working(owner, steps, event))
         if between_ns is not None:
-            yield drawn(timed.mean_duration_ns)
-        elif timed.end_ns is not None:
-            yield clock.timeout(timed.end_ns - timed.begin_ns)
+            yield drawn(entry.mean_duration_ns)
+        elif entry.end_ns is not None:
+            yield clock.timeout(entry.end_ns - entry.begin_ns)
         else:
             return
         spans[place] = spans[place]._replace(end_ns=clock.now)

@@ -19,10 +19,10 @@ def thinned(frames: Sequence[Frame], rate: float) -> list[Frame]:
     if len(frames) < 2:
         return list(frames)
     gap_ns, early_ns = NS_PER_S / rate, NS_PER_S / recorded_rate(frames) / 2
-    taken, due_ns = [], float(frames[0].stamp_ns)
+    selection, due_ns = [], float(frames[0].stamp_ns)
     for frame in frames:
         if frame.stamp_ns >= due_ns - early_ns:
-            taken.append(frame)
-            missed = (frame.stamp_ns - due_ns + early_ns) // gap_ns
-            due_ns += (missed + 1) * gap_ns
-    return taken
+            selection.append(frame)
+            skips = (frame.stamp_ns - due_ns + early_ns) // gap_ns
+            due_ns += (skips + 1) * gap_ns
+    return selection

@@ -29,7 +29,7 @@ class CarListener(Subscriber):
         self._clock = graph.clock
         self._monitor = monitor
         self._connection = connection
-        self._has_server = is_answered
+        self._is_answered = is_answered
         graph.subscribe(IMAGES, self)
         graph.subscribe(OBJECTS, self)
 
@@ -37,7 +37,7 @@ class CarListener(Subscriber):
         clock, monitor = self._clock, self._monitor
         if isinstance(message, Detections):
             monitor.answered(message, self._source(message), clock.now, clock.path)
-        elif self._has_server:
+        elif self._is_answered:
             monitor.received(message.header, clock.now)
         else:
             monitor.dropped(message, f"{self._car}:no_edge")

@@ -113,14 +113,14 @@ class LocalAndRemote(Interceptor):
     ----------
     name : str
         Of the node, such as ``car1/router``.
-    subscribed, published : tuple of str
+    inputs, outputs : tuple of str
         T_S and T_P of the car's detector: one topic each.
     """
 
-    def __init__(self, name: str, subscribed: tuple[str, ...], published: tuple[str, ...]) -> None:
+    def __init__(self, name: str, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> None:
         self.name = name
-        (self._images,) = subscribed
-        (self._objects,) = published
+        (self._images,) = inputs
+        (self._objects,) = outputs
 
     def subscriptions(self) -> tuple[str, ...]:
         return self._images, self._objects + LOCAL, self._objects + REMOTE

@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, Protocol
 from genie_sim.core.messages import Detections, Header, Image, Message, Observation
 
 Placement = Literal["car", "edge"]
-Samples = Literal["all", "edges", "processors", "none"]  # of a run's resources
+Samples = Literal["all", "edges", "none"]  # of a run's resources
 Part = Literal[
     "queueing",  # for a thread, a processor or a link
     "hop",  # between processes of a host
@@ -92,7 +92,7 @@ class Occupied(Protocol):
     @property
     def total_ns(self) -> int: ...
 
-    def forget_most(self) -> None: ...
+    def restart_most(self) -> None: ...
 
 
 class Resource(Protocol):

@@ -24,7 +24,7 @@ from genie_sim.sim.monitor import Span, SpanLabel
 from genie_sim.sim.ros_graph import Graph, Node
 
 TIMER_STEP_NS = 1_000_000  # a node that wants to be woken at once again waits so long
-MAX_TRACKED_FRAMES = 20_000  # whose paths a node remembers
+MAX_PATHS = 20_000  # of frames, that a node remembers
 DEFAULT_CONFIG = HostConfig()
 Observer = Callable[[str, Observation, int], None]  # the node's name, its observation, and when
 
@@ -89,7 +89,7 @@ class InterceptorNode(Node):
         self._per_entry_ns = config.per_entry_ns
         self._observe = observe
         self._timer_set = False
-        self._pass_time_ns = config.relay_time_ns
+        self._relay_time_ns = config.relay_time_ns
         charges_answers = passes == 2 or config.relay_time_ns is not None
         self._charges_answers = charges_answers and not config.costs_nothing
         self._pending = SpanLabel("pending", pure.name)
@@ -104,8 +104,8 @@ class InterceptorNode(Node):
             return ()
         if self._key is not None and isinstance(message, Image):
             return self._look_up(self._key, topic, message, sender)
-        if self._pass_time_ns is not None:
-            return self.host.cpu.serve(self._pass_time_ns, self.work_label)
+        if self._relay_time_ns is not None:
+            return self.host.cpu.serve(self._relay_time_ns, self.work_label)
         return self.host.serve_message(topic, message, sender, self.work_label)
 
     def _look_up(self, key: str, topic: str, message: Message, sender: str) -> Steps:
@@ -123,7 +123,7 @@ class InterceptorNode(Node):
         path = self.clock.path
         if path is not None and isinstance(message, Image):
             self._paths[message.header] = path
-            if len(self._paths) > MAX_TRACKED_FRAMES:
+            if len(self._paths) > MAX_PATHS:
                 self._paths.popitem(last=False)
         self._carry_out(effects)
         if not self._timer_set and self.pure.next_deadline_ns() is not None:
@@ -227,8 +227,8 @@ def attach(
     suffix : str
         What is appended to the node's topics.
     """
-    subscribed, published = graph.topics_of(node_name)
-    graph.remap(node_name, {topic: topic + suffix for topic in (*subscribed, *published)})
+    inputs, outputs = graph.topics_of(node_name)
+    graph.remap(node_name, {topic: topic + suffix for topic in (*inputs, *outputs)})
     return InterceptorNode(
-        lambda: make(subscribed, published), graph, observe, config=config, passes=passes
+        lambda: make(inputs, outputs), graph, observe, config=config, passes=passes
     )

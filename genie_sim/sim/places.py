@@ -29,30 +29,24 @@ class RecordedPlace:
 
     @cached_property
     def _frames(self) -> list[Frame]:
-        begin_ns, end_ns = self._window_ns
+        begin_ns, end_ns = self._route.window_of(self._recording)
         return [frame for frame in self._recording if begin_ns <= frame.stamp_ns < end_ns]
 
     @cached_property
     def _stamps_ns(self) -> list[int]:
         return [frame.stamp_ns for frame in self._frames]
 
-    @property
-    def _window_ns(self) -> tuple[int, int]:
-        if self._route.window_ns is not None:
-            return self._route.window_ns
-        return self._recording[0].stamp_ns, self._recording[-1].stamp_ns + 1
-
     def __call__(self, now_ns: int) -> Point:
-        route, (begin_ns, end_ns) = self._route, self._window_ns
+        route, (begin_ns, end_ns) = self._route, self._route.window_of(self._recording)
         lap_ns = end_ns - begin_ns + route.pause_ns
         driven_ns = min(max(now_ns - route.start_ns, 0), route.laps * lap_ns - 1)
         stamp_ns = begin_ns + driven_ns % lap_ns
         stamps_ns, frames = self._stamps_ns, self._frames
-        after = bisect_right(stamps_ns, stamp_ns)
-        first = frames[max(after - 1, 0)].pose
-        second = frames[min(after, len(frames) - 1)].pose
-        span_ns = stamps_ns[min(after, len(frames) - 1)] - stamps_ns[max(after - 1, 0)]
-        share = (stamp_ns - stamps_ns[max(after - 1, 0)]) / span_ns if span_ns else 0.0
+        number = bisect_right(stamps_ns, stamp_ns)
+        before, after = max(number - 1, 0), min(number, len(frames) - 1)
+        first, second = frames[before].pose, frames[after].pose
+        span_ns = stamps_ns[after] - stamps_ns[before]
+        share = (stamp_ns - stamps_ns[before]) / span_ns if span_ns else 0.0
         return (
             first.east_m + share * (second.east_m - first.east_m),
             first.north_m + share * (second.north_m - first.north_m),

@@ -18,7 +18,7 @@ from genie_sim.base.settings import (
     Short,
     check_unique,
 )
-from genie_sim.core.messages import Encoding
+from genie_sim.core.messages import Encoding, Frame
 from genie_sim.core.rules import GenieRules
 from genie_sim.sim.link_model import LINK, usual_link
 from genie_sim.tracks.consumer import ConsumerRules
@@ -120,6 +120,10 @@ class Route:
     def __post_init__(self) -> None:
         if self.window_ns is not None and self.window_ns[0] >= self.window_ns[1]:
             raise SettingError("window", "must be [begin, end] with begin before end")
+
+    def window_of(self, frames: Sequence[Frame]) -> tuple[int, int]:
+        """From when until when [ns] it replays the frames of a recording."""
+        return self.window_ns or (frames[0].stamp_ns, frames[-1].stamp_ns + 1)
 
 
 @dataclass(frozen=True)

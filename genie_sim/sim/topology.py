@@ -19,7 +19,7 @@ NEAREST = 4  # of more each shares with so many
 
 class EdgeServer(Subscriber):
     """An edge server: its ROS graph, what the method runs there, and the bridges down to the cars
-    that it has served. An answer goes down the bridge to the car whose image it is about, found by
+    that it has had. An answer goes down the bridge to the car whose image it is about, found by
     the header's origin, however many cars there are.
     """
 
@@ -39,31 +39,39 @@ class EdgeServer(Subscriber):
 
 
 def neighbours(edges: Sequence[Edge], count: int | None = None) -> dict[str, list[str]]:
-    """The neighbours of each edge, in the scenario's order. Two edges are neighbours if neither
-    names its own and leaves the other out, and one names its own or is among the ``count`` nearest
-    of the other.
+    """The neighbours of each edge, in the scenario's order. Where one of two edges names its
+    neighbours, or both do, the two are neighbours if each that does names the other. Else they are
+    if one is among the ``count`` nearest of the other: by their places, or by their order if any
+    has none.
 
-    Without a ``count`` up to ``ALL_SHARE`` edges are neighbours of all others, of more each of the
-    ``NEAREST`` ones. Edges are near each other by their places; if one has none, all are by their
-    order.
+    Without a ``count`` up to ``ALL_SHARE`` edges all share with each other, and of more each with
+    the ``NEAREST`` ones.
     """
     if count is None:
         count = len(edges) if len(edges) <= ALL_SHARE else NEAREST
     near = _near(edges, count)
 
-    def share(edge: Edge, other: Edge) -> bool:
-        names_own = bool(edge.neighbours or other.neighbours)
-        return _accept(edge, other) and (names_own or other.name in near[edge.name])
+    def are_neighbours(edge: Edge, neighbour: Edge) -> bool:
+        choices = [
+            second.name in first.neighbours
+            for first, second in ((edge, neighbour), (neighbour, edge))
+            if first.neighbours is not None
+        ]
+        return all(choices) if choices else neighbour.name in near[edge.name]
 
     return {
-        edge.name: [other.name for other in edges if other is not edge and share(edge, other)]
+        edge.name: [
+            neighbour.name
+            for neighbour in edges
+            if neighbour is not edge and are_neighbours(edge, neighbour)
+        ]
         for edge in edges
     }
 
 
 def _near(edges: Sequence[Edge], count: int) -> dict[str, set[str]]:
-    """Those that are among the ``count`` nearest of each edge, or that it is among the nearest of;
-    of equally near ones the first.
+    """The ``count`` nearest of each edge, of equally near ones the first, and the edges whose
+    nearest it is among.
     """
     near: dict[str, set[str]] = {edge.name: set() for edge in edges}
     places = [edge.at_m for edge in edges if edge.at_m is not None]
@@ -73,17 +81,10 @@ def _near(edges: Sequence[Edge], count: int) -> dict[str, set[str]]:
     for number, edge in enumerate(edges):
         distances_m = np.hypot(*(points - points[number]).T)
         distances_m[number] = np.inf
-        for other in np.argsort(distances_m, kind="stable")[: min(count, len(edges) - 1)]:
-            near[edge.name].add(edges[other].name)
-            near[edges[other].name].add(edge.name)
+        for neighbour in np.argsort(distances_m, kind="stable")[: min(count, len(edges) - 1)]:
+            near[edge.name].add(edges[neighbour].name)
+            near[edges[neighbour].name].add(edge.name)
     return near
-
-
-def _accept(edge: Edge, other: Edge) -> bool:
-    return all(
-        first.neighbours is None or second.name in first.neighbours
-        for first, second in ((edge, other), (other, edge))
-    )
 
 
 def join_edges(

@@ -80,13 +80,13 @@ class World:
         self._sampled = self._choose_sampled(edge_resources)
         self._used_in_warm_up: dict[str, HostUsage] = {}  # by host
         self._fault_spans: list[FaultSpan] = []
-        self._faults = [self.clock.process(self._strike(timed)) for timed in setup.faults]
+        self._faults = [self.clock.process(self._strike(fault)) for fault in setup.faults]
         for camera in cameras:
             self.clock.process(camera.run())
 
-    def _strike(self, timed: TimedFault) -> Steps:
+    def _strike(self, fault: TimedFault) -> Steps:
         """The process of a fault."""
-        return fault_process.run(timed, self.network, self.last_frame_ns, self._fault_spans)
+        return fault_process.run(fault, self.network, self.last_frame_ns, self._fault_spans)
 
     def _build_edges(self) -> dict[str, EdgeServer]:
         """The edge servers, by name, joined to their neighbours."""
@@ -200,33 +200,33 @@ class World:
         self.monitor.failed(self._fault_spans)
         self.monitor.close()
 
-    def _begin_to_count(self) -> None:
-        """From now on what hosts, links and queues do counts."""
+    def _end_warm_up(self) -> None:
+        """What hosts, links and queues have done until now is left out."""
         self._used_in_warm_up = {usage.host: usage for usage in self._usage()}
         for resource in self._sampled:
-            resource.occupancy.forget_most()
+            resource.occupancy.restart_most()
 
     def _since_warm_up(self, usage: HostUsage) -> HostUsage:
         """What a host has used, without what it had used before the end of the warm-up."""
         earlier = self._used_in_warm_up.get(usage.host)
         if earlier is None:
             return usage
-        used = {name: getattr(usage, name) - getattr(earlier, name) for name in GROWING_COUNTS}
+        growth = {name: getattr(usage, name) - getattr(earlier, name) for name in GROWING_COUNTS}
         begin_ns = max(usage.begin_ns, self.setup.warm_up_ns)
-        return usage._replace(**used, begin_ns=begin_ns)
+        return usage._replace(**growth, begin_ns=begin_ns)
 
     def _usage(self) -> Iterator[HostUsage]:
         """What every host has used until now."""
         setup = self.setup
         starts_ns = {car.name: car.route.start_ns for car in setup.cars}
         traffic = {}  # of each car with an uplink
-        for car, used in self.network.interfaces.items():
-            carried = [use.bytes_carried() for use in used]
+        for car, interfaces in self.network.interfaces.items():
+            traffic_of = [use.bytes_carried() for use in interfaces]
             traffic[car] = {
-                "bytes_up": sum(up for up, _ in carried),
-                "bytes_down": sum(down for _, down in carried),
-                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in used),
-                "tail_ns": sum(use.tail_ns for use in used),
+                "bytes_up": sum(up for up, _ in traffic_of),
+                "bytes_down": sum(down for _, down in traffic_of),
+                "transfer_ns": sum(use.transfer_ns(self.clock.now) for use in interfaces),
+                "tail_ns": sum(use.tail_ns for use in interfaces),
             }
         for name, graph in self.network.graphs.items():
             host, interface = graph.host, setup.interfaces.get(name)
@@ -245,15 +245,9 @@ class World:
 
     def _choose_sampled(self, edge_resources: list[Resource]) -> list[Resource]:
         """The resources that the monitor wants to sample."""
-        resources = self.network.resources
-        samples = self.monitor.samples
-        if samples == "all":
-            return resources  # the list itself: a hand-over adds links while time runs
-        if samples == "edges":
-            return edge_resources + self.network.shared
-        if samples == "processors":
-            return [resource for resource in resources if resource.kind in ("accelerator", "cpu")]
-        return []
+        if self.monitor.samples == "all":
+            return self.network.resources  # the list itself: a hand-over adds links while time runs
+        return edge_resources + self.network.shared if self.monitor.samples == "edges" else []
 
     def _watch_resources(self, progress: OnTime | None) -> Steps:
         """The process that samples resources, and begins to count anew when the warm-up ends,
@@ -265,7 +259,7 @@ class World:
         while True:
             now_ns = self.clock.now
             if now_ns == warm_up_ns > 0:
-                self._begin_to_count()
+                self._end_warm_up()
             self.monitor.sample(self._sampled, now_ns)
             if progress is not None:
                 progress(min(now_ns, self.last_frame_ns), self.last_frame_ns)
@@ -308,9 +302,3 @@ class HostContexts(NamedTuple):
             edges=tuple(edge.name for edge in setup.edges),
             is_one_world=setup.is_one_world,
         )
-
-
-def answered_cars(setup: Setup, method: Method) -> set[str]:
-    """The cars on which a method runs something; it is asked, and no world is built."""
-    contexts = HostContexts(setup)
-    return {car.name for car in setup.cars if method.on_car(contexts.car(car)) is not None}

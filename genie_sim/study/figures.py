@@ -4,7 +4,7 @@ import itertools
 import math
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import matplotlib as mpl
@@ -15,8 +15,9 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 
 from genie_sim.analysis import style
 from genie_sim.analysis.drawing import character_in, finish, in_style, is_narrow
-from genie_sim.analysis.metric import HEADLINE, SHORT
+from genie_sim.analysis.metric import HEADLINE, SHORT, Metric
 from genie_sim.analysis.registry import (
+    Words,
     definition,
     is_drawn_logarithmically,
     shown,
@@ -69,6 +70,8 @@ class SweepFigures:
         Says below the panels what was run.
     width_in : float
         Of a page or a column.
+    words : mapping
+        What is said of metrics of the user's own.
     """
 
     design: Design
@@ -76,6 +79,7 @@ class SweepFigures:
     titles: Mapping[str, str]
     footer: str
     width_in: float = PAGE_IN
+    words: Words = field(default_factory=dict)
 
     def drawn(self) -> Iterator[tuple[str, Figure]]:
         """Every figure with the name of its file.
@@ -154,7 +158,7 @@ class SweepFigures:
         other = [columns[axis] for axis in beside]
         levels: Sequence[Any] = list(dict.fromkeys(runs[other[0]])) if other else [None]
         shown_levels = [levels[place] for place in thinned(len(levels), MAX_COLUMNS)]
-        means = across_seeds(runs[runs["component"] == ""], [columns[name], *other])
+        means = self._means(runs, [columns[name], *other])
         narrow = is_narrow(self.width_in)
         tier = HEADLINE if other or narrow else SHORT
         names = metrics or shown(tier, means["metric"])
@@ -191,7 +195,7 @@ class SweepFigures:
         Genies on cars and on edges.
         """
         column, other_column = self.design.columns[name], self.design.columns[other]
-        means = across_seeds(runs[runs["component"] == ""], [column, other_column])
+        means = self._means(runs, [column, other_column])
         means = means[(means["metric"] == metric) & means["value"].notna()]
         levels = list(dict.fromkeys(means[other_column]))
         shades = LEVEL_COLOURS(np.linspace(0.0, 0.85, len(levels)))
@@ -210,8 +214,12 @@ class SweepFigures:
             series = list(zip(of_level, looks, strict=True))
             panels.append(Panel(metric, f"{self.titles[str(method)]}{where}", series))
         wide = 1 if is_narrow(self.width_in) else min(len(panels), 3)
-        title = f"{_label(metric)} along {column}"
+        title = f"{_label(definition(metric, self.words))} along {column}"
         return self._facets(name, panels, wide, title, _at(place))
+
+    def _means(self, runs: "pd.DataFrame", by: Sequence[str]) -> "pd.DataFrame":
+        """Means across seeds of what is not of a component."""
+        return across_seeds(runs[runs["component"] == ""], by, own=self.words)
 
     @in_style()
     def _facets(
@@ -220,6 +228,7 @@ class SweepFigures:
         """Panels along one axis, so many side by side; those of one metric have one scale."""
         axis, column = self.design.axes[name], self.design.columns[name]
         narrow, rows = is_narrow(self.width_in), max(1, -(-len(panels) // wide))
+        abouts = {facet.metric: definition(facet.metric, self.words) for facet in panels}
         titled = any(facet.title for facet in panels)
         is_one = titled and len({facet.metric for facet in panels}) == 1
         row_in = 1.3 if titled else 0.8 if narrow and rows > 1 else 1.8
@@ -235,16 +244,16 @@ class SweepFigures:
             _explain_filling(panel, facet.series)
             panel.set_title(facet.title)
             if not is_one and (number % wide == 0 or panels[number - 1].metric != facet.metric):
-                panel.set_ylabel(_wrapped(_label(facet.metric), narrow))
+                panel.set_ylabel(_wrapped(_label(abouts[facet.metric]), narrow))
             if (titled or narrow) and number + wide < len(panels):
                 panel.tick_params(labelbottom=False)
             else:
                 panel.set_xlabel(column)
         if is_one:
-            figure.supylabel(_label(panels[0].metric))
-        for metric in dict.fromkeys(facet.metric for facet in panels):
+            figure.supylabel(_label(abouts[panels[0].metric]))
+        for metric, about in abouts.items():
             _scale(
-                metric,
+                about,
                 [
                     (panel, facet)
                     for panel, facet in zip(cells, panels, strict=True)
@@ -260,29 +269,24 @@ def _at(place: str) -> list[str]:
     return [f"at {place}"] if place else []
 
 
-def _scale(metric: str, panels: "Sequence[tuple[Axes, Panel]]") -> None:
+def _scale(about: Metric, panels: "Sequence[tuple[Axes, Panel]]") -> None:
     """One scale for panels of a metric: from zero on, or logarithmic where values span decades."""
     means = [means["value"].dropna() for _, facet in panels for means, _ in facet.series]
     values = [value for of_line in means for value in of_line]
     ends = [panel.get_ylim() for panel, _ in panels]
     low, high = min(0.0, *(low for low, _ in ends)), max(high for _, high in ends)
     for panel, _ in panels:
-        if _is_share(metric):
+        if about.unit == "%":
             panel.yaxis.set_major_formatter(FuncFormatter(percent_tick))
-        elif is_drawn_logarithmically(metric, values):
+        elif is_drawn_logarithmically(about, values):
             _scale_logarithmically(panel, min(values), max(values))
             continue
         panel.set_ylim(low, high + MARKER_ROOM * (high - low))
 
 
-def _label(metric: str) -> str:
+def _label(about: Metric) -> str:
     """A metric's title with its unit; ticks have the percent sign of shares."""
-    info = definition(metric)
-    return info.title if _is_share(metric) else info.label
-
-
-def _is_share(metric: str) -> bool:
-    return definition(metric).unit == "%"
+    return about.title if about.unit == "%" else about.label
 
 
 def _wrapped(label: str, narrow: bool = False) -> str:

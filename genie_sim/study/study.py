@@ -7,16 +7,16 @@ import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from genie_sim.analysis import registry, renderers
-from genie_sim.analysis.seed_runs import ABOUT, load_seeds, read_about
+from genie_sim.analysis.seed_runs import ABOUT, FORMAT, load_seeds, read_about
 from genie_sim.base.errors import UserError
 from genie_sim.base.paths import atomic_write, usable
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.record import provenance
-from genie_sim.record.tables import other_format
 from genie_sim.report import html_page, template
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.scenario.scenario import Scenario
@@ -26,7 +26,6 @@ from genie_sim.study.plan import Plan, plan
 from genie_sim.study.work import Parts, Workers
 
 log = logging.getLogger(__name__)
-FORMAT = 3
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
 RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
@@ -178,7 +177,10 @@ class Study:
         about = json.dumps({"sweep": self._settings(), "format": FORMAT}, sort_keys=True).encode()
         tables.write_parquet(runs, self.folder / "runs.parquet", about)
         compared = tables.all_differences(runs, columns, crossed)
-        for name, table in (("table", tables.of_points(runs, columns)), ("differences", compared)):
+        for name, table in (
+            ("table", tables.of_points(runs, columns, self._words)),
+            ("differences", compared),
+        ):
             tables.write_parquet(table, self.folder / f"{name}.parquet", about)
             with atomic_write(self.folder / f"{name}.csv") as beside:
                 beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
@@ -197,6 +199,12 @@ class Study:
         plain: dict[str, object] = plain_data(self.design)
         return plain
 
+    @cached_property
+    def _words(self) -> registry.Words:
+        """What metrics of the user's own say of themselves."""
+        own = [name for run in self.plan.runs.values() for name in run.scenario.metrics]
+        return registry.words_of_code(dict.fromkeys(own))
+
     def _titles(self) -> dict[str, str]:
         """What pages call each method."""
         runs, seed = self.plan.runs, self.design.seeds[0]  # one of each point
@@ -211,9 +219,6 @@ class Study:
 
     def _write_about(self) -> None:
         table_names = [name for name in TABLES if (self.folder / name).is_file()]
-        own_metrics = {
-            name: None for run in self.plan.runs.values() for name in run.scenario.metrics
-        }
         about = {
             "format": FORMAT,
             **({"label": self.label} if self.label else {}),
@@ -223,7 +228,7 @@ class Study:
             "run_ids": sorted(self.plan.runs),
             "methods": list(self.methods),
             "titles": self._titles(),
-            "metrics": registry.words(registry.with_formulas(own_metrics)),
+            "metrics": self._words,
             "digests": provenance.digests(self.folder, table_names),
             **provenance.environment(),
         }
@@ -237,11 +242,10 @@ def check_folder(folder: Path) -> None:
     problem = ""
     try:
         if folder.is_dir() and any(folder.iterdir()):
-            about = read_about(folder)
-            if about.get("format") != FORMAT:
-                problem = other_format(folder, about.get("format"), FORMAT)
-    except (OSError, UserError):
-        problem = f"{folder}: holds something else than a sweep"
+            read_about(folder)
+    except (OSError, UserError) as error:
+        is_sweep = (folder / ABOUT).is_file()
+        problem = str(error) if is_sweep else f"{folder}: holds something else than a sweep"
     if problem:
         raise UserError(f"{problem}; choose another --out")
 

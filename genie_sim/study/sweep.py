@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.metric import SHORT
-from genie_sim.analysis.registry import METRICS, checked, definition, learn, shown
+from genie_sim.analysis.registry import (
+    METRICS,
+    Words,
+    checked,
+    checked_words,
+    definition,
+    shown,
+)
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import ABOUT, read_about
 from genie_sim.analysis.style import PAGE_IN
@@ -94,7 +101,8 @@ class Sweep(Suggesting, Result):
         with provenance.of_this_version(folder):
             about, path = read_about(folder), folder / ABOUT
             runs, points = (_table(provenance.contained(folder, name)) for name in READ)
-            learn(about.get("metrics", {}), f"{path}: metrics")
+            own = checked_words(about.get("metrics", {}), f"{path}: metrics")
+            about = {**about, "metrics": own}
             changed = provenance.changed_files(folder, about.get("digests"), READ)
             provenance.refuse_changed(folder, changed, allow_changed)
             design = read_design(about["sweep"], str(path))
@@ -139,6 +147,12 @@ class Sweep(Suggesting, Result):
         return unique_titles({name: str(titles.get(name, name)) for name in names})
 
     @property
+    def words(self) -> Words:
+        """What is said of metrics of the user's own."""
+        words: Words = self.about.get("metrics", {})
+        return words
+
+    @property
     def axes(self) -> list[str]:
         """The columns of the axes."""
         columns = list(map(str, self.means.columns))
@@ -179,6 +193,7 @@ class Sweep(Suggesting, Result):
         }
         run_id = provenance.run_id({"run_ids": self.about["run_ids"]})
         like = Run(run_id, facts, "", {}, (), changed=self.changed, label=self.label)
+        like = replace(like, words=self.words)
         return cells_of(self.every_run, self.axes, like)
 
     def differences(self, along: str, to: Any) -> "pd.DataFrame":
@@ -203,7 +218,9 @@ class Sweep(Suggesting, Result):
         from genie_sim.study.figures import SweepFigures
 
         width_in = width_in or PAGE_IN
-        return SweepFigures(self.design, self.every_run, self.titles, self.footer, width_in)
+        return SweepFigures(
+            self.design, self.every_run, self.titles, self.footer, width_in, self.words
+        )
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The points: in ``csv`` every metric with all digits, in ``latex`` the main metrics with
@@ -255,13 +272,15 @@ class Sweep(Suggesting, Result):
             by_place = of_row.set_index(["metric", "placement"])
             place = ", ".join(level_text(of_row.iloc[0][axis]) for axis in self.axes)
             cells = [
-                definition(key[0]).cell(*(by_place[end][key] for end in ("value", "low", "high")))
+                definition(key[0], self.words).cell(
+                    *(by_place[end][key] for end in ("value", "low", "high"))
+                )
                 if key in by_place.index
                 else Cell()
                 for key in columns
             ]
             rows.append(Row(f"{place}: {self.titles.get(str(method), str(method))}", cells))
-        about = [(definition(name), placement) for name, placement in columns]
+        about = [(definition(name, self.words), placement) for name, placement in columns]
         labels = [metric.labelled(metric.titled(placement)) for metric, placement in about]
         corner = f"{', '.join(self.axes)}: method" if self.axes else "method"
         return ResultTable(labels, rows, self.title, corner=corner)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from genie_sim.analysis.registry import NO_WORDS, Words
 from genie_sim.analysis.tidy import NEGLIGIBLE, across_seeds
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.parquet import METADATA_KEY
@@ -33,11 +34,13 @@ def of_runs(
     return places.merge(measured, on="run_id", how="left")  # keeps the order of both
 
 
-def of_points(runs: "pd.DataFrame", columns: Sequence[str]) -> "pd.DataFrame":
+def of_points(
+    runs: "pd.DataFrame", columns: Sequence[str], own: Words = NO_WORDS
+) -> "pd.DataFrame":
     """One row per point and metric: mean over the seeds, 95 % t interval, and the number of runs
-    that define it.
+    that define it. ``own`` is what is said of metrics of the user's own.
     """
-    means = across_seeds(runs, ["point"])
+    means = across_seeds(runs, ["point"], own=own)
     places = runs[["point", *columns]].drop_duplicates("point")
     return places.merge(means, on="point", how="left")
 

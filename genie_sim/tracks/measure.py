@@ -48,7 +48,7 @@ def shrunk(counts: LawCounts, prior_looks: float) -> DetectorLaws:
         ratios=_ratios(counts, prior_looks),
         firsts=_shares(
             counts.real_firsts,
-            [sum(both) for both in zip(counts.real_firsts, counts.false_firsts, strict=True)],
+            [sum(pair) for pair in zip(counts.real_firsts, counts.false_firsts, strict=True)],
             ASSUMED.firsts,
             prior_looks,
         ),
@@ -56,12 +56,12 @@ def shrunk(counts: LawCounts, prior_looks: float) -> DetectorLaws:
 
 
 def _shares(
-    found: Sequence[int], looks: Sequence[int], assumed: Sequence[float], prior_looks: float
+    hits: Sequence[int], looks: Sequence[int], priors: Sequence[float], prior_looks: float
 ) -> tuple[float, ...]:
     """Found by looks, entry by entry."""
     return tuple(
         (of_found + prior_looks * prior) / (of_looks + prior_looks)
-        for of_found, of_looks, prior in zip(found, looks, assumed, strict=True)
+        for of_found, of_looks, prior in zip(hits, looks, priors, strict=True)
     )
 
 

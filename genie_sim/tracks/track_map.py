@@ -55,9 +55,9 @@ class TrackMap:
     existence : Existence
         How likely a track still exists, and when it is forgotten.
     view_range_m : float
-        How far answers out of the map look [m].
+        How far away objects in view may be [m].
     view_margin_rad : float
-        By how much they look wider than the camera, on each side [rad].
+        By how much the sector in view is wider than the camera's, on each side [rad].
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class TrackMap:
 
     def forget(self, now_ns: int) -> list[Track]:
         """Removes and returns the tracks whose time is over [ns]."""
-        forgotten = []
+        gone = []
         waiting = self._to_forget
         while waiting and waiting[0][0] <= now_ns:
             due_ns, _, track = heapq.heappop(waiting)
@@ -105,16 +105,16 @@ class TrackMap:
             expires_ns = self._existence.expires_ns(track)
             if expires_ns <= now_ns:
                 self._take_out(track, was_moving=track.moving)
-                forgotten.append(track)
+                gone.append(track)
             else:
                 self._plan(track)
-        return forgotten
+        return gone
 
     def learn(self, look: Look, now_ns: int, *, names_changes: bool = False) -> ObjectLookups:
         """Learns what a look says of the tracks, unless it has come before. Returns what changed,
         for the log, with the objects' names if ``names_changes``.
         """
-        tracks, before, forgotten = self._weigh(look, now_ns)
+        tracks, before, gone = self._weigh(look, now_ns)
         remaining = [track for track in tracks if track.cell is not None]
         return ObjectLookups(
             look.header,
@@ -129,7 +129,7 @@ class TrackMap:
             ),
             objects=len(self),
             changes=tuple(map(MapChange.of, remaining)) if names_changes else (),
-            forgotten=tuple(map(MapChange.of, forgotten)) if names_changes else (),
+            forgotten=tuple(map(MapChange.of, gone)) if names_changes else (),
         )
 
     def in_view(self, viewer: Viewer, now_ns: int) -> list[Detection]:
@@ -170,17 +170,14 @@ class TrackMap:
     def match(self, label: str, east_m: float, north_m: float, at_ns: int) -> Track | None:
         """The nearest track of the label's group that a sighting at a place could be."""
         kind = kind_of(label)
-        nearest: tuple[float, int] | None = None
-        nearest_track = None
+        matches: list[tuple[float, int, Track]] = []
         for track in self._inside(area_around(east_m, north_m, kind.gate_m)):
             if track.kind is kind:
-                there_east_m, there_north_m = track.place(at_ns)
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                track_east_m, track_north_m = track.place(at_ns)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
-                    rank = distance_m, track.number
-                    if nearest is None or rank < nearest:
-                        nearest, nearest_track = rank, track
-        return nearest_track
+                    matches.append((distance_m, track.number, track))
+        return min(matches)[2] if matches else None
 
     def _weigh(self, look: Look, now_ns: int) -> tuple[list[Track], dict[int, float], list[Track]]:
         """Weighs a look. Returns the tracks that it shows, how likely those of them that were there
@@ -192,50 +189,50 @@ class TrackMap:
             return self._tracks_shown(detections, stamp_ns), {}, []
         coverage = Coverage(look)
         self._remember(look, coverage)
-        around = self._around(look, detections)
-        pairs = _pairs(detections, around, stamp_ns)
-        shown = _matched(pairs)
-        matched = {track.number for track in shown.values()}
+        nearby = self._around(look, detections)
+        pairs = _pairs(detections, nearby, stamp_ns)
+        track_of = _matched(pairs)
+        matched = {track.number for track in track_of.values()}
         # of the other tracks in view the look is evidence that they are gone
-        missed = [
+        misses = [
             (track, range_m)
-            for east_m, north_m, track in around
+            for east_m, north_m, track in nearby
             if track.number not in matched
             and track.checked_ns <= stamp_ns
             and (range_m := coverage.range_m(east_m, north_m)) is not None
         ]
-        before = {track.number: self.existence(track, now_ns) for track in shown.values()}
+        before = {track.number: self.existence(track, now_ns) for track in track_of.values()}
         new_tracks: list[Track] = []
         for index, sighting in enumerate(detections):
-            shown[index] = self._sight(shown.get(index), sighting, look, new_tracks)
-        for track, range_m in missed:
+            track_of[index] = self._sight(track_of.get(index), sighting, look, new_tracks)
+        for track, range_m in misses:
             self._existence.doubt(track, range_m, look.header)
             if track.existence < SOON_GONE:
                 self._plan(track)
-        unmatched = [pair for pair in pairs if pair.number not in matched]
-        forgotten = self._take_out_merged(unmatched, shown, stamp_ns) + self.forget(now_ns)
-        return _without_repeats(shown.values()), before, forgotten
+        rest = [pair for pair in pairs if pair.number not in matched]
+        gone = self._take_out_merged(rest, track_of, stamp_ns) + self.forget(now_ns)
+        return _without_repeats(track_of.values()), before, gone
 
     def _sector(self, viewer: Viewer) -> ViewSector:
-        """Where answers out of the map look for a viewer."""
+        """What counts as in view of a viewer."""
         width_rad = viewer.horizontal_fov_rad + 2 * self._view_margin_rad
         return ViewSector(viewer.pose, width_rad, self._view_range_m)
 
     def _take_out_merged(
-        self, pairs: Iterable[Pair], shown: Mapping[int, Track], at_ns: int
+        self, pairs: Iterable[Pair], track_of: Mapping[int, Track], at_ns: int
     ) -> list[Track]:
         """Takes out, and returns, the tracks of pairs that are now so near to the one that was seen
         that both are one object.
         """
-        merged = []
+        gone = []
         for pair in pairs:
             if (
                 pair.track.cell is not None
-                and _distance_m(pair.track, shown[pair.detection], at_ns) < NEAR_M
+                and _distance_m(pair.track, track_of[pair.detection], at_ns) < NEAR_M
             ):
                 self._take_out(pair.track, was_moving=pair.track.moving)
-                merged.append(pair.track)
-        return merged
+                gone.append(pair.track)
+        return gone
 
     def _tracks_shown(self, detections: Iterable[Detection], at_ns: int) -> list[Track]:
         """The tracks that detections of a look that came before show."""
@@ -370,20 +367,20 @@ class TrackMap:
 
 
 def _pairs(
-    detections: Sequence[Detection], around: Iterable[TrackInPlace], at_ns: int
+    detections: Sequence[Detection], nearby: Iterable[TrackInPlace], at_ns: int
 ) -> list[Pair]:
     """The pairs of detections and tracks that may belong together, the nearest first."""
     grid: Grid[TrackInPlace] = Grid(MAX_GATE_M)
-    for item in around:
+    for item in nearby:
         grid.add(grid.cell(item.east_m, item.north_m), item)
     pairs = []
     for index, sighting in enumerate(detections):
         assert sighting.location is not None
         kind, (east_m, north_m, _) = kind_of(sighting.label), sighting.location
         area = area_around(east_m, north_m, MAX_GATE_M)
-        for there_east_m, there_north_m, track in grid.inside(area):
+        for track_east_m, track_north_m, track in grid.inside(area):
             if track.kind is kind:
-                distance_m = math.hypot(there_east_m - east_m, there_north_m - north_m)
+                distance_m = math.hypot(track_east_m - east_m, track_north_m - north_m)
                 if _fits(track, distance_m, at_ns):
                     pairs.append(Pair(distance_m, track.number, index, track))
     pairs.sort()

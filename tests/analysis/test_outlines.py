@@ -7,7 +7,7 @@ from dataclasses import asdict
 import pandas as pd
 import pytest
 
-from genie_sim.analysis import figures, metrics
+from genie_sim.analysis import figures, metrics, registry
 from genie_sim.analysis.breakdown import time_parts
 from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.metric import ZERO_DELAY
@@ -92,8 +92,8 @@ def test_parts_of_the_time():
 def test_differences():
     def row(metric: str, arm: str, difference: float, reach: float | None) -> Difference:
         low, high = (None, None) if reach is None else (difference - reach, difference + reach)
-        unit = "ms" if metric == "first_answer_mean" else "1"
-        return Difference(metric, arm, 1.0, unit, "a", 1.0, difference, low, high, by=SEEDS, n=5)
+        about = registry.definition(metric)
+        return Difference(metric, arm, 1.0, about, "a", 1.0, difference, low, high, by=SEEDS, n=5)
 
     arms = [
         ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})

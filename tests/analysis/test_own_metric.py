@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,14 +24,14 @@ from dataclasses import replace
 import numpy as np
 from genie_sim.analysis.statistics import Measured
 from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.metric import LOWER, Metric, mean, share
+from genie_sim.analysis.metric import LOWER, Metric, mean_of, share_of
 
 slow = Metric(
     "slow frames", "%", LOWER, meaning="Frames with a first answer after 100 ms.",
-    formula=lambda frames: share(frames, response_ms(frames, "first") > 100),
+    formula=lambda frames: share_of(frames, response_ms(frames, "first") > 100),
 )
-plain = Metric("a number", "", formula=lambda frames: mean(frames, response_ms(frames, "first")))
-raises = replace(slow, formula=lambda frames: share(frames, frames["nothing"]))
+plain = Metric("a number", "", formula=lambda frames: mean_of(frames, response_ms(frames, "first")))
+raises = replace(slow, formula=lambda frames: share_of(frames, frames["nothing"]))
 rowless = replace(slow, rows="nothing")
 exits = replace(slow, formula=lambda frames: exit(0))
 numbered = replace(slow, title=5)
@@ -75,15 +76,12 @@ def test_it_is_in_every_table_with_its_interval():
     assert row.value == found["local"].value
 
 
-def test_its_words_travel_with_the_results_and_its_code_does_not_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+def test_its_words_travel_with_the_results_and_its_code_does_not_run(tmp_path: Path):
     scenario = load_scenario(
         "street_1car_homo", [WINDOW, "record=[]", "metrics=[own_metric:slow, own_metric:plain]"]
     )
     folder = run_to_folder(scenario, tmp_path, output=Output(page=False)).folder
     (tmp_path / "own_metric.py").write_text("raise AssertionError('ran')")
-    monkeypatch.setattr(registry, "_told", {})
     with own_code(allowed=False):
         run = seed_runs.load_run(folder)
         for format in ("markdown", "latex"):
@@ -93,12 +91,29 @@ def test_its_words_travel_with_the_results_and_its_code_does_not_run(
         assert "slow frames" in compare_tables.text(compare([run]))
 
 
+def test_results_that_say_differently_of_it_keep_their_words_and_are_not_compared(tmp_path: Path):
+    scenario = load_scenario("street_1car_homo", [WINDOW, "record=[]", "metrics=[own_metric:slow]"])
+    folder = run_to_folder(scenario, tmp_path, output=Output(page=False)).folder
+    first = seed_runs.load_run(folder)
+    words = {"own_metric:slow": {**first.words["own_metric:slow"], "title": "late frames"}}
+    other = replace(first, words=words, label="other")
+    assert "slow frames [%]" in summary.table(first, "markdown")
+    assert "late frames [%]" in summary.table(other, "markdown")
+    facts = {**first.facts, "scenario": {**first.facts["scenario"], "name": "other"}}
+    other = replace(other, facts=facts)
+    made = compare([first, other])
+    assert "own_metric:slow" not in {row.metric for row in made.rows}
+    assert "Without own_metric:slow: results say of it both " in made.left_out
+    with pytest.raises(UserError, match=r"^compare: own_metric:slow: .* not one metric"):
+        compare([first, other], metrics=["own_metric:slow"])
+
+
 @pytest.mark.parametrize(
     "told", [[], {"own_metric:slow": {"title": "t"}}, {"own_metric:slow": {"title": 1}}]
 )
 def test_words_that_are_none_are_refused_in_one_line(told: object):
     with pytest.raises(UserError, match=r"^run.json: metrics: "):
-        registry.learn(told, "run.json: metrics")
+        registry.checked_words(told, "run.json: metrics")
 
 
 @pytest.mark.parametrize(

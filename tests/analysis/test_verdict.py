@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from genie_sim.analysis import compare_tables
+from genie_sim.analysis import compare_tables, registry
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
 from genie_sim.analysis.points import differences
 from genie_sim.analysis.verdict import verdicts
@@ -12,9 +12,9 @@ from genie_sim.record.results import MethodInfo
 
 
 def row(metric: str, difference: float, low: float | None, high: float | None) -> Difference:
-    unit = "ms" if metric == "first_answer_mean" else "1"
+    about = registry.definition(metric)
     by = SEEDS if low is not None else ""
-    return Difference(metric, "b", 1.0, unit, "a", 1.0, difference, low, high, by=by, n=5)
+    return Difference(metric, "b", 1.0, about, "a", 1.0, difference, low, high, by=by, n=5)
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
@@ -61,7 +61,7 @@ def test_a_sentence_says_in_what_by_how_much_and_how_sure():
         row("first_answer_mean", -340.0, -342.0, -338.0),
         row("streaming_f1", -0.02, -0.03, -0.01),
         row("ghost_share", 0.02, -0.01, 0.05),
-        row("gospa", 1.0, 0.5, 1.5),
+        row("place_error", 1.0, 0.5, 1.5),
     ]
     assert verdicts(comparison(*rows)) == [
         "B is better than A in first answer, mean (-340 ms, -342 to -338); worse in streaming F1 "

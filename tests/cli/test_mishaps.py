@@ -24,7 +24,7 @@ from genie_sim.scenario.checks import MAX_DAYS, check_time
 from genie_sim.scenario.reading import load_scenario
 from tests.checkout import REPOSITORY
 
-SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["genie"]}
+SHORT = {"cars[0].route.window": ["0 s", "1 s"], "methods": ["local", "genie"]}
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +108,6 @@ def test_every_path_is_taken_in_one_way():
         ["sweep", "~/nothing.yaml"],
         ["profile", "--out=~/p.yaml", "--csv=~/nothing.csv"],
         ["perceive", "--drive=2011_09_26/0005", "--kitti=~/nothing", "--out=~/t.parquet"],
-        ["run", "street_1car_homo", "--set=perception={source: live, kitti: ~/nothing}"],
     ],
     ids=lambda arguments: " ".join(arguments[:2]),
 )
@@ -135,7 +134,7 @@ def test_home_is_found_in_the_environment(variable, capsys, monkeypatch):
 
 def test_the_library_finds_home_too(monkeypatch):
     monkeypatch.setenv("HOME", str(Path("home").absolute()))
-    run = gs.run("street_1car_homo", SHORT, out="~/lab")
+    run = gs.run("street_1car_homo", SHORT, out="~/lab", report=False)
     assert run.folder.is_relative_to(Path("home").absolute())
     assert gs.load(f"~/lab/{run.folder.name}").report("~/page.html").is_file()
     assert not Path("~").exists()
@@ -282,12 +281,12 @@ def test_a_month_is_not_too_long():
     ("setting", "message"),
     [
         ("fleet.cars=100000000000", "fleet.cars: must be from 1 to 1,000,000, not 100000000000"),
-        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this town"),
+        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this map"),
         ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
         ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
         (
             "perception.town={block: 1e30 km}",
-            "perception.town.block: must be at most 10 km, but is 1",
+            "perception.town.block: must be at most 10000 m, but is",
         ),
     ],
 )
@@ -384,6 +383,7 @@ def test_an_output_replaces_its_own_kind_and_an_empty_file(command, folder):
     Path("out.svg").touch()
     for _ in range(2):
         assert main([*OUTPUTS[command], "out.svg"]) == 0
+        assert Path("out.svg").stat().st_size > 50
 
 
 def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys):
@@ -395,14 +395,20 @@ def test_a_profile_that_people_may_have_edited_is_not_replaced(tmp_path, capsys)
     assert Path("mine.yaml").read_bytes() == before
 
 
-def test_a_comparison_leaves_the_tables_of_others_alone(capsys):
-    settings = SHORT | {"methods": ["local", "genie"]}
-    folder = gs.run("street_1car_homo", settings, out="results", report=False).folder
+def test_a_comparison_leaves_the_tables_of_others_alone(folder, capsys):
     Path("out").mkdir()
     Path("out/table.csv").write_text("what,who\nmine,me\n")
     assert main(["compare", str(folder), "--out", "out"]) == 1
     assert "out/table.csv: is there already" in capsys.readouterr().err
     assert Path("out/table.csv").read_text() == "what,who\nmine,me\n"
+
+
+@pytest.mark.parametrize("format", ["csv", "markdown"])
+def test_a_table_for_a_program_stands_alone_on_the_screen(format, folder, monkeypatch, capsys):
+    monkeypatch.setattr("genie_sim.report.comparison.figures", lambda *_: {})
+    assert main(["compare", str(folder), "--format", format, "--out", "compared"]) == 0
+    said = capsys.readouterr()
+    assert ("Report: " in said.err) == (format == "csv") != ("Report: " in said.out)
 
 
 @pytest.mark.parametrize("label", ["", "another"])

@@ -15,13 +15,13 @@ from genie_sim.cli import perceive as cli_perceive
 from genie_sim.cli.main import main
 from genie_sim.data import trace, truth
 from genie_sim.data.importers import trace_import
-from genie_sim.data.kitti import evaluation, labels, perceive
+from genie_sim.data.kitti import labels, perceive
 
 DRIVE = ["perceive", "--drive", "2011_09_26/0005"]
 
 
 class Trace:
-    """A trace of three frames that notes from which score on it is kept."""
+    """A trace of three frames."""
 
     digest = "0123456789abcdef"
     frames = {  # noqa: RUF012 - never changed
@@ -29,16 +29,10 @@ class Trace:
         "03": [SimpleNamespace(detections=(3,))],
     }
 
-    def __init__(self, from_score: float | None = None) -> None:
-        self.from_score = from_score
-
-    def at_least(self, score: float) -> Trace:
-        return Trace(score)
-
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """What perception and evaluation are asked for, by name."""
+    """What perception is asked for, by name."""
     told: dict[str, Any] = {}
 
     def noting(name: str, answer: Any = None) -> Any:
@@ -51,9 +45,6 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path or Path("usual"))
     monkeypatch.setattr(perceive, "perceive", noting("perceive", Trace()))
     monkeypatch.setattr(trace_import, "write_trace", noting("write"))
-    monkeypatch.setattr(labels, "read_labels", noting("labels", "labels"))
-    monkeypatch.setattr(evaluation, "evaluate", noting("evaluate"))
-    monkeypatch.setattr(evaluation, "table", lambda _: "the table\n")
     return told
 
 
@@ -66,8 +57,8 @@ def test_a_drive_with_what_holds_unless_it_is_said(asked, capsys):
     assert (settings.name, settings.weights, settings.size) == ("yolox_nano", None, None)
     assert (settings.min_score, settings.threads) == (0.3, 1)
     assert settings.providers == ["CPUExecutionProvider"] and settings.encoding == "raw"
-    (((path, written), _),) = asked["write"]
-    assert path == Path("t.parquet") and written.from_score == 0.3
+    (((path, _), _),) = asked["write"]
+    assert path == Path("t.parquet")
     assert capsys.readouterr().out == "t.parquet: 3 frames, 3 detections, content 0123456789ab\n"
     assert {*asked} == {"perceive", "write"}
 
@@ -90,29 +81,11 @@ def test_every_option_of_a_drive_is_heard(asked):
     assert (settings.min_score, settings.encoding) == (0.2, encodings[-1])
 
 
-@pytest.mark.parametrize(("score", "lowest"), [(0.3, perceive.LOWEST_SCORE), (0.0, 0.0)])
-def test_evaluation_sees_weak_detections_that_the_trace_leaves_out(asked, capsys, score, lowest):
-    assert main([*DRIVE, "--evaluate", "--min-score", str(score), "--labels", "tracking/0000"]) == 0
-    (((_, _, settings), _),) = asked["perceive"]
-    assert (settings.min_score, settings.place_from) == (lowest, score)
-    (((_, drive, whole), _),) = asked["labels"]
-    assert drive == "tracking/0000" and whole.from_score is None
-    (((whole, labels, from_score), _),) = asked["evaluate"]
-    assert whole.from_score is None and (labels, from_score) == ("labels", score)
-    assert "write" not in asked and capsys.readouterr().out == "the table\n"
-
-
-def test_labels_are_those_of_the_drive_itself(asked):
-    assert main([*DRIVE, "--evaluate"]) == 0
-    (((_, drive, _), _),) = asked["labels"]
-    assert drive == "2011_09_26/0005"
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ([], "give either --drive or --check"),
-        (["--drive", "a"], "say what you want: --out or --evaluate"),
+        (["--drive", "a"], "say with --out which file to write"),
         (["--check", "a", "--drive", "b"], "give either --drive or --check"),
         (["--check", "a", "--out", "b"], "--out: has no effect with --check"),
     ],
@@ -136,11 +109,18 @@ def test_what_is_there_on_a_drive_is_counted(monkeypatch, capsys):
     monkeypatch.setattr(files, "find", lambda kind, name: Path(f"/traces/{name}.parquet"))
     monkeypatch.setattr(trace, "read_trace", lambda path: path)
     monkeypatch.setattr(perceive, "kitti_folder", lambda path: path)
-    monkeypatch.setattr(labels, "make_truth", lambda *given: asked.append(given) or table)
+
+    def make_truth(*given: Any) -> SimpleNamespace:
+        given[3].leave_out("labels of nothing")
+        asked.append(given)
+        return table
+
+    monkeypatch.setattr(labels, "make_truth", make_truth)
     monkeypatch.setattr(truth, "write_truth", lambda path, _: written.append(path))
     line = ["import", "truth", "--drive", "tracking/0005", "--trace", "mine", "--kitti", "/k"]
     assert main(line) == 0 and main([*line, "--out", "o.parquet"]) == 0
     assert asked[0][:3] == (Path("/k"), "tracking/0005", Path("/traces/mine.parquet"))
     assert written == [Path("/traces/mine.truth.parquet"), Path("o.parquet")]
     told = "2 objects, 1 of them moving, visible 2 times, content abcdef012345\n"
-    assert capsys.readouterr().out.endswith(f"o.parquet: {told}")
+    said = capsys.readouterr().out
+    assert f"o.parquet: {told}" in said and said.count("labels of nothing") == 2

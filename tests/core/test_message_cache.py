@@ -190,9 +190,9 @@ def pending_index():
     return PendingIndex("stamp_frame_origin", Exact().index)
 
 
-def pending_request(deadline_ns=None, key="crossing", forwarded=True):
+def pending_request(deadline_ns=None, key="crossing", is_forwarded=True):
     requesters = [Requester(HEADER, False, None)]
-    return PendingRequest("/image_raw", key, deadline_ns, forwarded, requesters, answered=set())
+    return PendingRequest("/image_raw", key, deadline_ns, is_forwarded, requesters)
 
 
 def test_a_request_is_found_by_its_header_and_joined_by_its_key():
@@ -206,7 +206,7 @@ def test_a_request_is_found_by_its_header_and_joined_by_its_key():
 
 def test_nobody_joins_a_request_that_no_node_works_on():
     index = pending_index()
-    index.open(HEADER, pending_request(forwarded=False))
+    index.open(HEADER, pending_request(is_forwarded=False))
     assert index.by_key("/image_raw", "crossing") is None
     assert index.by_header(HEADER) is not None
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from genie_sim.base.settings import SettingError
 from genie_sim.core.similarity import SIMILARITIES, DHash, Exact, PoseGrid
 from tests.core.conformance import SimilarityConformance
 from tests.core.worlds import frame
@@ -104,7 +105,7 @@ def test_headings_fall_into_equal_sectors():
 
 @pytest.mark.parametrize("wrong", [{"cell_m": 0.0}, {"heading_rad": 0.0}, {"cell_m": -1.0}])
 def test_a_grid_needs_room(wrong):
-    with pytest.raises(ValueError, match="positive"):
+    with pytest.raises(SettingError, match="more than zero"):
         PoseGrid(**wrong)
 
 
@@ -157,5 +158,5 @@ def test_of_equally_near_hashes_the_one_held_for_longest_is_found():
 
 @pytest.mark.parametrize("radius", [-1, 65])
 def test_a_radius_is_a_number_of_bits(radius):
-    with pytest.raises(ValueError, match="between 0 and 64"):
+    with pytest.raises(SettingError, match="from 0 to 64"):
         DHash(radius)

@@ -491,14 +491,14 @@ def test_nanodet_on_real_frames(kitti_root, weights_dir):
     0.719).
     """
     from genie_sim.data.detectors.detector import DetectorSettings
-    from genie_sim.data.kitti.evaluation import evaluate
     from genie_sim.data.kitti.labels import read_labels
-    from genie_sim.data.kitti.perceive import LOWEST_SCORE, FrameSelection, perceive
+    from genie_sim.data.kitti.perceive import FrameSelection, perceive
+    from tools.make.evaluation import LOWEST_SCORE, evaluate
 
     trace = perceive(
         kitti_root,
         FrameSelection("2011_09_26/0005", ["02"], range(0, 154, 5)),
-        DetectorSettings("nanodet_m", weights_dir, min_score=LOWEST_SCORE, place_from=0.99),
+        DetectorSettings("nanodet_m", weights_dir, min_score=LOWEST_SCORE),
     )
     judged = evaluate(trace, read_labels(kitti_root, "tracking/0000", trace), 0.3)
     precision = {name: group.average_precision() for name, group in judged.groups.items()}

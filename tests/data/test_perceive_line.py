@@ -1,4 +1,4 @@
-"""``perceive`` on the command line: a trace and its evaluation."""
+"""``perceive`` on the command line."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import pytest
 from genie_sim.cli.main import main
 from genie_sim.data.trace import read_trace
 from tests.kitti_folder import DATE, make_network, make_street
+from tools.make import evaluation
 
 
 @pytest.fixture
@@ -33,13 +34,15 @@ def street(tmp_path):
     )
 
 
-def test_a_trace_is_the_same_with_and_without_its_evaluation(street, run_cli, tmp_path):
-    plain = run_cli(*street, "--out", "plain.parquet")
-    judged = run_cli(*street, "--out", "judged.parquet", "--evaluate")
-    assert (plain.returncode, judged.returncode) == (0, 0), judged.stderr
-    assert (tmp_path / "plain.parquet").read_bytes() == (tmp_path / "judged.parquet").read_bytes()
-    assert "| vehicles (IoU 0.5) | 6 | 1.000 | 1.00 | 1.00 |" in judged.stdout
-    assert "| vehicles | 6 of 6 |" in judged.stdout
+def test_a_detector_is_judged_by_the_labels_of_a_drive(street, capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("GENIE_SIM_KITTI", str(tmp_path / "kitti"))
+    monkeypatch.setenv("GENIE_SIM_WEIGHTS", str(tmp_path))
+    assert evaluation.main(["--drive", f"{DATE}/0005", "--cameras", "02,03"]) == 0
+    told = capsys.readouterr().out
+    assert "| vehicles (IoU 0.5) | 6 | 1.000 | 1.00 | 1.00 |" in told
+    assert "| vehicles | 6 of 6 |" in told
+    assert evaluation.main(["--drive", f"{DATE}/0005", "--labels", "tracking/0000"]) == 1
+    assert "unknown labelled drive 'tracking/0000'" in capsys.readouterr().err
 
 
 def test_origin_and_missing_scans(street, run_cli, tmp_path):
@@ -68,11 +71,10 @@ def test_origin_and_missing_scans(street, run_cli, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "say what you want"),
+        ((), "say with --out"),
         (("--out", "x.parquet", "--origin", "49.0,8.4"), "--origin: '49.0,8.4': expected latitude"),
         (("--out", "x.parquet", "--size", "640:192"), "--size: '640:192'"),
         (("--out", "x.parquet", "--providers", "TPU"), "unknown provider 'TPU'"),
-        (("--evaluate", "--labels", "tracking/0000"), "unknown labelled drive 'tracking/0000'"),
     ],
 )
 def test_mistakes_are_one_line(street, run_cli, arguments, message):

@@ -56,6 +56,12 @@ def test_the_poses_of_both_cars_are_recovered(pair: dict[str, ImportedCar]):
     assert 0 < pair["ego"].trace.provenance["scatter_m"] < 0.2
 
 
+def test_two_objects_are_enough_to_find_where_the_car_is():
+    seen = np.array([[10.0, 0.0], [10.0, 20.0]])
+    place = np.array([5.0, -2.0])
+    assert ego_motion._consensus(seen, seen + place, place) == pytest.approx([5, -2, 0], abs=1e-9)
+
+
 def test_left_stays_left(pair: dict[str, ImportedCar]):
     """Objects 3 and 4 stand to the left and to the right of the ego's first pose."""
     for recording in pair.values():

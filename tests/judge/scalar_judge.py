@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -49,19 +48,6 @@ def held(shown: Sequence[Shown], now_ns: int) -> list[Detection]:
 def _same(ours: Detection, theirs: Detection) -> bool:
     assert ours.location is not None and theirs.location is not None
     return ours.label == theirs.label and math.dist(ours.location[:2], theirs.location[:2]) < NEAR_M
-
-
-def gospa_m(candidates: Sequence[tuple[float, int, int]], ours: int, theirs: int) -> float:
-    """GOSPA with p = 2, c = 5 m, alpha = 2, over all assignments of a few objects."""
-    gains = {(i, j): 25.0 - d2 for d2, i, j in candidates if d2 <= 25.0}
-    rows, columns = sorted({i for i, _ in gains}), sorted({j for _, j in gains})
-    swapped = len(rows) > len(columns)
-    few, many = (columns, rows) if swapped else (rows, columns)
-    gained = max(
-        sum(gains.get((j, i) if swapped else (i, j), 0.0) for i, j in zip(few, chosen, strict=True))
-        for chosen in itertools.permutations(many, len(few))
-    )
-    return math.sqrt(max(12.5 * (ours + theirs) - gained, 0.0))
 
 
 class ScalarJudge:
@@ -114,13 +100,13 @@ class ScalarJudge:
         places, there = (
             [(class_of(it.label), *it.location[:2]) for it in side] for side in (ours, real)
         )
-        candidates = near(places, there, max(truth.tolerance_m, 5.0))
+        candidates = near(places, there, truth.tolerance_m)
         matched = pairs(candidates, truth.tolerance_m)
         words = ["never_there"] * len(ours)
         for i, (label, east_m, north_m) in enumerate(places):
             if any(i == ours_i for _, ours_i, _ in matched):
                 words[i] = "right"
-            elif any(i == it[1] and it[0] <= truth.tolerance_m**2 for it in candidates):
+            elif any(i == it[1] for it in candidates):
                 words[i] = "duplicate"
             elif is_there(truth, image.content, label, east_m, north_m):
                 words[i] = "hidden"
@@ -131,7 +117,6 @@ class ScalarJudge:
             ):
                 words[i] = "moved_away"
         counted = [i for i, word in enumerate(words) if word != "hidden"]
-        shared = [i for i in counted if ours[i].motion and ours[i].motion.seen_in.origin != car]
         found = {j for _, _, j in matched}
         errors_m = [math.sqrt(d2) for d2, _, _ in matched]
         row = HeldRow(
@@ -144,14 +129,11 @@ class ScalarJudge:
             moved_away=words.count("moved_away"),
             never_there=words.count("never_there"),
             duplicate=words.count("duplicate"),
-            shared=len(shared),
-            shared_right=sum(words[i] == "right" for i in shared),
             hidden=words.count("hidden"),
             visible_static=sum(not it.moving for it in real),
             found_static=sum(not real[j].moving for j in found),
             visible_moving=sum(it.moving for it in real),
             found_moving=sum(real[j].moving for j in found),
-            gospa_m=gospa_m([it for it in candidates if it[1] in counted], len(counted), len(real)),
             error_m=sum(errors_m) / len(errors_m) if errors_m else None,
         )
         self.table.append(row)

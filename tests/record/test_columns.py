@@ -4,14 +4,11 @@ does.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pandas as pd
 import pytest
 
 from genie_sim.analysis.statistics import t_quantile
-from genie_sim.judge.gospa import assigned
 from genie_sim.record.columns import Columns, Text, concat
 from tests import made_up_run
 
@@ -50,18 +47,3 @@ def test_quantiles_of_t_are_scipys():
 
     for freedom in (*range(1, 320), 1000, 10**6):
         assert float(stdtr(freedom, t_quantile(freedom))) == pytest.approx(0.975, rel=1e-13)
-
-
-def test_the_best_pairs_are_scipys():
-    from scipy.optimize import linear_sum_assignment
-
-    rng = np.random.default_rng(3)
-    for _ in range(300):
-        rows = int(rng.integers(1, 7))
-        shape = rows, rows + int(rng.integers(0, 6))
-        gains = np.where(rng.random(shape) < 0.5, 0.0, rng.uniform(0, 25, shape))
-        found, best = assigned(gains.tolist()), linear_sum_assignment(gains, maximize=True)
-        assert len(set(found)) == rows
-        assert math.fsum(gains[range(rows), found]) == pytest.approx(
-            math.fsum(gains[best]), abs=1e-9
-        )

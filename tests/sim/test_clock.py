@@ -14,8 +14,6 @@ import pytest
 import simpy
 
 from genie_sim.base.errors import UserError
-from genie_sim.runs.prepare import prepare
-from genie_sim.runs.simulate import simulate
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy
 from tests.conformance import small
 
@@ -151,7 +149,7 @@ def test_a_queue_keeps_the_newest_of_each_flow_and_gives_the_oldest():
         queue.put(Item(flow, number)) for number, flow in enumerate(["a", "b", "a", "a", "b", "a"])
     ]
     assert pushed_out == [None, None, None, Item("a", 0), None, Item("a", 2)]
-    assert queue.in_the_way("a") == Item("a", 3) and queue.in_the_way("c") is None
+    assert queue.oldest_of_full("a") == Item("a", 3) and queue.oldest_of_full("c") is None
 
     def takes():
         while True:
@@ -184,15 +182,17 @@ def test_takers_of_a_queue_take_turns():
     assert taken == [("first", 0, 10), ("second", 1, 11), ("first", 2, 20)]
 
 
-def test_a_run_leaves_nothing_to_pythons_collector():
-    prepared = prepare(small.scenario(cars=[small.car(1), small.car(2)]))
-    simulate(prepared)
-    gc.collect()
+@pytest.mark.parametrize("method", ["remote", "genie"])
+def test_while_time_runs_nothing_is_left_to_pythons_collector(method):
+    small.simulated(small.scenario([method]))  # what is made once a process
+    world, _ = small.world(small.scenario([method]))
     gc.disable()
+    gc.freeze()  # what other tests left is not searched
     try:
-        simulate(prepared)
+        world.run()
         assert gc.collect() == 0
     finally:
+        gc.unfreeze()
         gc.enable()
 
 

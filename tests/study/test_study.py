@@ -312,7 +312,7 @@ MISTAKES = {
     "a route past the end": (
         "[0 s, 1 s]",
         "[90 s, 91 s]",
-        "cars[0].route.window: begins at 90 s, after the last",
+        "cars[0].route.window: no camera takes a frame in it",
     ),
 }
 
@@ -514,7 +514,10 @@ def test_a_sweep_of_an_older_genie_sim_is_named_with_what_to_do(capsys):
     Path("results/s").mkdir(parents=True)
     Path("results/s/sweep.json").write_text('{"format": 1, "sweep": {}}')
     assert main(["sweep", "s.yaml"]) == 1
-    one_line(capsys, "results/s: made by an older genie-sim: format 1, this one reads ")
+    older = "results/s/sweep.json: made by an older genie-sim: format 1, this one reads "
+    one_line(capsys, older)
+    assert main(["table", "results/s"]) == 1
+    one_line(capsys, older)
 
 
 def test_an_axis_may_be_called_as_the_setting_it_varies():

@@ -348,18 +348,17 @@ def look(
 
 def _is_detected_box(found: Any) -> bool:
     """Whether it is what a trace can hold: a label, a score, and a box whose ends are in order."""
-    if not isinstance(found, tuple) or len(found) != 3:
+    try:
+        label, score, (x1, y1, x2, y2) = found
+    except (TypeError, ValueError):
         return False
-    label, score, box = found
-    if not isinstance(label, str) or not label:
+    if not (isinstance(found, tuple) and isinstance(label, str) and label):
         return False
-    if not isinstance(box, list | tuple | np.ndarray) or len(box) != 4:
-        return False
-    for value in (score, *box):
+    for value in (score, x1, y1, x2, y2):
         number: Any = value  # a Real, whose comparisons have no types
         if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < FARTHEST_PX:
             return False
-    return bool(0 <= score <= 1 and box[0] <= box[2] and box[1] <= box[3])
+    return bool(0 <= score <= 1 and x1 <= x2 and y1 <= y2)
 
 
 @dataclass(frozen=True)
@@ -372,7 +371,6 @@ class DetectorSettings:
     weights : the network's file or its folder; ``None``: the folder GENIE_SIM_WEIGHTS
     size : width and height of the network's input [pixels]; ``None``: the detector's usual one
     min_score : the lowest score kept, in [0, 1]
-    place_from : detections with a lower score are kept without a location
     providers : ONNX Runtime's execution providers, best first
     threads : of the network
     encoding : of the pictures before the detector sees them
@@ -383,7 +381,6 @@ class DetectorSettings:
     weights: str | Path | None = None
     size: tuple[int, int] | None = None
     min_score: float = MIN_SCORE
-    place_from: float = 0.0
     providers: Sequence[str] = (CPU,)
     threads: int = 1
     encoding: Encoding = "raw"

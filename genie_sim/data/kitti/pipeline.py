@@ -28,8 +28,6 @@ def trace_frames(
     drive: KittiDrive,
     frames: Iterable[CameraFrame],
     detector: ImageDetector,
-    *,
-    place_from: float = 0.0,
     encoding: Encoding = "raw",
 ) -> Iterator[TraceFrame]:
     """The frames for a trace, in order, with KITTI's stamps.
@@ -42,7 +40,6 @@ def trace_frames(
     drive : of the frames
     frames : what to look at, ordered by number: cameras share a scan
     detector : what looks
-    place_from : detections with a lower score are kept without a location
     encoding : of the pictures before the detector sees them
     """
     from joblib import Parallel, delayed
@@ -76,10 +73,7 @@ def trace_frames(
             dhash=dhash,
             world_SE3_camera=frame.world_SE3_camera,
             intrinsics=intrinsics,
-            detections=[
-                placed(box, placement if box[1] >= place_from else None, frame.world_SE3_camera)
-                for box in boxes
-            ],
+            detections=[placed(box, placement, frame.world_SE3_camera) for box in boxes],
             features={"hsv": packed(hue_saturation(image)), **features},
             size_bytes=size_bytes,
         )

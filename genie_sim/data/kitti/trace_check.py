@@ -15,7 +15,6 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Detection
 from genie_sim.data.detectors.detector import DetectorSettings
-from genie_sim.data.kitti.evaluation import iou
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from genie_sim.data.trace import Trace
 
@@ -103,9 +102,17 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
 
 def _match(detection: Detection, among: list[Detection]) -> Detection | None:
     """The detection of the same class whose box is nearest, if it is the same object."""
-    alike = [candidate for candidate in among if candidate.label == detection.label]
-    if not alike or detection.box is None:
+    if detection.box is None:
         return None
-    shares = iou(detection.box, np.array([candidate.box for candidate in alike]))
-    best = int(shares.argmax())
-    return alike[best] if shares[best] >= MIN_IOU else None
+    alike = [candidate for candidate in among if candidate.label == detection.label]
+    best = max(alike, key=lambda candidate: _iou(detection, candidate), default=None)
+    return best if best is not None and _iou(detection, best) >= MIN_IOU else None
+
+
+def _iou(one: Detection, other: Detection) -> float:
+    """Intersection over union of the boxes of two detections of a picture."""
+    boxes = np.array([one.box, other.box])
+    areas = (boxes[:, 2:] - boxes[:, :2]).prod(axis=1)
+    extent = boxes[:, 2:].min(axis=0) - boxes[:, :2].max(axis=0)
+    shared = extent.clip(0.0).prod()
+    return float(shared / max(areas.sum() - shared, 1e-9))

@@ -8,6 +8,7 @@ import numpy as np
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.trace import POSITION_DECIMALS, SCORE_DECIMALS
+from genie_sim.worlds.scene import noise
 from genie_sim.worlds.scene.laws import (
     MIDDLE,
     STEPS_PER_Z,
@@ -17,13 +18,11 @@ from genie_sim.worlds.scene.laws import (
     TransientLaw,
     quantile,
 )
-from genie_sim.worlds.scene.noise import NORMAL_MASK, SMOOTH_MASK, normals
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
 from genie_sim.worlds.scene.view import Bits, Ints, ViewPoses, VisibleObjects
 
-# Far apart in the gradual numbers, and other bits: these are not the score's.
+# Far apart in the gradual numbers: these are not the score's.
 ALONG, ACROSS = 21 * 1021, 43 * 1021
-ALONG_BITS, ACROSS_BITS = np.uint64(12), np.uint64(24)
 
 
 class DetectedObjects(NamedTuple):
@@ -50,13 +49,13 @@ class DetectedObjects(NamedTuple):
 
 class _LookColumns(NamedTuple):
     """On what the random numbers depend of each object that is seen from a pose, as columns: the
-    group of its laws, its range in whole metres, the step of its view, and 64 bits of its own.
+    group of its laws, its range in whole metres, the step of its view, and the key of the look.
     """
 
     group: Ints
     range_m: Ints
     step: Ints
-    bits: Bits
+    key: Bits
 
 
 class SyntheticDetector:
@@ -69,27 +68,22 @@ class SyntheticDetector:
         town's, and not anywhere.
         """
         self._objects, self._laws, self._on_grid = objects, laws, on_grid
-        self._normals = np.array(normals())
+        self._normals = np.array(noise.normals())
         self._prone = np.array([group.prone for group in laws.groups])
 
     def detect(self, visible: VisibleObjects, poses: ViewPoses) -> DetectedObjects:
         """What the detector finds of the objects in view from some poses."""
         objects, laws = self._objects, self._laws
         looks = self._looks(visible, poses)
-        score = self._drawn(laws.score, objects.score_z[visible.row], looks)
+        score = self._drawn(laws.score, objects.score_z[visible.row], looks, noise.LOOK_SCORE)
         found = np.flatnonzero(score)
         pose, row = visible.pose[found], visible.row[found]
         range_m = visible.range_m[found]
         looks = _LookColumns._make(column[found] for column in looks)
-        along = _LookColumns(
-            looks.group, looks.range_m, looks.step + ALONG, looks.bits >> ALONG_BITS
-        )
-        across = _LookColumns(
-            looks.group, looks.range_m, looks.step + ACROSS, looks.bits >> ACROSS_BITS
-        )
         # Errors as shares of the range, so that the line of sight need not be of length 1.
-        behind = self._drawn(laws.along, objects.along_z[row], along) / range_m
-        left = self._drawn(laws.across, objects.across_z[row], across) / range_m
+        along, across = (looks._replace(step=looks.step + apart) for apart in (ALONG, ACROSS))
+        behind = self._drawn(laws.along, objects.along_z[row], along, noise.LOOK_ALONG) / range_m
+        left = self._drawn(laws.across, objects.across_z[row], across, noise.LOOK_ACROSS) / range_m
         east_m, north_m = visible.east_m[found], visible.north_m[found]
         dx, dy = east_m - poses.east_m[pose], north_m - poses.north_m[pose]
         placed = np.empty((len(found), 4))
@@ -113,18 +107,20 @@ class SyntheticDetector:
             ahead_m = dx * poses.cos[pose] + dy * poses.sin[pose]
             step = ((visible.range_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
             step += objects.offset[row]
-        bits = (objects.key[row] ^ poses.key[pose]) * np.uint64(0xBF58476D1CE4E5B9)
-        bits ^= bits >> np.uint64(32)
+        key = (objects.key[row] ^ poses.key[pose]) * np.uint64(0xBF58476D1CE4E5B9)
+        key ^= key >> np.uint64(32)
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
-        return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, bits=bits)
+        return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, key=key)
 
-    def _drawn(self, copula: Copula, lasting_z: Array, looks: _LookColumns) -> Array:
+    def _drawn(
+        self, copula: Copula, lasting_z: Array, looks: _LookColumns, draw: noise.Draw
+    ) -> Array:
         """The values of a copula's table for the sum of what stays with each object, of its view
         and of its look.
         """
         group = looks.group
-        normal = self._normals[(looks.bits & np.uint64(NORMAL_MASK)).astype(np.int64)]
-        z = lasting_z + copula.view_weight[group] * copula.views[group, looks.step & SMOOTH_MASK]
+        normal = self._normals[draw.of(looks.key).astype(np.int64)]
+        z = lasting_z + copula.view_weight[group] * copula.views[group, noise.VIEWS.of(looks.step)]
         z += copula.look_weight[group] * normal
         column = (z * STEPS_PER_Z + MIDDLE).astype(np.int64)
         values: Array = copula.table[group, looks.range_m, column]
@@ -133,9 +129,9 @@ class SyntheticDetector:
     def _labels(self, row: Ints, looks: _LookColumns) -> Any:
         """What the detector calls some objects."""
         labels = self._objects.label[row]
-        share = (self._objects.key[row] >> np.uint64(52)).astype(np.int64)
-        prone = np.flatnonzero(share < self._prone[looks.group])
-        draws = (looks.bits[prone] >> np.uint64(40) & np.uint64(0xFFFF)).tolist()
+        is_prone = noise.OBJECT_PRONE.of(self._objects.key[row]) < self._prone[looks.group]
+        prone = np.flatnonzero(is_prone)
+        draws = noise.LOOK_NAME.of(looks.key[prone]).tolist()
         for place, draw in zip(prone.tolist(), draws, strict=True):
             for limit, name in self._laws.groups[looks.group[place]].names:
                 if draw < limit:
@@ -159,16 +155,16 @@ def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
 
 
 def transient(
-    law: TransientLaw, bits: int, pose: CameraPose, direction: tuple[float, float]
+    law: TransientLaw, key: int, pose: CameraPose, direction: tuple[float, float]
 ) -> Detection:
-    """A false positive that is seen once, anywhere in view of a camera, by 64 random bits.
+    """A false positive that is seen once, anywhere in view of a camera, by its key.
 
     ``direction`` are cosine and sine of the camera's heading.
     """
     c, s = direction
-    range_m = quantile(law.range_m, (bits >> 16 & 0xFFFF) / 0x10000)
-    angle = ((bits >> 32 & 0xFFFF) / 0x10000 - 0.5) * HORIZONTAL_FOV_RAD
-    score = round(quantile(law.scores, (bits >> 48) / 0x10000), SCORE_DECIMALS)
+    range_m = quantile(law.range_m, noise.TRANSIENT_RANGE.share(key))
+    angle = (noise.TRANSIENT_ANGLE.share(key) - 0.5) * HORIZONTAL_FOV_RAD
+    score = round(quantile(law.scores, noise.TRANSIENT_SCORE.share(key)), SCORE_DECIMALS)
     ahead_m, left_m = range_m * math.cos(angle), range_m * math.sin(angle)
     east_m, north_m = (
         pose.east_m + ahead_m * c - left_m * s,

@@ -13,21 +13,34 @@ from typing import Any, Protocol
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.settings import SettingError
+from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
 from genie_sim.data.frame_source import Drive, Frames
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.scene.laws import FittedLaws
-from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.noise import FRAME_TRANSIENT, mix
 from genie_sim.worlds.scene.objects import HEIGHT, HORIZONTAL_FOV_RAD, WIDTH, SceneObject
 from genie_sim.worlds.scene.surrogate import surrogates
 from genie_sim.worlds.scene.view import ViewPoses, VisibleObjects
 
-CAMERA_UP_M = 1.65
+CAMERA_UP_M = 1.65  # of KITTI's cameras: cvlibs.net/datasets/kitti/setup.php
+MAX_FRAMES = 100_000_000
 # Of a camera, whose views are computed at once: a frame costs half as much as in batches of 16.
 BATCH_FRAMES = 64
-BASELINES_M = {"02": 0.27, "03": -0.27}  # to the left of the car's middle
+# to the left of the car's middle; KITTI's colour cameras are 0.54 m apart (setup.php)
+BASELINES_M = {"02": 0.27, "03": -0.27}
 _score = attrgetter("score")
+
+
+def check_frames(duration_ns: int, interval_ns: int) -> None:
+    """Raises ``SettingError`` for more frames than anyone has simulated: a typing error, which
+    would exhaust the memory before any message appears.
+    """
+    if duration_ns / interval_ns > MAX_FRAMES:
+        text = f"makes more than {MAX_FRAMES:,} frames of {duration_text(duration_ns)}"
+        raise SettingError("interval", text)
 
 
 class SceneVisibility(Protocol):
@@ -173,7 +186,7 @@ class FrameBatch:
     def detections(self, place: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
         detections, key, poses = self._detected.of(place), self.key(place), self._view_poses
-        draw = (key >> 48) / 0x10000
+        draw = FRAME_TRANSIENT.share(key)
         for law in self.drive.scene.laws.transient:
             if 0.0 <= draw < law.per_frame:
                 direction = poses.cos.item(place), poses.sin.item(place)

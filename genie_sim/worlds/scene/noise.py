@@ -9,11 +9,46 @@ import functools
 import math
 from array import array
 from statistics import NormalDist
+from typing import Any, NamedTuple
 
 MASK = (1 << 64) - 1
-NORMAL_BITS = 12
-NORMAL_MASK = (1 << NORMAL_BITS) - 1
-SMOOTH_MASK = (1 << 16) - 1
+
+
+class Draw(NamedTuple):
+    """One draw out of a key: so many of its ``bits``, from bit ``first`` on."""
+
+    first: int
+    bits: int
+
+    def of(self, keys: Any) -> Any:
+        """The whole numbers of some keys, an int or an array of uint64."""
+        return keys >> self.first & (1 << self.bits) - 1
+
+    def share(self, key: int) -> float:
+        """The number of a key as a share of all, in [0, 1)."""
+        share: float = self.of(key) / (1 << self.bits)
+        return share
+
+
+# Which bits of a key are which draw: draws of one key share no bit.
+# The key of an object:
+OBJECT_SCORE, OBJECT_ALONG, OBJECT_ACROSS = Draw(0, 12), Draw(12, 12), Draw(24, 12)
+OBJECT_VIEW, OBJECT_PRONE = Draw(36, 16), Draw(52, 12)
+# Of a look at an object:
+LOOK_SCORE, LOOK_ALONG, LOOK_ACROSS, LOOK_NAME = (
+    Draw(0, 12),
+    Draw(12, 12),
+    Draw(24, 12),
+    Draw(40, 16),
+)
+# Of a frame: its surrogate features, and whether it has a false positive that is seen once; the key
+# of that one is mixed anew.
+FRAME_FEATURES, FRAME_TRANSIENT = Draw(0, 12), Draw(48, 16)
+TRANSIENT_RANGE, TRANSIENT_ANGLE, TRANSIENT_SCORE = Draw(16, 16), Draw(32, 16), Draw(48, 16)
+# Of a crossing: when its light turns green.
+LIGHT = Draw(0, 16)
+
+NORMALS, VIEWS = Draw(0, 12), Draw(0, 16)  # places in the tables of normal and of smooth numbers
 
 
 def mix(key: int) -> int:
@@ -26,10 +61,10 @@ def mix(key: int) -> int:
 
 @functools.cache
 def normals() -> tuple[float, ...]:
-    """The standard normal distribution as so many equally likely numbers: take the one that 12
-    random bits name.
+    """The standard normal distribution as 4,096 equally likely numbers: take the one that a draw of
+    12 bits names.
     """
-    count = 1 << NORMAL_BITS
+    count = 1 << NORMALS.bits
     quantile = NormalDist().inv_cdf
     return tuple(round(quantile((i + 0.5) / count), 9) for i in range(count))
 
@@ -42,7 +77,7 @@ def smooth_normals(step: float) -> "array[float]":
     table, correlation = normals(), math.exp(-step)
     innovation = math.sqrt(1.0 - correlation * correlation)
     value, row = 0.0, array("d")
-    for i in range(-1024, SMOOTH_MASK + 1):
-        value = correlation * value + innovation * table[mix(i & MASK) & NORMAL_MASK]
+    for i in range(-1024, 1 << VIEWS.bits):
+        value = correlation * value + innovation * table[NORMALS.of(mix(i & MASK))]
         row.append(round(value, 9))
     return row[1024:]

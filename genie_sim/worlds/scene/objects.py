@@ -9,8 +9,8 @@ import numpy as np
 from genie_sim.base.classes import SIZES
 from genie_sim.core.messages import Location
 from genie_sim.data.trace import MIN_HEIGHT_PX
+from genie_sim.worlds.scene import noise
 from genie_sim.worlds.scene.laws import GroupLaws
-from genie_sim.worlds.scene.noise import NORMAL_MASK, mix, normals
 
 # The colour cameras of KITTI's drive 2011_09_26/0005, as its trace has them (A. Geiger et al., IJRR
 # 2013).
@@ -18,6 +18,7 @@ WIDTH, HEIGHT = 1242, 375
 HORIZONTAL_FOV_RAD = 1.42116
 FOCAL_PX = WIDTH / 2 / math.tan(HORIZONTAL_FOV_RAD / 2)
 
+LONGEST_M = 70.0  # of a vehicle: SUMO's trains have 67.5 m
 FEET_M = {"traffic light": 2.2, "stop sign": 2.0}  # assumed: of what does not stand on the ground
 MIDDLES_M = {
     label: round(FEET_M.get(label, 0.0) + size.height_m / 2, 3) for label, size in SIZES.items()
@@ -74,7 +75,7 @@ class ObjectColumns:
         self.real = np.array([row.real for row in rows], dtype=bool)
         self.label = np.array([row.label for row in rows], dtype=object)
         self.key = np.array([row.key for row in rows], dtype=np.uint64)
-        self.offset = (self.key >> np.uint64(36)).astype(np.int64)
+        self.offset = noise.OBJECT_VIEW.of(self.key).astype(np.int64)
         self.group = np.array([row.laws.place for row in rows], dtype=np.int64)
 
 
@@ -100,8 +101,8 @@ def scene_object(
     moving : whether it moves
     real : ``False`` for a ghost
     """
-    key = mix(seed_key ^ mix(number))
-    table = normals()
+    key = noise.mix(seed_key ^ noise.mix(number))
+    table = noise.normals()
     return SceneObject(
         east_m=place[0],
         north_m=place[1],
@@ -110,9 +111,9 @@ def scene_object(
         label=label,
         number=number,
         key=key,
-        score_z=laws.score_weight * table[key & NORMAL_MASK],
-        along_z=laws.along_weight * table[key >> 12 & NORMAL_MASK],
-        across_z=laws.across_weight * table[key >> 24 & NORMAL_MASK],
+        score_z=laws.score_weight * table[noise.OBJECT_SCORE.of(key)],
+        along_z=laws.along_weight * table[noise.OBJECT_ALONG.of(key)],
+        across_z=laws.across_weight * table[noise.OBJECT_ACROSS.of(key)],
         laws=laws,
         moving=moving,
         real=real,

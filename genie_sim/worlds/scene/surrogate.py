@@ -17,7 +17,7 @@ import numpy as np
 from genie_sim.base.features import DIMENSION, UNIT
 from genie_sim.base.seeds import stream
 from genie_sim.core.messages import CameraPose
-from genie_sim.worlds.scene.noise import NORMAL_MASK, normals
+from genie_sim.worlds.scene.noise import FRAME_FEATURES, normals
 
 # assumed: how far a place must be for its picture to differ as much as one turned by a radian
 TURN_M = 20.0
@@ -78,5 +78,5 @@ def _table() -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _noise(key: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    begin = key & NORMAL_MASK
+    begin = FRAME_FEATURES.of(key)
     return _table()[begin : begin + DIMENSION]

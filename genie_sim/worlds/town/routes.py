@@ -6,15 +6,16 @@ place at any time is one formula.
 """
 
 import functools
-import heapq
 import math
 from bisect import bisect_right
 from collections.abc import Iterator
 from itertools import accumulate
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
-from genie_sim.worlds.scene.noise import mix
+from genie_sim.worlds.scene.noise import LIGHT, mix
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M, TownRules
 
 Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
@@ -84,11 +85,10 @@ class Commuting:
     def __init__(self, rules: TownRules, random: np.random.Generator) -> None:
         self.rules = rules
         self._east, self._north = rules.blocks
-        nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
-        count = min(rules.destinations, len(nodes))
-        self._destinations: list[Node] = [
-            nodes[k] for k in random.permutation(len(nodes))[:count].tolist()
-        ]
+        self._nodes = [(i, j) for i in range(self._east + 1) for j in range(self._north + 1)]
+        count = min(rules.destinations, len(self._nodes))
+        order = random.permutation(len(self._nodes)).tolist()
+        self._destinations: list[Node] = [self._nodes[k] for k in order[:count]]
         weights = [(k + 1) ** -rules.popularity for k in range(count)]
         self._shares = [share / math.fsum(weights) for share in accumulate(weights)]
         self._away = functools.cache(self._seconds_to)
@@ -126,19 +126,19 @@ class Commuting:
         )
 
     def _seconds_to(self, destination: Node) -> dict[Node, float]:
-        """Seconds from every junction to a destination (Dijkstra)."""
-        away_s = {destination: 0.0}
-        queue = [(0.0, destination)]
-        while queue:
-            cost, node = heapq.heappop(queue)
-            if cost > away_s[node]:
-                continue
-            for neighbour in self.neighbours(node):
-                reached = cost + self.rules.block_m / self.limit_mps(node, neighbour)
-                if reached < away_s.get(neighbour, math.inf):
-                    away_s[neighbour] = reached
-                    heapq.heappush(queue, (reached, neighbour))
-        return away_s
+        """Seconds from every junction to a destination."""
+        numbers = {node: number for number, node in enumerate(self._nodes)}
+        seconds = dijkstra(self._seconds, indices=numbers[destination]).tolist()
+        return dict(zip(self._nodes, seconds, strict=True))
+
+    @functools.cached_property
+    def _seconds(self) -> csr_array:
+        """From each junction to its neighbours."""
+        numbers = {node: number for number, node in enumerate(self._nodes)}
+        legs = [(a, b) for a in self._nodes for b in self.neighbours(a)]
+        seconds = [self.rules.block_m / self.limit_mps(a, b) for a, b in legs]
+        rows, columns = np.array([[numbers[a], numbers[b]] for a, b in legs]).T
+        return csr_array((seconds, (rows, columns)), shape=(len(numbers), len(numbers)))
 
     def trip(self, random: np.random.Generator) -> Iterator[Node]:
         """The junctions that a car passes, without end: it starts anywhere on the way to its first
@@ -178,7 +178,7 @@ def green_at(node: Node, northbound: bool, t_s: float) -> float:
     """When a light at a junction is green for those who drive along one axis: now, or the time [s]
     it turns so.
     """
-    offset_s = (mix(node[0] << 20 | node[1]) & 0xFFFF) / 0x10000 * CYCLE_S + (
+    offset_s = LIGHT.share(mix(node[0] << 20 | node[1])) * CYCLE_S + (
         CYCLE_S / 2 if northbound else 0.0
     )
     phase_s = (t_s + offset_s) % CYCLE_S

@@ -3,18 +3,17 @@ known.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
 from genie_sim.base.geometry import Array, Geodetic
-from genie_sim.base.settings import SettingError
-from genie_sim.base.units import NS_PER_MS, NS_PER_S, duration_text, length_text
+from genie_sim.base.settings import POSITIVE
+from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import SceneFrames
+from genie_sim.worlds.scene.frames import SceneFrames, check_frames
 from genie_sim.worlds.scene.objects import SceneObject
 from genie_sim.worlds.town.rules import TownRules
 
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
     from genie_sim.worlds.scene.frames import SceneFrame
     from genie_sim.worlds.town.town import Town, TownDrive
-
-# Far beyond what anyone has simulated: more is a typing error that would exhaust the memory before
-# any message appears.
-MAX_FRAMES, MAX_BLOCK_M = 100_000_000, 10_000.0
 
 
 @dataclass(frozen=True)
@@ -41,41 +36,23 @@ class InTown(FrameSource):
     is_one_world: ClassVar[bool] = True  # cars meet: what one sees is there for the others
     is_map: ClassVar[bool] = True  # cars drive in it, alone or as a fleet
 
-    duration_ns: int = 60 * NS_PER_S
+    duration_ns: Annotated[int, POSITIVE] = 60 * NS_PER_S
     """How long every car drives."""
 
-    interval_ns: int = 100 * NS_PER_MS
+    interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
     """Time between two frames of a camera."""
 
     tolerance_m: float = 2.0
     """How far an answer may be from the truth and still count as right."""
 
-    range_m: float = 50.0
+    range_m: Annotated[float, POSITIVE] = 50.0
     """Objects up to this distance are judged."""
 
     town: TownRules = field(default_factory=TownRules)
     """How the town is built. Densities are assumed; they give frames as many objects as KITTI's."""
 
     def __post_init__(self) -> None:
-        for name, value, text in (
-            ("duration", self.duration_ns, duration_text(self.duration_ns)),
-            ("interval", self.interval_ns, duration_text(self.interval_ns)),
-            ("range", self.range_m, length_text(self.range_m)),
-        ):
-            if value <= 0:
-                raise SettingError(name, f"must be more than zero, but is {text}")
-        if self.duration_ns / self.interval_ns > MAX_FRAMES:
-            length = duration_text(self.duration_ns)
-            raise SettingError("interval", f"makes more than {MAX_FRAMES:,} frames of {length}")
-        if self.town.block_m > MAX_BLOCK_M:
-            text = f"must be at most {MAX_BLOCK_M / 1000:g} km, but is {self.town.block_m:g} m"
-            raise SettingError("town.block", text)
-
-    def cells(self, cell_m: float) -> float:
-        """About how many cells of that size the town has."""
-        return math.prod(
-            max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks
-        )
+        check_frames(self.duration_ns, self.interval_ns)
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
@@ -128,5 +105,5 @@ class TownTruth:
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, range_m=self.tolerance_m
+            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
         )

@@ -24,8 +24,9 @@ from genie_sim.worlds.town.rules import (
     TownRules,
 )
 
-PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
-# assumed; FLOW is the share of the speed limit that traffic drives
+# Assumed, all of these: the first three are from the middle of the street, FLOW is the share of the
+# speed limit that traffic drives.
+PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32
@@ -34,15 +35,13 @@ STREAM_BITS = 32
 class VehicleStream(NamedTuple):
     """One kind of traffic in one direction of one street: places along it at time 0, in order.
 
-    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person;
-    ``labels`` says which. ``speed_mps`` is negative for those who come back along the street.
+    ``movers`` are those who begin at each place: one, or for a cyclist a bicycle and a person.
+    ``speed_mps`` is negative for those who come back along the street.
     """
 
-    labels: frozenset[str]
     movers: list[tuple[SceneObject, ...]]
     beside_m: float
     speed_mps: float
-    length_m: float
     starts_m: array[float]
 
 
@@ -52,12 +51,11 @@ class Street:
     def __init__(
         self,
         northbound: bool,
-        middle_m: float,
         length_m: float,
         standing: list[SceneObject],
         streams: list[VehicleStream],
     ) -> None:
-        self.northbound, self.middle_m, self.length_m = northbound, middle_m, length_m
+        self.northbound, self.length_m = northbound, length_m
         self.streams = [stream for stream in streams if stream.starts_m]
         self.standing = sorted(
             standing, key=lambda s: (s.north_m if northbound else s.east_m, s.number)
@@ -124,7 +122,6 @@ def lay_out(layout: Layout, northbound: bool, index: int, random: np.random.Gene
                 stand(sign, along_m, direction * PAVEMENT_M * (1 if northbound else -1))
     return Street(
         northbound=northbound,
-        middle_m=middle_m,
         length_m=length_m,
         standing=standing,
         streams=_streams(layout, northbound, index, random),
@@ -167,11 +164,9 @@ def _streams(
                 )
             streams.append(
                 VehicleStream(
-                    labels=frozenset(labels),
                     movers=movers,
                     beside_m=beside_m,
                     speed_mps=direction * speed_mps,
-                    length_m=length_m,
                     starts_m=starts_m,
                 )
             )

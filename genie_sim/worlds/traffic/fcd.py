@@ -1,18 +1,19 @@
 """Reads floating-car data of SUMO: where every vehicle is at every time step.
 
 The file is ``<fcd-export>`` with a ``<timestep time>`` for each step and in it a ``<vehicle id x y
-angle type>`` or a ``<person>`` for each road user, plain or compressed by gzip; or SUMO's table of
-the same, CSV or Parquet. It is read as a stream, and no further than the last step that is wanted.
+angle type>`` or a ``<person>`` for each road user, plain or compressed by gzip. It is read as a
+stream, and no further than the last step that is wanted.
 """
 
+import contextlib
 import gzip
 import math
 import zlib
 from array import array
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, NamedTuple, cast
 from xml.parsers import expat
 
 import numpy as np
@@ -21,22 +22,18 @@ from genie_sim.base.errors import UserError, as_user_error, short_repr
 from genie_sim.base.geometry import Array
 from genie_sim.base.import_report import FAST_SHARE, LONG_GAP_S, ImportReport
 from genie_sim.base.paths import check_is_file
-from genie_sim.base.tables import FileColumn, FileTable, is_gzip
+from genie_sim.base.tables import is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
+from genie_sim.worlds.scene.view import Ints
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
-UNKNOWN_TYPE = ""  # of a vehicle without the attribute
 MAX_TURN_DEG = 3600.0
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
 SPEEDS = 20_000  # rows whose speed is compared with their way
 SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
-JUMP_MPS = 70.0  # a teleport
-
-TEXTS, NUMBERS = ("id", "type"), ("x", "y", "angle", "speed")  # columns of a table
-
-Ints = np.ndarray[Any, np.dtype[np.int64]]
+JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
 
 
 class VehicleRows(NamedTuple):
@@ -60,135 +57,82 @@ class VehicleRows(NamedTuple):
     report: ImportReport
 
 
-class _Enough(Exception):
-    """All that is wanted has been read."""
-
-
 @dataclass
-class _Content:
-    """What has been read so far. ``where`` begins errors: the file and the line being read."""
+class _Step:
+    """A time step: the numbers of the road users that are there, and x, y, angle and speed of each,
+    one after the other; ``where`` begins errors.
+    """
 
-    path: Path
-    begin_s: float | None
-    duration_s: float
-    where: Callable[[], str]
-    report: ImportReport
-    times_s: list[float] = field(default_factory=list)
-    numbers: dict[tuple[str, bool], int] = field(default_factory=dict)  # by id and whether a person
-    types: list[str] = field(default_factory=list)
-    step: "array[int]" = field(default_factory=lambda: array("q"))
-    vehicle: "array[int]" = field(default_factory=lambda: array("q"))
-    x_m: "array[float]" = field(default_factory=lambda: array("d"))
-    y_m: "array[float]" = field(default_factory=lambda: array("d"))
-    angle_deg: "array[float]" = field(default_factory=lambda: array("d"))
-    speeds_mps: "array[float]" = field(default_factory=lambda: array("d"))  # of the first rows
-    first_s: float | None = None  # of the file
-    earlier_s: float = -math.inf  # the step before, wanted or not
-    seen: set[int] = field(default_factory=set)  # vehicles of this step
-    begins_late: bool = False  # after the first step
-    is_over: bool = False  # the time that is wanted: this step only tells where vehicles go
+    where: str
+    time_s: float
+    vehicles: "array[int]" = field(default_factory=lambda: array("q"))
+    values: "array[float]" = field(default_factory=lambda: array("d"))
     invalid: int = 0
-    others: int = 0
+    containers: int = 0
+
+
+class _Reader:
+    """Takes what a file holds, one element after the other: ``finished`` are the steps read so far,
+    of which ``steps`` hands on those that nobody has had. ``where`` tells the line being read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.where = str(path)
+        self.numbers: dict[tuple[str, bool], int] = {}  # by id and whether a person
+        self.types: list[str] = []
+        self.finished: list[_Step] = []
+        self.first_s: float | None = None
+        self.step: _Step | None = None
+        self._there: set[int] = set()  # in this step
+
+    def steps(self) -> Iterator[_Step]:
+        yield from self.finished
+        self.finished.clear()
 
     def error(self, text: str) -> UserError:
-        """The error of the line that is being read."""
-        return UserError(f"{self.where()}: {text}")
+        return UserError(f"{self.where}: {text}")
 
-    def timestep(self, time_s: float) -> None:
+    def begin(self, time_s: float) -> None:
         """A time step begins."""
-        if time_s <= self.earlier_s:
-            raise self.error(f"timestep: time {time_s:.15g} does not follow {self.earlier_s:.15g}")
-        self.earlier_s = time_s
-        if self.first_s is None:
-            self.first_s = time_s
-        begin_s = self.begin_s
-        if begin_s is None:
-            self._clear()  # a step without vehicles
-        # One step before the beginning and one at or after the end, for places in between.
-        elif self.times_s and time_s >= begin_s + self.duration_s:
-            if self.is_over and self.types:
-                raise _Enough
-            self.is_over = True
-        elif time_s <= begin_s and self.times_s:
-            self._clear()
-        self.seen.clear()
-        self.times_s.append(time_s)
+        self.end()
+        self.step = _Step(self.where, time_s)
+        self.first_s = time_s if self.first_s is None else self.first_s
+        self._there.clear()
 
-    def _clear(self) -> None:
-        """Forgets the steps so far."""
-        for column in (self.times_s, self.types, self.numbers):
-            column.clear()
-        for values in (
-            self.step,
-            self.vehicle,
-            self.x_m,
-            self.y_m,
-            self.angle_deg,
-            self.speeds_mps,
-        ):
-            del values[:]
-        self.invalid = self.others = 0
+    def end(self) -> None:
+        """The time step is over."""
+        if self.step is not None:
+            self.finished.append(self.step)
 
-    def road_user(
-        self, attributes: dict[str, Any], is_person: bool = False, type_: str = UNKNOWN_TYPE
-    ) -> None:
-        """A vehicle or a person of this time step, by the attributes ``id``, ``x``, ``y``,
-        ``angle`` and ``speed``.
-        """
-        try:
-            name = attributes["id"]
+    def add(self, attributes: Mapping[str, str], is_person: bool) -> None:
+        """A road user of this step, by its attributes."""
+        if self.step is None:
+            return
+        what, name = "person" if is_person else "vehicle", attributes.get("id")
+        if name is None:
+            raise self.error(f"{what}: attribute 'id' is missing")
+        x_m = y_m = angle_deg = math.nan
+        with contextlib.suppress(KeyError, ValueError):
             x_m, y_m = float(attributes["x"]), float(attributes["y"])
             angle_deg = float(attributes["angle"])
-        except (KeyError, ValueError, TypeError):
-            raise self._wrong(attributes, is_person) from None
         if not (abs(x_m) <= MAX_M and abs(y_m) <= MAX_M and abs(angle_deg) <= MAX_TURN_DEG):
             if INVALID in (x_m, y_m, angle_deg):
-                self.invalid += 1
+                self.step.invalid += 1
                 return
-            raise self._wrong(attributes, is_person)
-        if self.is_over and not self.types:
-            raise UserError(
-                f"{self.path}: has no vehicles from {self.begin_s:g} s to "
-                f"{(self.begin_s or 0.0) + self.duration_s:g} s; the first one comes at "
-                f"{self.earlier_s:g} s: set 'begin' or 'duration'"
-            )
-        if self.is_over and (name, is_person) not in self.numbers:
-            return
-        if self.begin_s is None:
-            self.begin_s = self.times_s[-1]
-            self.begins_late = self.begin_s != self.first_s
-        number = self.numbers.setdefault((name, is_person), len(self.numbers))
+            for key, most in (("x", MAX_M), ("y", MAX_M), ("angle", MAX_TURN_DEG)):
+                self.number(attributes, f"{what} {short_repr(name)}", key, most)
+        number = self.numbers.setdefault((name, is_person), len(self.types))
         if number == len(self.types):
-            self.types.append(type_)
-        if number in self.seen:
-            what = "person" if is_person else "vehicle"
+            self.types.append("" if is_person else attributes.get("type", ""))
+        elif number in self._there:
             raise self.error(f"{what}: id {short_repr(name)} is twice in one time step")
-        self.seen.add(number)
-        self.step.append(len(self.times_s) - 1)
-        self.vehicle.append(number)
-        self.x_m.append(x_m)
-        self.y_m.append(y_m)
-        self.angle_deg.append(angle_deg)
-        if len(self.speeds_mps) < SPEEDS:
-            self.speeds_mps.append(_speed(attributes.get("speed")))
-        elif len(self.step) > MAX_ROWS:
-            raise self.error(f"more than {MAX_ROWS:,} vehicles and steps; shorten 'duration'")
-
-    def _wrong(self, attributes: dict[str, Any], is_person: bool) -> UserError:
-        """What is wrong with a vehicle or a person."""
-        what = "person" if is_person else "vehicle"
-        if "id" not in attributes:
-            return self.error(f"{what}: attribute 'id' is missing")
-        what = f"{what} {short_repr(attributes['id'])}"
-        try:
-            for name, most in (("x", MAX_M), ("y", MAX_M), ("angle", MAX_TURN_DEG)):
-                self.number(attributes, what, name, most)
-        except UserError as error:
-            return error
-        raise AssertionError("no attribute is wrong")
+        self._there.add(number)
+        self.step.vehicles.append(number)
+        self.step.values.extend((x_m, y_m, angle_deg, _speed(attributes.get("speed", "nan"))))
 
     def number(
-        self, attributes: dict[str, Any], what: str, name: str, most: float = MAX_M
+        self, attributes: Mapping[str, str], what: str, name: str, most: float = MAX_M
     ) -> float:
         """An attribute that is a number up to ``most``. Raises UserError."""
         if attributes.get(name) is None:
@@ -204,100 +148,55 @@ class _Content:
         return number
 
 
-class _Xml:
-    """Hands what an XML file holds to its content; its methods are called by the parser."""
+def _steps(reader: _Reader, file: IO[bytes]) -> Iterator[_Step]:
+    """The steps of a file; what is wrong behind them is only found if they are not enough."""
+    parser = expat.ParserCreate()
 
-    def __init__(self, path: Path, begin_s: float | None, duration_s: float, report: ImportReport):
-        self._parser = expat.ParserCreate()
-        self._parser.StartElementHandler = self._element
-        self._parser.StartDoctypeDeclHandler = self._doctype
-        self._is_root = True
+    def doctype(*_: object) -> None:
+        """One could define entities without end; SUMO writes none."""
+        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
+        raise reader.error("has a document type; floating-car data of SUMO have none")
 
-        def where() -> str:
-            return f"{path}: line {self._parser.CurrentLineNumber}"
+    def root(name: str, attributes: dict[str, str]) -> None:
+        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
+        if name != "fcd-export":
+            raise reader.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
+        parser.StartElementHandler = element
 
-        self.content = _Content(
-            path, begin_s=begin_s, duration_s=duration_s, where=where, report=report
-        )
-
-    def read(self, file: IO[bytes]) -> None:
-        """The whole file, or until there is enough."""
-        try:
-            while chunk := file.read(CHUNK_BYTES):
-                self._parser.Parse(chunk)
-            self._parser.Parse(b"", True)
-        except _Enough:
-            pass
-        except expat.ExpatError as error:
-            text = one_line(str(error))
-            raise UserError(f"{self.content.path}: not XML: {text}") from error
-
-    def _doctype(self, *_: object) -> None:
-        """A document type could define entities without end; SUMO writes none."""
-        raise self.content.error("has a document type; floating-car data of SUMO have none")
-
-    def _element(self, name: str, attributes: dict[str, str]) -> None:
-        """An element begins."""
-        content = self.content
+    def element(name: str, attributes: dict[str, str]) -> None:
+        reader.where = f"{reader.path}: line {parser.CurrentLineNumber}"
         if name == "vehicle":
-            if content.times_s:
-                content.road_user(attributes, type_=attributes.get("type", UNKNOWN_TYPE))
+            reader.add(attributes, is_person=False)
         elif name == "timestep":
-            content.timestep(content.number(attributes, "timestep", "time", MAX_TIME_S))
-        elif name == "person":
-            if not attributes.get("vehicle") and content.times_s:  # of one who rides in a vehicle
-                content.road_user({"angle": "0", **attributes}, is_person=True)
-        elif name == "container":
-            content.others += 1
-        elif self._is_root and name != "fcd-export":
-            raise content.error(f"<{name[:40]}> is no floating-car data of SUMO, <fcd-export> is")
-        self._is_root = False
+            reader.begin(reader.number(attributes, "timestep", "time", MAX_TIME_S))
+        elif name == "person" and not attributes.get("vehicle"):  # not one who rides
+            reader.add({"angle": "0", **attributes}, is_person=True)
+        elif name == "container" and reader.step is not None:
+            reader.step.containers += 1
+
+    parser.StartElementHandler, parser.StartDoctypeDeclHandler = root, doctype
+    while True:
+        chunk = file.read(CHUNK_BYTES)
+        try:
+            parser.Parse(chunk, not chunk)
+        except expat.ExpatError as error:
+            yield from reader.steps()
+            text = f"{reader.path}: not XML: {one_line(str(error))}"
+            raise UserError(f"{text}; SUMO's --fcd-output NAME.xml is") from error
+        except UserError:
+            yield from reader.steps()
+            raise
+        if not chunk:
+            reader.end()
+        yield from reader.steps()
+        if not chunk:
+            return
 
 
-def _read_table(
-    table: FileTable, begin_s: float | None, duration_s: float, report: ImportReport
-) -> _Content:
-    """The content of SUMO's CSV or Parquet."""
-    prefixes = ("vehicle_", "person_") if "timestep_time" in table.titles else ("",)
-    time = "timestep_time" if prefixes[0] else "time"
-    columns = [FileColumn(time, lowest=-MAX_TIME_S, highest=MAX_TIME_S)]
-    for prefix in prefixes:
-        columns += [FileColumn(f"{prefix}{name}", "text", optional=True) for name in TEXTS]
-        columns += [FileColumn(f"{prefix}{name}", optional=True) for name in NUMBERS]
-    needed = [f"{prefixes[0]}{name}" for name in ("id", "x", "y", "angle")]
-    missing = ", ".join(name for name in needed if name not in table.titles)
-    if missing:
-        raise UserError(f"{table.path}: is no floating-car data of SUMO: has no columns {missing}")
-    where = str(table.path)
-    content = _Content(
-        table.path,
-        begin_s=begin_s,
-        duration_s=duration_s,
-        where=lambda: where,
-        report=report,
-    )
-    names = (*TEXTS, *NUMBERS)
-    try:
-        for row in table.rows(columns):
-            where, (time_s, *values) = row
-            if time_s != content.earlier_s:
-                content.timestep(time_s)
-            for first in range(0, len(values), len(names)):
-                attributes = dict(zip(names, values[first:], strict=False))
-                is_person = first > 0
-                if attributes["id"] is not None:
-                    if is_person and attributes["angle"] is None:
-                        attributes["angle"] = 0.0
-                    content.road_user(attributes, is_person, attributes["type"] or UNKNOWN_TYPE)
-    except _Enough:
-        pass
-    return content
-
-
-def _speed(value: Any) -> float:
+def _speed(text: str) -> float:
     """The attribute ``speed`` [m/s]; not a number where there is none that is one."""
     try:
-        speed_mps = math.nan if value is None else float(value)
+        speed_mps = float(text)
     except ValueError:
         return math.nan
     return speed_mps if abs(speed_mps) <= MAX_M else math.nan
@@ -312,69 +211,116 @@ def read_fcd(
     Raises UserError, naming file, line and attribute, for a file that is not such data, and for
     times that it does not have.
     """
-    report = ImportReport(path, accept, "perception.accept: true")
     check_is_file(path)
-    with as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error):
-        if path.name.removesuffix(".gz").endswith((".csv", ".parquet")):
-            content = _read_table(FileTable(path), begin_s, duration_s, report)
-        else:
-            reader = _Xml(path, begin_s, duration_s, report)
-            with gzip.open(path) if is_gzip(path) else path.open("rb") as file:
-                reader.read(cast(IO[bytes], file))
-            content = reader.content
-    return _rows(content)
-
-
-def _rows(content: _Content) -> VehicleRows:
-    """What was read, as columns. Raises UserError if that is nothing, or cannot be."""
-    path, times_s, begin_s = content.path, content.times_s, content.begin_s
-    if content.first_s is None:
-        raise UserError(f"{path}: has no time steps")
-    if begin_s is not None and begin_s > times_s[-1]:
-        raise UserError(
-            f"{path}: begin: {begin_s:g} s is after the last time step, {times_s[-1]:g} s"
-        )
-    if not content.types:
-        from_s = content.first_s if begin_s is None else begin_s
-        raise UserError(f"{path}: has no vehicles from {from_s:g} s on")
+    reader = _Reader(path)
+    with (
+        as_user_error(f"{path}: cannot be read", OSError, EOFError, zlib.error),
+        gzip.open(path) if is_gzip(path) else path.open("rb") as file,
+    ):
+        in_file = _steps(reader, cast(IO[bytes], file))
+        steps = _wanted(reader, in_file, begin_s, duration_s)
+    report = ImportReport(path, accept, "perception.accept: true")
+    if begin_s is None:
+        begin_s = next(step.time_s for step in steps if step.vehicles)
+        begins = [f"{time_s:g} s" for time_s in dict.fromkeys((begin_s, reader.first_s))]
+        report.choose("begin", begins[0], begins, "perception.begin")
+    numbers = np.concatenate([step.vehicles for step in steps]).astype(np.int64)
+    values = np.concatenate([step.values for step in steps]).reshape(-1, 4)
+    known, first, vehicle = np.unique(numbers, return_index=True, return_inverse=True)
+    order = np.argsort(first)  # as they come
+    named = list(reader.numbers)
     rows = VehicleRows(
-        times_s=np.array(times_s),
-        ids=[name for name, _ in content.numbers],
-        types=content.types,
-        is_person=[is_person for _, is_person in content.numbers],
-        step=np.array(content.step),
-        vehicle=np.array(content.vehicle),
-        x_m=np.array(content.x_m),
-        y_m=np.array(content.y_m),
-        angle_deg=np.array(content.angle_deg),
-        report=content.report,
+        times_s=np.array([step.time_s for step in steps]),
+        ids=[named[number][0] for number in known[order]],
+        types=[reader.types[number] for number in known[order]],
+        is_person=[named[number][1] for number in known[order]],
+        step=np.repeat(np.arange(len(steps)), [len(step.vehicles) for step in steps]),
+        vehicle=np.argsort(order)[vehicle],
+        x_m=values[:, 0].copy(),
+        y_m=values[:, 1].copy(),
+        angle_deg=values[:, 2].copy(),
+        report=report,
     )
-    _tell(rows, content)
+    report.dropped(
+        "rows",
+        len(rows.step),
+        len(rows.step) + sum(step.invalid for step in steps),
+        f"a place of {INVALID:.0f}, SUMO's mark of none",
+    )
+    report.leave_out("containers", sum(step.containers for step in steps))
+    _tell(rows, begin_s, duration_s, speeds_mps=values[:, 3])
     return rows
 
 
-def _tell(rows: VehicleRows, content: _Content) -> None:
+def _wanted(
+    reader: _Reader, steps: Iterable[_Step], begin_s: float | None, duration_s: float
+) -> list[_Step]:
+    """One step at or before the beginning, those after it, and one at or after the end, which tells
+    where the vehicles go that were there before. Raises UserError if there is no vehicle.
+    """
+    wanted: list[_Step] = []
+    earlier_s, count = -math.inf, 0
+    for step in steps:
+        if step.time_s <= earlier_s:
+            raise UserError(
+                f"{step.where}: timestep: time {step.time_s:.15g} does not follow {earlier_s:.15g}"
+            )
+        earlier_s = step.time_s
+        if begin_s is None or (wanted and step.time_s <= begin_s):
+            wanted, count = [], 0
+        end_s = math.inf if begin_s is None else begin_s + duration_s
+        is_over = wanted and step.time_s >= end_s
+        if is_over and count:
+            wanted.append(_of_known(step, wanted))
+            break
+        if is_over and step.vehicles:
+            raise UserError(
+                f"{reader.path}: has no vehicles from {begin_s:g} s to {end_s:g} s; the first one "
+                f"comes at {step.time_s:g} s: set 'begin' or 'duration'"
+            )
+        wanted.append(step)
+        count += len(step.vehicles)
+        if begin_s is None and count:
+            begin_s = step.time_s
+        if count > MAX_ROWS:
+            raise UserError(
+                f"{step.where}: more than {MAX_ROWS:,} vehicles and steps; shorten 'duration'"
+            )
+    if not wanted:
+        raise UserError(f"{reader.path}: has no time steps")
+    last_s = wanted[-1].time_s
+    if begin_s is not None and begin_s > last_s:
+        raise UserError(
+            f"{reader.path}: begin: {begin_s:g} s is after the last time step, {last_s:g} s"
+        )
+    if not count:
+        from_s = reader.first_s if begin_s is None else begin_s
+        raise UserError(f"{reader.path}: has no vehicles from {from_s:g} s on")
+    return wanted
+
+
+def _of_known(step: _Step, before: Sequence[_Step]) -> _Step:
+    """The step without the vehicles that come in it."""
+    known = np.isin(step.vehicles, np.concatenate([earlier.vehicles for earlier in before]))
+    vehicles = np.array(step.vehicles)[known]
+    values = np.array(step.values).reshape(-1, 4)[known]
+    return replace(
+        step, vehicles=array("q", vehicles.tolist()), values=array("d", values.ravel().tolist())
+    )
+
+
+def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Array) -> None:
     """What was read, for the report. Raises UserError where places cannot be in metres."""
     report, persons = rows.report, sum(rows.is_person)
     report.read("vehicles", len(rows.ids) - persons)
     if persons:
         report.read("persons", persons)
-    report.dropped(
-        "rows",
-        len(rows.step),
-        len(rows.step) + content.invalid,
-        f"a place of {INVALID:.0f}, SUMO's mark of none",
-    )
-    report.leave_out("containers", content.others)
-    if content.begins_late:
-        begins = [f"{time_s:g} s" for time_s in (content.begin_s, content.first_s)]
-        report.choose("begin", begins[0], begins, "perception.begin")
     report.span("times", (rows.times_s[0], rows.times_s[-1]), "s")
-    known_s = float(rows.times_s[-1]) - (content.begin_s or 0.0)
-    if known_s + LONG_GAP_S < content.duration_s:
+    known_s = float(rows.times_s[-1]) - begin_s
+    if known_s + LONG_GAP_S < duration_s:
         report.warn(
             f"ends {known_s:.4g} s after the beginning, before 'duration' of "
-            f"{content.duration_s:.4g} s is over"
+            f"{duration_s:.4g} s is over"
         )
     for name, values in (("x", rows.x_m), ("y", rows.y_m)):
         report.span(name, (values.min(), values.max()), "m")
@@ -396,17 +342,16 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
     report.heading(
         "vehicles: angle",
-        np.radians(90.0 - angle_deg),
-        as_radians=math.pi / 2 - angle_deg,
+        angle_deg,
         steps_m=steps_m[drives],
         passed_s=passed_s[drives],
-        counts="count clockwise from north, in degrees",
+        from_north=True,
     )
     way_m = np.hypot(*steps_m.T)
-    told_m = passed_s * np.array(content.speeds_mps)[order][1:][pairs]
-    speeds_mps = way_m / passed_s
-    if (speeds_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
-        speeds_mps = speeds_mps[speeds_mps <= JUMP_MPS]
+    told_m = passed_s * speeds_mps[order][1:][pairs]
+    driven_mps = way_m / passed_s
+    if (driven_mps > JUMP_MPS).mean() <= FAST_SHARE:  # teleports, which are told elsewhere
+        driven_mps = driven_mps[driven_mps <= JUMP_MPS]
     comparable = np.isfinite(told_m) & (way_m <= JUMP_MPS * passed_s)
     if told_m[comparable].sum() > 1.0:
         times = float(way_m[comparable].sum() / told_m[comparable].sum())
@@ -415,4 +360,4 @@ def _tell(rows: VehicleRows, content: _Content) -> None:
             report.refuse(f"{text} (not of --fcd-output.geo, in degrees)")
         elif not 1 / SAME_SPEED < times < SAME_SPEED:
             report.warn(text)
-    report.speeds("vehicles", speeds_mps, float(t_s.max() - t_s.min()))
+    report.speeds("vehicles", driven_mps, float(t_s.max() - t_s.min()))

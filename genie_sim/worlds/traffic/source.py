@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from genie_sim.base import files
 from genie_sim.base.geometry import Geodetic
-from genie_sim.base.settings import Bounds, OneOf, SettingError
+from genie_sim.base.settings import POSITIVE, Bounds, OneOf, SettingError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
+from genie_sim.worlds.scene.frames import check_frames
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
+from genie_sim.worlds.scene.objects import LONGEST_M
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
     from genie_sim.worlds.traffic.traffic import TrafficDrives
-
-MAX_FRAMES = 100_000_000  # as a town's
-LONGEST_M = 70.0  # of a vehicle: of a train
 
 
 @dataclass(frozen=True)
@@ -48,26 +47,25 @@ class RecordedTraffic(FrameSource):
 
     is_one_world: ClassVar[bool] = True
     is_map: ClassVar[bool] = True
-    has_cars: ClassVar[bool] = True
 
     fcd: str = "sumo_grid"
-    """A file of floating-car data (`.xml`, `.xml.gz`, `.csv`, `.parquet`), or the name of one that
-    comes with genie-sim."""
+    """A file of floating-car data (`.xml`, `.xml.gz`), or the name of one that comes with
+    genie-sim."""
 
     begin_ns: int | None = None
     """The time in the file at which the simulation begins; by default its first time step
     with a vehicle."""
 
-    duration_ns: int = 60 * NS_PER_S
+    duration_ns: Annotated[int, POSITIVE] = 60 * NS_PER_S
     """How long the traffic is simulated from then on."""
 
-    interval_ns: int = 100 * NS_PER_MS
+    interval_ns: Annotated[int, POSITIVE] = 100 * NS_PER_MS
     """Time between two frames of a camera."""
 
     tolerance_m: float = 2.0
     """How far an answer may be from the truth and still count as right."""
 
-    range_m: Annotated[float, Bounds(above=0)] = 50.0
+    range_m: Annotated[float, POSITIVE] = 50.0
     """Objects up to this distance are judged."""
 
     view_m: Annotated[float, Bounds(above=0, maximum=MAX_VIEW_M)] = 60.0
@@ -88,11 +86,7 @@ class RecordedTraffic(FrameSource):
     """Read a file that cannot be right all the same, such as one whose places are in degrees."""
 
     def __post_init__(self) -> None:
-        for name, value in (("duration", self.duration_ns), ("interval", self.interval_ns)):
-            if value <= 0:
-                raise SettingError(name, "must be more than zero")
-        if self.duration_ns / self.interval_ns > MAX_FRAMES:
-            raise SettingError("interval", f"makes more than {MAX_FRAMES:,} frames of a car")
+        check_frames(self.duration_ns, self.interval_ns)
         if self.equipped == ():
             raise SettingError("equipped", "must not be empty")
         if isinstance(self.equipped, tuple) and len(set(self.equipped)) < len(self.equipped):

@@ -186,7 +186,11 @@ def perceive_bag(
     provenance = {
         "data": f"bag {path.name}",
         "bag_sha256": _digest(path),
-        "parameters": {"cameras": dict(selected), "scans": [scan] if scan else []},
+        "parameters": {
+            "cameras": dict(selected),
+            "scans": [scan] if scan else [],
+            "min_score": min_score,
+        },
         **({"detector": detections} if detector is None else detector_facts(detector)),
     }
     name = path.stem

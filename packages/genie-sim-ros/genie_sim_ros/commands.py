@@ -171,6 +171,6 @@ def import_bag(
             sensors=BagTopics(imu, fix, lidar),
             classes=settings.classes,
             report=report,
-        ).at_least(min_score)
+        )
     click.echo(write_told(out, trace))
     tell(report)

@@ -16,7 +16,6 @@ import pytest
 from genie_sim.base import files
 from genie_sim.base.units import NS_PER_S
 from genie_sim.core.messages import CameraPose
-from genie_sim.data.kitti.evaluation import evaluate
 from genie_sim.data.kitti.labels import read_labels
 from genie_sim.data.trace import read_trace
 from genie_sim.worlds.scene.detector import transient
@@ -26,6 +25,7 @@ from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD
 from genie_sim.worlds.scene.view import VisibleObjects
 from genie_sim.worlds.town import Town, TownRules
 from tests.worlds.town.town_truth import near, truth_near
+from tools.make.evaluation import evaluate
 from tools.make.town_fit import fit, validation
 
 VEHICLES, PERSONS = ("car", "truck", "bus"), ("person",)

@@ -41,14 +41,14 @@ def _on_street(street: Street, low_m: float, high_m: float, t_s: float) -> Itera
     low_m, high_m = max(low_m, 0.0), min(high_m, street.length_m)
     if low_m < high_m:
         for stream in street.streams:
-            yield from _of_stream(stream, street.northbound, low_m, high_m, t_s)
+            yield from _of_stream(stream, street, low_m, high_m, t_s)
 
 
 def _of_stream(
-    stream: VehicleStream, northbound: bool, low_m: float, high_m: float, t_s: float
+    stream: VehicleStream, street: Street, low_m: float, high_m: float, t_s: float
 ) -> Iterator[SceneObject]:
     """Who has come to the end begins again as somebody else, with a number of its own."""
-    starts_m, length_m = stream.starts_m, stream.length_m
+    starts_m, length_m = stream.starts_m, street.length_m
     gone_m = stream.speed_mps * t_s
     lap, begin_m = divmod(low_m - gone_m, length_m)
     end_m = begin_m + high_m - low_m
@@ -61,7 +61,7 @@ def _of_stream(
         if starts_m[k] > end_m:
             return
         along_m = starts_m[k] + (gone_m + lap * length_m)
-        place = (stream.beside_m, along_m) if northbound else (along_m, stream.beside_m)
+        place = (stream.beside_m, along_m) if street.northbound else (along_m, stream.beside_m)
         for mover in stream.movers[k]:
             yield mover.at(mover.number - int(lap) * len(starts_m), *place)
         k += 1

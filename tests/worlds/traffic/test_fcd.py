@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import gzip
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from genie_sim.base.errors import UserError
@@ -62,42 +60,10 @@ def test_persons_on_foot_are_read_and_riders_are_not(tmp_path):
     assert (rows.vehicle == 1).sum() == 3 and rows.report.counts["persons"] == 1
 
 
-TABLE = ["timestep_time", "vehicle_id", "vehicle_x", "vehicle_y", "vehicle_angle", "vehicle_type"]
-
-
-@pytest.mark.parametrize("name", ["a.csv", "a.csv.gz", "a.parquet"])
-def test_a_table_of_sumo_gives_the_rows_of_the_xml(tmp_path, name):
-    """As SUMO 1.24 and later write it: a step without vehicles has a row without an id."""
-    types = {"c": "bus"}
-    rows = [
-        [time_s, vehicle, *place, types.get(vehicle, "passenger")]
-        for time_s, vehicles in STEPS
-        for vehicle, place in vehicles.items()
-    ]
-    rows.append([12.5, None, None, None, None, None])
-    path = tmp_path / name
-    if name != "a.parquet":
-        lines = [";".join("" if cell is None else str(cell) for cell in row) for row in rows]
-        text = "\n".join([";".join(TABLE), *lines, ""]).encode()
-        path.write_bytes(gzip.compress(text) if name == "a.csv.gz" else text)
-    else:
-        pq.write_table(pa.table(dict(zip(TABLE, zip(*rows, strict=True), strict=True))), path)
-    found, same = (
-        read_fcd(path, 10.5, 1.0),
-        read_fcd(write_fcd(tmp_path / "a.xml", STEPS, types=types), 10.5, 1.0),
-    )
-    assert (found.ids, found.types) == (same.ids, same.types)
-    for column in ("times_s", "step", "vehicle", "x_m", "y_m", "angle_deg"):
-        assert getattr(found, column).tolist() == getattr(same, column).tolist()
-
-
-def test_a_table_that_is_none_of_sumo_is_one_line(tmp_path):
+def test_a_table_of_sumo_is_one_line(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text("time,id,x,y\n0,a,1,1\n")
-    with pytest.raises(UserError, match="no floating-car data of SUMO: has no columns angle"):
-        read_fcd(path, None, 1.0)
-    path.write_text("time,id,x,y,angle\n0,a,1,1,0\n0,a,2,1,0\n")
-    with pytest.raises(UserError, match="line 3: vehicle: id 'a' is twice in one time step"):
+    path.write_text("timestep_time;vehicle_id\n0;a\n")
+    with pytest.raises(UserError, match=r"a.csv: not XML: .*--fcd-output NAME.xml"):
         read_fcd(path, None, 1.0)
 
 

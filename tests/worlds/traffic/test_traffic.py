@@ -6,6 +6,7 @@ import logging
 import math
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.runs.simulate import simulate
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
+from genie_sim.worlds.traffic.traffic import _Course
 from tests.judge.judging import is_there
 from tests.worlds.traffic.fcd_files import write_fcd
 
@@ -65,6 +67,12 @@ def scenario(fcd: str, *, fleet=FLEET, **perception) -> Scenario:
 
 def drives(fcd: str, **perception):
     return prepare(scenario(fcd, **perception)).drives
+
+
+def test_a_course_of_two_places_goes_on_to_its_end():
+    rows = np.array([0.0, 1.0]), np.array([0.0, 10.0]), np.zeros(2), np.array([0.0, math.pi / 2])
+    course = _Course(SimpleNamespace(rows_of=lambda _: rows), 0)
+    assert course.at(1.0) == pytest.approx((10.0, 0.0, math.pi / 2, 0.0, 1.0, 10.0), abs=1e-9)
 
 
 def test_a_car_starts_and_ends_with_its_vehicle(fcd):

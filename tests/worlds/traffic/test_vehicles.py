@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from genie_sim.base.classes import SIZES
 from genie_sim.base.plugins import Choice
 from genie_sim.scenario.scenario import FRAME_SOURCE
 from genie_sim.worlds.scene.view import ViewPoses
 from genie_sim.worlds.traffic.fcd import read_fcd
-from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleType, type_named
+from genie_sim.worlds.traffic.vehicles import TYPES, Vehicles, VehicleType, type_named
 from tests.worlds.traffic.fcd_files import write_fcd
 
 
@@ -130,6 +131,11 @@ def test_who_may_be_near_includes_everybody_who_is(tmp_path):
 )
 def test_types_are_recognised_by_words(name, label):
     assert type_named(name).label == label
+
+
+def test_every_type_has_a_class_and_is_longer_than_wide():
+    for vehicle in TYPES.values():
+        assert vehicle.label in SIZES and vehicle.length_m > vehicle.width_m > 0, vehicle
 
 
 def seen(folder, others, types=None, *, view_m=60.0, heading=0.0, t_s=0.0):

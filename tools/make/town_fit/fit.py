@@ -12,11 +12,11 @@ import numpy as np
 from genie_sim.base.classes import GROUPS
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import CameraPose, Detection, Location
-from genie_sim.data.kitti.evaluation import evaluate
 from genie_sim.data.kitti.labels import PictureLabels
 from genie_sim.data.trace import Trace, TraceFrame
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, REACHES_M
 from genie_sim.worlds.town.rules import GHOST_BESIDE_M
+from tools.make.evaluation import evaluate
 from tools.make.town_fit.copula import fit_shares
 
 SCORE_EDGES_M = {"vehicles": (0, 12, 18, 24, 30, 40, 60), "persons": (0, 8, 10, 12, 20)}

@@ -1,5 +1,6 @@
-"""How good a trace is, against KITTI's labels: average precision, calibration of scores, and errors
-of locations.
+"""How good a detector's traces are, against KITTI's labels: average precision and errors of places.
+
+    python -m tools.make.evaluation --drive 2011_09_26/0005 --labels tracking/0000
 
 Matching is that of PASCAL VOC: detections of all pictures in falling order of their score; each
 takes the free label that it overlaps best, by ``MIN_IOU`` at least, and is wrong without one. Left
@@ -7,22 +8,27 @@ out, neither right nor wrong, are detections on an ignored label (``truth``), mo
 ``DontCare`` area, or lower than ``MIN_HEIGHT_PX``.
 """
 
+import argparse
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.base.classes import GROUPS
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Array
 from genie_sim.core.messages import Box, Detection
-from genie_sim.data.kitti.labels import ObjectLabel, PictureLabels
+from genie_sim.data.detectors.detector import DetectorSettings
+from genie_sim.data.detectors.onnx_detector import MIN_SCORE
+from genie_sim.data.kitti.labels import ObjectLabel, PictureLabels, read_labels
+from genie_sim.data.kitti.perceive import FrameSelection, kitti_folder, perceive
 from genie_sim.data.trace import MIN_HEIGHT_PX, Trace
 
 MIN_IOU = {"vehicles": 0.5, "persons": 0.4}
-SCORE_BINS = np.linspace(0.0, 1.0, 11)
+LOWEST_SCORE = 0.01  # weak detections count for average precision
 NEAR_M = 30.0
 
 
@@ -75,31 +81,6 @@ class Group:
         recall = sum(right) / self.labels if self.labels else math.nan
         return precision, recall
 
-    def reliability(self, min_score: float = 0.0) -> list[tuple[float, float, int, float, float]]:
-        """Of each bin of scores: its ends, how many detections, their mean score, and the share
-        that are right.
-        """
-        confident = [item for item in self.detections if item.detection.score >= min_score]
-        scores = np.array([item.detection.score for item in confident])
-        right = np.array([item.label is not None for item in confident])
-        rows = []
-        for low, high in pairwise(SCORE_BINS):
-            in_bin = (scores >= low) & ((scores < high) | (high == 1.0))
-            if in_bin.any():
-                means = float(scores[in_bin].mean()), float(right[in_bin].mean())
-                rows.append((low, high, int(in_bin.sum()), *means))
-        return rows
-
-    def calibration_error(self, min_score: float = 0.0) -> float:
-        """Expected calibration error: the mean gap between score and share of right ones, over bins
-        of 0.1.
-        """
-        rows = self.reliability(min_score)
-        if not rows:
-            return math.nan
-        total = sum(count for _, _, count, _, _ in rows)
-        return math.fsum(count * abs(score - right) for _, _, count, score, right in rows) / total
-
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
@@ -124,7 +105,7 @@ class Evaluation:
 
 def evaluate(trace: Trace, truth: PictureLabels, min_score: float) -> Evaluation:
     """Judge a trace, in the pictures that have labels. Average precision means most where the trace
-    has weak detections too (``perceive.LOWEST_SCORE``).
+    has weak detections too (``LOWEST_SCORE``).
     """
     return Evaluation(truth, {name: _judge(name, trace, truth) for name in GROUPS}, min_score)
 
@@ -201,13 +182,12 @@ def table(evaluation: Evaluation) -> str:
         f"Labels: {e.truth.source}. Scores from {e.min_score:g} on, "
         "average precision from all scores.",
         "",
-        "| found | labels | average precision | precision | recall | calibration error |",
-        "|---|---|---|---|---|---|",
+        "| found | labels | average precision | precision | recall |",
+        "|---|---|---|---|---|",
     ]
     for name, group in e.groups.items():
         precision, recall = group.precision_recall(e.min_score)
         figures = [(group.average_precision(), 3), (precision, 2), (recall, 2)]
-        figures.append((group.calibration_error(e.min_score), 3))
         cells = [
             "-" if math.isnan(figure) else f"{figure:.{digits}f}" for figure, digits in figures
         ]
@@ -239,3 +219,28 @@ def _places(e: Evaluation) -> list[tuple[str, list[MatchedDetection]]]:
         ("persons", e.right("persons")),
         (f"parked vehicles within {NEAR_M:g} m", near),
     ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Prints the evaluation of a detector on a drive; returns the exit status."""
+    parser = argparse.ArgumentParser(description="How good a detector is on a KITTI drive.")
+    parser.add_argument("--drive", required=True, help="such as 2011_09_26/0005")
+    parser.add_argument("--labels", help="such as tracking/0000; default: the drive's tracklets")
+    parser.add_argument("--cameras", default="02", help="separated by commas")
+    parser.add_argument("--detector", default="yolox_nano")
+    parser.add_argument("--min-score", type=float, default=MIN_SCORE)
+    given = parser.parse_args(arguments)
+    try:
+        root = kitti_folder(None)
+        weak = DetectorSettings(given.detector, min_score=LOWEST_SCORE)
+        trace = perceive(root, FrameSelection(given.drive, given.cameras.split(",")), weak)
+        truth = read_labels(root, given.labels or given.drive, trace)
+    except UserError as error:
+        sys.stderr.write(f"evaluation: {error}\n")
+        return 1
+    sys.stdout.write(table(evaluate(trace, truth, given.min_score)))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
