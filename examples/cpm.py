@@ -45,7 +45,7 @@ from genie_sim.extend import (
     Publish,
     TrackMap,
     kind_of,
-    share,
+    share_of,
 )
 
 TOPIC = "/cpm"
@@ -322,6 +322,6 @@ hidden_held = Metric(
     "objects",
     HIGHER,
     meaning="Objects that a car holds in its field of view and cannot see, such as behind a house.",
-    formula=lambda held: share(held, held["hidden"]),
+    formula=lambda held: share_of(held, held["hidden"]),
     rows="held",
 )

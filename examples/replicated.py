@@ -32,7 +32,7 @@ from genie_sim.extend import (
     Network,
     Publish,
     response_ms,
-    share,
+    share_of,
 )
 
 DEADLINE_MS = 200.0
@@ -111,5 +111,5 @@ missed_deadline = Metric(
     "%",
     LOWER,
     meaning="Share of all published frames without an answer within 200 ms: what PLR makes small.",
-    formula=lambda frames: share(frames, ~(response_ms(frames, "first") <= DEADLINE_MS)),
+    formula=lambda frames: share_of(frames, ~(response_ms(frames, "first") <= DEADLINE_MS)),
 )

@@ -39,7 +39,7 @@ from genie_sim.extend import (
     are_same,
     frame_key,
     is_wrong,
-    share,
+    share_of,
 )
 
 ENOUGH = 6  # observations from which on a law is fitted
@@ -224,7 +224,7 @@ class VCache(SimilarityCaching):
 def wrong(answers: Columns) -> Sample:
     """Of the results those from a cache that are wrong."""
     results = answers.where(which="result")
-    return share(results, is_wrong(results) & results["source"].isin(HITS["all"]))
+    return share_of(results, is_wrong(results) & results["source"].isin(HITS["all"]))
 
 
 wrong_replays = Metric(

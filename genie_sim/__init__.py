@@ -5,7 +5,6 @@ As a library: ``import genie_sim as gs; run = gs.run("3car_hetero")``; see ``gen
 is imported when it is first used.
 """
 
-import difflib
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.version import VERSION
@@ -48,6 +47,8 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
+        import difflib
+
         near = difflib.get_close_matches(name, __all__, n=1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}", name=name)

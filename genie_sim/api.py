@@ -74,7 +74,6 @@ def run(
     out: str | Path | None = None,
     report: bool = True,
     figures: bool = False,
-    jobs: int = 1,
     observer: Observer | None = None,
     progress: Progress | None = None,
 ) -> Run:
@@ -97,34 +96,19 @@ def run(
         A folder that gets the result folder; by default the run stays in memory.
     report, figures : bool
         With ``out``: whether the result folder has ``report.html``, and the figures as SVG.
-    jobs : int
-        Processes on this machine, which simulate several methods side by side. The results do not
-        depend on it.
     observer : Observer, optional
         Sees the world of each method before and after it runs: it may subscribe to topics and look
-        at nodes and their maps. For a run in memory, in this process.
+        at nodes and their maps. For a run in memory.
     progress : callable, optional
         Called with the seconds simulated, those to simulate, and the method.
     """
     output = _output(report, figures)
-    _check_jobs(jobs)
-    if observer is not None and (jobs > 1 or out is not None):
-        raise UserError("observer: is for one run in memory, without jobs and out")
+    if observer is not None and out is not None:
+        raise UserError("observer: is for a run in memory, without out")
     loaded = load_scenario(scenario, settings, seed=seed, methods=_names("methods", methods))
     if out is None:
-        return Run.of(
-            run_folder.run_in_memory(loaded, progress, label=label, workers=jobs, observer=observer)
-        )
-    return Run.of(
-        run_folder.run_to_folder(
-            loaded,
-            expanded(out),
-            progress,
-            output,
-            label=label,
-            workers=jobs,
-        )
-    )
+        return Run.of(run_folder.run_in_memory(loaded, progress, label=label, observer=observer))
+    return Run.of(run_folder.run_to_folder(loaded, expanded(out), progress, output, label=label))
 
 
 @typed
@@ -157,7 +141,7 @@ def run_seeds(
     progress : callable, optional
         Called with how many runs are done, how many there are, and how many failed.
     """
-    from genie_sim.study.seeds import design_of
+    from genie_sim.study.design import design_of
 
     loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
     studied: Runs = _studied(
@@ -191,7 +175,7 @@ def _studied(
     without a file is kept beside the results as one. Raises ``UserError``.
     """
     from genie_sim.study.design import write_described
-    from genie_sim.study.study import AS_FILE, Study, UnfinishedError
+    from genie_sim.study.study import AS_FILE, Study
 
     if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
         raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
@@ -209,10 +193,8 @@ def _studied(
         study.run(workers, (shard[0], shard[1]), progress)
         if described:
             write_described(study.folder / AS_FILE, described, methods)
-        status = study.finish(output)
-        if not status.complete:
-            raise UnfinishedError(status)
-        studied = kinds.load(status.folder)
+        study.finish(output)
+        studied = kinds.load(study.folder)
     if out is not None:
         return studied
     if isinstance(studied, Runs):
@@ -287,7 +269,7 @@ def sweep(
     The sweep's ``metrics`` are a table: one row per point, metric, method, placement and component,
     with the axes' values, the mean over seeds (``value``), its 95 % t interval (``low``, ``high``)
     and the number ``n`` of runs; ``every_run`` has one row a run instead. It draws its figures
-    (``sweep.plot.along("gate")``) and compares (``sweep.differences("method", to="remote")``).
+    (``sweep.figure("gate")``) and compares (``sweep.differences("method", to="remote")``).
 
     Parameters
     ----------

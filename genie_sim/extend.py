@@ -71,7 +71,7 @@ from genie_sim.base.seeds import Draws
 from genie_sim.sim.draw_keys import frame_key
 
 # A metric: a number of a run.
-from genie_sim.analysis.metric import Metric, Sample, HIGHER, LOWER, mean, share
+from genie_sim.analysis.metric import Metric, Sample, HIGHER, LOWER, mean_of, share_of
 from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns
 from genie_sim.analysis.correctness import HITS, is_wrong
@@ -194,8 +194,8 @@ __all__ = [
     "HIGHER",
     "LOWER",
     "HITS",
-    "mean",
-    "share",
+    "mean_of",
+    "share_of",
     "is_wrong",
     "response_ms",
     # A source of frames.

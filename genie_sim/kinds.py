@@ -7,15 +7,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from genie_sim.analysis import seed_runs, summary
+from genie_sim.analysis import seed_runs
 from genie_sim.analysis.plots import Plots
 from genie_sim.analysis.seed_runs import SeedRuns, with_methods
 from genie_sim.base.errors import Suggesting, UserError
-from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
-from genie_sim.base.python_values import typed
 from genie_sim.record import provenance, results
-from genie_sim.report import comparison, html_page, notebook
 from genie_sim.report.result import Comparison, Result, figure_of_runs
 
 if TYPE_CHECKING:
@@ -86,10 +83,14 @@ class _OfRuns(Result):
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """See ``Result``."""
+        from genie_sim.analysis import summary
+
         with provenance.of_this_version(self.folder):
             return summary.table(self._self, format, metrics)
 
     def _repr_html_(self) -> str:
+        from genie_sim.report import notebook
+
         return notebook.run_html(self._self)
 
 
@@ -116,17 +117,10 @@ class Run(results.Run, _OfRuns):
 
         return reading.read_scenario(self.facts["scenario"], where=self.name)
 
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the run's result folder into the folder ``out``, as ``run(..., out=out)`` does;
-        returns its path. Raises ``UserError``.
-        """
-        from genie_sim.runs import folder as run_folder
-
-        return run_folder.save(self, expanded(out))
-
     def page(self, start_ns: int = 0) -> str:
         """The text of its page, with a replay from ``start_ns`` on."""
+        from genie_sim.report import html_page
+
         return html_page.page(self, start_ns)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:
@@ -163,17 +157,10 @@ class Runs(Suggesting, SeedRuns, _OfRuns):
 
         return pd.concat([run.metrics.assign(seed=run.seed) for run in self.runs])
 
-    @typed
-    def save(self, out: str | Path) -> Path:
-        """Writes the result folder of every run into the folder ``out``; returns it. ``load`` reads
-        each. Raises ``UserError``.
-        """
-        for run in self.runs:
-            run.save(out)
-        return expanded(out)
-
     def page(self) -> str:
         """The text of the page about all runs."""
+        from genie_sim.report import comparison
+
         return comparison.seeds_page(self)
 
     def rerun(self, progress: Progress | None = None) -> Iterator[str]:

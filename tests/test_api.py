@@ -61,6 +61,14 @@ def test_metrics_are_one_table(run):
 FIGURES = [*RUN_FIGURES, "metric"]
 
 
+@pytest.mark.parametrize(
+    ("name", "better"),
+    [("first_answer_mean", ", lower is better"), ("fresh_answered_share", ", higher is better")],
+)
+def test_the_axis_of_a_metric_says_which_way_is_better(run, name, better):
+    assert run.plot.metric(name).axes[0].get_xlabel().endswith(better)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(run, runs, name):
     """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
@@ -166,27 +174,15 @@ def test_a_sweep_takes_methods_and_a_label():
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
     (folder,) = Path("lab").iterdir()
     assert "two links" in (folder / "figures" / "link.svg").read_text(encoding="utf-8")
-    drawn = swept.plot.along("link")
+    drawn = swept.figure("link")
     assert str(drawn.get_label()).endswith(
         f"sweep {folder.name} of street_1car_homo, 2 points, seeds 1"
     )
     with pytest.raises(gs.UserError, match="did you mean 'link'"):
-        swept.plot.along("links")
+        swept.figure("links")
     loaded = gs.load(folder)
     pd.testing.assert_frame_equal(loaded.metrics, table)
     assert loaded.title == "two links" and loaded.axes == ["link"]
-
-
-def test_a_run_that_is_saved_later_is_the_one_that_was_written_at_once(run):
-    folder = run.save("saved")
-    written = gs.run("street_3car_hetero", SHORT, seed=5, out="lab").folder
-    assert folder.name == written.name
-    names = sorted(path.name for path in written.iterdir())
-    assert names == sorted(path.name for path in folder.iterdir())
-    for name in names:
-        if name != "run.json":
-            assert (folder / name).read_bytes() == (written / name).read_bytes(), name
-    assert gs.load(folder).facts == gs.load(written).facts
 
 
 def test_a_notebook_shows_what_was_run_and_its_table_as_plain_text(run, runs):
@@ -239,9 +235,9 @@ def test_a_run_in_memory_in_a_folder_and_on_the_command_line_are_the_same(run):
 @pytest.mark.parametrize("seeds", [None, 1])
 def test_a_result_folder_has_the_page_and_figures_that_are_asked_for(seeds):
     settings = {"cars[0].route.window": ["0 s", "0.3 s"], "methods": ["local"]}
-    run = gs.run if seeds is None else partial(gs.run_seeds, seeds=seeds)
-    bare = run("street_1car_homo", settings, jobs=1, out="bare", report=False)
-    drawn = run("street_1car_homo", settings, jobs=1, out="drawn", figures=True)
+    run = gs.run if seeds is None else partial(gs.run_seeds, seeds=seeds, jobs=1)
+    bare = run("street_1car_homo", settings, out="bare", report=False)
+    drawn = run("street_1car_homo", settings, out="drawn", figures=True)
     assert not list(bare.folder.rglob("report.html")) + list(bare.folder.rglob("figures"))
     assert (drawn.folder / "report.html").is_file()
     assert (drawn.folder / "figures/latency_cdf.svg").is_file()

@@ -20,7 +20,7 @@ from genie_sim.analysis.metric import (
     Sample,
     Seen,
     Tables,
-    share,
+    share_of,
 )
 from genie_sim.analysis.statistics import Measured
 from genie_sim.record.columns import Columns
@@ -144,7 +144,7 @@ ANSWERS = {
         CORRECTNESS,
         meaning="Share of the cache hits with an F1 below 80 % against the detector's own answer "
         "to the same frame (a proxy for the truth).",
-        formula=lambda hits: share(hits, is_wrong(hits)) if len(hits) else None,
+        formula=lambda hits: share_of(hits, is_wrong(hits)) if len(hits) else None,
         rows="hits",
         tier=MAIN,
     ),

@@ -22,8 +22,8 @@ from genie_sim.analysis.metric import (
     Seen,
     Tables,
     half_of_pair,
-    mean,
-    share,
+    mean_of,
+    share_of,
     times,
 )
 from genie_sim.analysis.statistics import Measured, around
@@ -116,7 +116,7 @@ def _share(
         "%",
         better,
         meaning=f"Share of all published frames {which}.",
-        formula=lambda frames: share(frames, flags(frames)),
+        formula=lambda frames: share_of(frames, flags(frames)),
         **words,
     )
 
@@ -134,7 +134,7 @@ def _in_time(answer: str, tier: int) -> Metric:
 
 
 def _improvement(pair: PairedFrames) -> Measured:
-    samples: list[Sample] = [mean(frames, response_ms(frames, "first")) for frames in pair]
+    samples: list[Sample] = [mean_of(frames, response_ms(frames, "first")) for frames in pair]
     counts = [int(sample.below.sum()) for sample in samples]
     if not all(counts):
         return Measured(None)

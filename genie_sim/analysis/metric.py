@@ -107,12 +107,12 @@ def half_of_pair(
     return blocks.half_width(moves), len(moves)
 
 
-def mean(rows: Columns, values: Any, percent: int = 0) -> Sample:
+def mean_of(rows: Columns, values: Any, percent: int = 0) -> Sample:
     """The mean, or a percentile, of the values that are not NaN."""
     return Sample(rows, np.nan_to_num(values), ~np.isnan(values), percent)
 
 
-def share(rows: Columns, flags: Any) -> Sample:
+def share_of(rows: Columns, flags: Any) -> Sample:
     """The share of all these rows that have the flag."""
     return Sample(rows, flags, np.ones(len(rows)))
 
@@ -256,7 +256,7 @@ def times(
         ending, begin, percent = STATISTICS[statistic]
 
         def formula(rows: Columns, percent: int = percent) -> Sample:
-            return mean(rows, times_ms(rows), percent)
+            return mean_of(rows, times_ms(rows), percent)
 
         title_of_all, meaning = f"{title}, {ending}", f"{begin} {span}"
         yield (

@@ -1,6 +1,5 @@
 """The one exception a user may see: the input or the environment is at fault, never the program."""
 
-import difflib
 import errno
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -89,6 +88,8 @@ def tells_of_low_memory(error: BaseException) -> bool:
 
 def unknown(what: str, value: object, choices: Iterable[str]) -> str:
     """``unknown eviction 'lruu' (did you mean 'lru'?); known: fifo, lfu, lru, ttl``."""
+    import difflib
+
     names = [one_line(choice) for choice in sorted(choices)]
     near = difflib.get_close_matches(str(value), names, n=1)
     hint = f" (did you mean {near[0]!r}?)" if near else ""

@@ -1,10 +1,8 @@
 """Paths as users write them, and files that are complete or not there at all."""
 
 import functools
-import hashlib
 import os
 import re
-import secrets
 import signal
 import stat
 import sys
@@ -110,6 +108,8 @@ def read_bytes(path: Path) -> bytes:
 
 def sha256_of(path: Path) -> str:
     """The sha256 of a regular file, in hex. Raises ``UserError``."""
+    import hashlib
+
     with regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -159,18 +159,20 @@ def remembered(read: Callable[[Path], Content]) -> Callable[[str | Path], Conten
     return reader
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, limit_bytes: int = MAX_TEXT_BYTES) -> str:
     """The text of a regular file in UTF-8, with or without its mark, lines ending in a newline.
-    Raises UserError, also for a file of more than ``MAX_TEXT_BYTES``.
+    Raises UserError, also for a file of more bytes than the limit.
     """
     with usable(path, "cannot be read"):
         size_bytes = path.stat().st_size
-    if size_bytes > MAX_TEXT_BYTES:
-        raise UserError(
-            f"{path}: cannot be read: {size_bytes:,} bytes, more than {MAX_TEXT_BYTES:,}"
-        )
-    with as_user_error(f"{path}: not a text file", UnicodeDecodeError):
-        text = read_bytes(path).decode("utf-8-sig")
+    if size_bytes > limit_bytes:
+        raise UserError(f"{path}: cannot be read: {size_bytes:,} bytes, more than {limit_bytes:,}")
+    data = read_bytes(path)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data[: error.start].count(b"\n") + 1
+        raise UserError(f"{path}: line {line}: is not UTF-8 text") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
@@ -188,7 +190,7 @@ def atomic_write(path: Path, kind: OutputKind | None = None) -> Iterator[Path]:
             )
         if kind is not None:
             kind.check(path)
-        beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}{PARTIAL}")
+        beside = path.with_name(f".{path.name}.{os.urandom(4).hex()}{PARTIAL}")
         try:
             yield beside
             replace_durably(beside, path)

@@ -8,7 +8,6 @@ one that is imported when it is asked for.
 import importlib
 import re
 import sys
-import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -16,7 +15,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from genie_sim.base import own_sources
 from genie_sim.base.errors import UserError, as_user_error, short_repr, text_of, unknown
 from genie_sim.base.paths import working_folder_kept
 
@@ -82,6 +80,8 @@ def resolve(
     The module may lie in the current folder, also for the installed command, where Python does not
     look by itself.
     """
+    from genie_sim.base import own_sources
+
     entry = registry.get(name)
     if entry is not None and not isinstance(entry, str):
         return entry
@@ -130,6 +130,8 @@ def own_fault(error: BaseException) -> str | None:
 
 def _place_within(error: BaseException) -> str | None:
     """Where in code of the user's own an exception was raised, or called what raised it."""
+    import traceback
+
     for frame, line in reversed(list(traceback.walk_tb(error.__traceback__))):
         place = own_place(frame, line)
         if place:
@@ -171,15 +173,6 @@ def own_place(frame: FrameType, line: int | None = None) -> str | None:
     return f"{whose} ({name}, line {line or frame.f_lineno}, in {code.co_name})"
 
 
-def make(
-    what: str, choice: Choice, registry: Mapping[str, Any], methods: tuple[str, ...] = ()
-) -> Any:
-    """An instance of the chosen class. Raises ``UserError``."""
-    return call(
-        what, choice.name, resolve(what, choice.name, registry, methods), **choice.parameters
-    )
-
-
 def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any) -> Any:
     """What a class or function, perhaps of the user's own, returns. Raises ``UserError`` for wrong
     arguments.
@@ -190,4 +183,6 @@ def call(what: str, name: str, made: Any, /, *arguments: Any, **parameters: Any)
 
 def code_digest(what: str, name: str) -> str:
     """sha256 of the files of what is the user's own: its code decides the outcome, too."""
+    from genie_sim.base import own_sources
+
     return own_sources.digest(resolve(what, name, {}), name.partition(":")[0])

@@ -41,25 +41,24 @@ from genie_sim.base.units import Quantity
 
 Schema = dict[str, Any]
 Settings = TypeVar("Settings")
+CLOSE = 0.75  # of difflib's ratio: above it a misspelt name, below it perhaps one of another place
 REQUIRED = inspect.Parameter.empty  # the default of a setting that must be given
 OWN_CLASS = {"type": "string", "pattern": OWN_CLASS_PATTERN}
 
 
 class SettingError(ValueError):
     """``text`` is wrong with ``field``, a path such as ``cars[1].edge`` below the settings that are
-    read. ``more`` counts the mistakes besides, ``near`` are the settings there that are called
-    nearly as an unknown one; of any other mistake it is ``None``.
+    read. ``more`` counts the mistakes besides; ``stray`` is a field that nothing there is called
+    like.
     """
 
-    def __init__(
-        self, field: str, text: str, more: int = 0, near: Sequence[str] | None = None
-    ) -> None:
+    def __init__(self, field: str, text: str, more: int = 0, stray: bool = False) -> None:
         super().__init__(f"{field}: {text}" if field else text)
-        self.field, self.text, self.more, self.near = field, text, more, near
+        self.field, self.text, self.more, self.stray = field, text, more, stray
 
     def below(self, step: str | int) -> "SettingError":
         """The same error, seen from the settings that hold these under ``step``."""
-        return SettingError(join(step, self.field), self.text, self.more, self.near)
+        return SettingError(join(step, self.field), self.text, self.more, self.stray)
 
     @property
     def message(self) -> str:
@@ -423,7 +422,7 @@ def _each(items: Iterable[tuple[Any, Any]], value: Callable[[Any, Any], Any]) ->
             errors.append(error.below(step))
     if errors:
         more = len(errors) - 1 + sum(error.more for error in errors)
-        raise SettingError(errors[0].field, errors[0].text, more, errors[0].near)
+        raise SettingError(errors[0].field, errors[0].text, more, errors[0].stray)
     return values
 
 
@@ -540,9 +539,9 @@ def _class_value(cls: type[Any], value: Any, base: Any) -> Any:
     keys = keys_of(cls)
     for key in value:
         if key not in keys:
-            near = difflib.get_close_matches(str(key), keys, n=1)
+            near = difflib.get_close_matches(str(key), keys, n=1, cutoff=CLOSE)
             hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(keys)}"
-            raise SettingError(quoted(key), f"unknown field; {hint}", near=near)
+            raise SettingError(quoted(key), f"unknown field; {hint}", stray=not near)
     before = {} if base is None else {name: getattr(base, name) for name in names_of(cls)}
     return built(cls, _values(cls, value, before))
 

@@ -315,11 +315,6 @@ def _printable(path: Path, titles: Iterable[str]) -> tuple[str, ...]:
     return found
 
 
-def read_rows(path: Path, columns: Sequence[FileColumn]) -> Iterator[FileRow]:
-    """``FileTable.rows`` of a file."""
-    return FileTable(path).rows(columns)
-
-
 def with_point(cell: Any) -> Any:
     """A number with a decimal comma, written with a point."""
     if isinstance(cell, str) and cell.count(",") == 1 and "." not in cell:

@@ -196,6 +196,6 @@ POWER = Quantity(
 IN_TITLES = (DURATION, LENGTH, RATE, ANGLE)  # what tables of others hold
 
 duration_ns, duration_text = DURATION.read, DURATION.text  # "1.5 s" to 1,500,000,000 ns, and back
-size_bytes, size_text = SIZE.read, SIZE.text  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20), and back
+size_bytes = SIZE.read  # "1.4 MB" (10^6 bytes) or "4 MiB" (2^20)
 rate_bps, rate_text = RATE.read, RATE.text
 frame_rate_text, length_m, length_text = FRAME_RATE.text, LENGTH.read, LENGTH.text

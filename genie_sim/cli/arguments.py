@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from genie_sim.analysis.style import WIDTHS
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import expanded
 from genie_sim.cli import completion
-from genie_sim.core.messages import Encoding
 
 if TYPE_CHECKING:
+    from genie_sim.core.messages import Encoding
     from genie_sim.data.detectors.detector import DetectorSettings
 
 MAX_COUNT = 1024
@@ -172,7 +171,7 @@ def detector_settings(
     threads: int,
     classes: tuple[str, ...],
     min_score: float,
-    encoding: Encoding = "raw",
+    encoding: "Encoding" = "raw",
 ) -> "DetectorSettings":
     """What ``detector_options`` say. Raises ``UserError``."""
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
@@ -228,6 +227,8 @@ def width_in(text: str | None) -> float | None:
     """A width of ``style.WIDTHS`` by its name, or a number of inches. Raises ``UserError``."""
     if text is None:
         return None
+    from genie_sim.analysis.style import WIDTHS
+
     if text in WIDTHS:
         return WIDTHS[text]
     if re.fullmatch(r"[0-9]{1,2}(\.[0-9]{1,3})?", text) and 2 <= float(text) <= 12:

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Iterable
 
-from genie_sim.analysis.style import RUN_FIGURES
-
 Completion = Callable[[object, object, str], list[str]]  # as click's shell_complete takes it
 
 
@@ -46,7 +44,15 @@ def _metrics() -> Iterable[str]:
 
 
 def _figures() -> Iterable[str]:
+    from genie_sim.analysis.style import RUN_FIGURES
+
     return (*RUN_FIGURES, *_metrics())
+
+
+def _widths() -> Iterable[str]:
+    from genie_sim.analysis.style import WIDTHS
+
+    return WIDTHS
 
 
 def _kinds() -> Iterable[str]:
@@ -68,5 +74,6 @@ files_by_name = _of_files("SCENARIO", "SWEEP", "DEVICE")
 methods = _completion(_methods)
 metrics = _completion(_metrics)
 figures = _completion(_figures)
+widths = _completion(_widths)
 kinds = _completion(_kinds)
 setting_paths = _completion(_settings)

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import click
 
-from genie_sim.analysis.style import WIDTHS
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.cli import arguments, completion
 from genie_sim.cli.arguments import (
@@ -38,7 +37,7 @@ from genie_sim.cli.arguments import (
 @click.option(
     "--width",
     metavar="NAME|INCHES",
-    shell_complete=completion.fixed(*WIDTHS),
+    shell_complete=completion.widths,
     help="Of a printed 'column' (3.5 in) or 'page' (7.16 in) of IEEE, or 'acm-column' (3.33 in) or"
     " 'acm-page' (7 in), or in inches; default: what fits each.",
 )

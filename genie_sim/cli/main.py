@@ -66,7 +66,7 @@ class AllCommands(Commands):
 @click.pass_context
 def app(context: click.Context) -> None:
     if context.invoked_subcommand is None:
-        click.echo(terminal.welcome(terminal.width()))
+        click.echo(context.get_help())
 
 
 for _command in COMMANDS:

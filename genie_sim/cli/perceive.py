@@ -9,7 +9,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.cli import arguments
 from genie_sim.cli.arguments import PATH, accept_option, detector_options
 from genie_sim.cli.terminal import ProgressBar, tell
-from genie_sim.core.messages import Encoding
+from genie_sim.core.encodings import Encoding
 
 if TYPE_CHECKING:
     from genie_sim.data.detectors.detector import DetectorSettings

@@ -1,6 +1,5 @@
 """The command ``profile``. Everything heavy is imported after the arguments are parsed."""
 
-import re
 from pathlib import Path
 
 import click
@@ -36,8 +35,6 @@ OF_ALL = ("out", "cores", "model")
     type=click.Choice(("s", "ms", "us", "ns")),
     help="Of that column, if its title has none.",
 )
-@click.option("--mean", metavar="TIME", help="Instead: the mean latency, such as '45 ms'.")
-@click.option("--sd", metavar="TIME", help="With --mean: the standard deviation; default: 0 ms.")
 @click.option("--cores", type=COUNT, help="The device's; default: this machine's, or assumed.")
 @click.option("--model", help="What scenarios call the model; default: the detector's name.")
 @click.option(
@@ -53,8 +50,6 @@ def profile(
     csv: Path | None,
     column: str | None,
     unit: str | None,
-    mean: str | None,
-    sd: str | None,
     cores: int | None,
     model: str | None,
     weights: Path | None,
@@ -65,52 +60,29 @@ def profile(
     \b
     genie-sim profile --detector yolox_nano --out device_profiles/here.yaml
     genie-sim profile --csv runs.csv --column "latency [ms]" --cores 8 --out orin.yaml
-    genie-sim profile --mean 45ms --sd 5ms --cores 8 --model yolov8 --out board.yaml
     """
-    from genie_sim.base import units
     from genie_sim.base.import_report import ImportReport
     from genie_sim.scenario import device_fit
 
-    if [detector, csv, mean].count(None) != 2:
+    if (detector is None) == (csv is None):
         raise UserError(
             "profile: give either --detector, to measure here, or --csv, with latencies measured "
-            "elsewhere, or --mean"
+            "elsewhere"
         )
-    if detector is not None:
+    if csv is None:
         arguments.only("with --detector", *OF_ALL, "detector", "weights", "runs")
-    elif csv is not None:
-        arguments.only("with --csv", *OF_ALL, "csv", "column", "unit")
     else:
-        arguments.only("with --mean", *OF_ALL, "mean", "sd")
+        arguments.only("with --csv", *OF_ALL, "csv", "column", "unit")
     device_fit.PROFILE.check(out)  # before anything is measured
     report = ImportReport(csv or "profile")
-    given = None
-    if mean is not None:
-        middle, spread = (part.strip() for part in re.split(r"\+/?-|±", f"{mean}±", maxsplit=2)[:2])
-        if spread:
-            raise UserError(f"--mean: {mean!r}: write --mean {middle!r} --sd {spread!r}")
-        mean_ns = arguments.quantity("--mean", mean, units.duration_ns)
-        sd_ns = 0 if sd is None else arguments.quantity("--sd", sd, units.duration_ns)
-        if model is None:
-            raise UserError("profile: --mean needs --model, the name that scenarios use")
-        if sd_ns > mean_ns:
-            raise UserError(f"profile: --sd: {sd} must be at most --mean, {mean}")
-        given = device_fit.of_summary(model, mean_ns, sd_ns)
-    if given is not None:
-        measured, fit = given
-    else:
-        with ProgressBar(unit="pictures") as progress:
-            if csv is not None:
-                measured = device_fit.from_table(
-                    csv, model or csv.stem, report, column=column, unit=unit
-                )
-            else:
-                assert detector is not None
-                measured = device_fit.measure(
-                    detector, weights, runs, model=model, progress=progress
-                )
-        fit = device_fit.fit(measured.latencies_ns)
-        device_fit.check_fit(measured, fit, report)
+    with ProgressBar(unit="pictures") as progress:
+        if csv is not None:
+            measured = device_fit.from_table(csv, model or csv.stem, report, column, unit)
+        else:
+            assert detector is not None
+            measured = device_fit.measure(detector, weights, runs, model, progress)
+    fit = device_fit.fit(measured.latencies_ns)
+    device_fit.check_fit(measured, fit, report)
     device_fit.write(out, measured, fit, cores)
-    click.echo(f"{out}: {measured.model}: {fit if fit.runs else measured.source}")
+    click.echo(f"{out}: {measured.model}: {fit}")
     terminal.tell(report)

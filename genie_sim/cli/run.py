@@ -40,10 +40,7 @@ if TYPE_CHECKING:
 @methods_option
 @seeds_option
 @click.option(
-    "--jobs",
-    type=COUNT,
-    help="Processes on this machine: of one run, for its methods (default: 1), with --seeds for"
-    " its runs (default: one a core).",
+    "--jobs", type=COUNT, help="With --seeds: processes on this machine; default: one a core."
 )
 @label_option
 @click.option("--out", type=PATH, default="results", help="The folder that gets the result folder.")
@@ -86,6 +83,8 @@ def run(
     several = arguments.seeds(seeds)
     if seed is not None and several is not None:
         raise UserError("--seed and --seeds: give one of them")
+    if jobs is not None and several is None:
+        raise UserError("--jobs: has no effect without --seeds")
     # the metrics that are named; none of them: all; None: a few that the table chooses
     rows = arguments.listed("--metrics", metrics) if metrics is not None or all_rows else None
     if rows and all_rows:
@@ -110,7 +109,7 @@ def run(
     result: Run | SeedRuns
     if several is None:
         with ProgressBar("s of all methods") as progress:
-            result = api.run(loaded, out=out, jobs=jobs or 1, progress=progress, **shown)
+            result = api.run(loaded, out=out, progress=progress, **shown)
     else:
         with ProgressBar("runs") as progress, terminal.resumable(out):
             result = api.run_seeds(

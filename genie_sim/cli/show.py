@@ -5,9 +5,9 @@ from pathlib import Path
 import click
 
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.paths import OutputKind, atomic_write, read_text
+from genie_sim.base.paths import read_text
 from genie_sim.cli import completion
-from genie_sim.cli.arguments import PATH, only
+from genie_sim.cli.arguments import only
 
 
 @click.command()
@@ -22,33 +22,20 @@ from genie_sim.cli.arguments import PATH, only
     help="Which, where a name stands for several.",
 )
 @click.option(
-    "--copy-to", type=PATH, metavar="PATH", help="Write it to this file or folder, to change it."
-)
-@click.option(
     "--schema",
     is_flag=True,
     help="The JSON Schema of 'scenario' or 'device' files instead, for editors.",
 )
-def show(name: str, kind: str | None, copy_to: Path | None, schema: bool) -> None:
-    """Print or copy a shipped scenario, sweep or device profile.
+def show(name: str, kind: str | None, schema: bool) -> None:
+    """Print a shipped scenario, sweep or device profile.
 
     \b
-    genie-sim show 3car_hetero
-    genie-sim show 3car_hetero --copy-to mine.yaml
-    genie-sim show --schema scenario --copy-to scenario.schema.json
+    genie-sim show 3car_hetero > mine.yaml
+    genie-sim show --schema scenario > scenario.schema.json
     """
     if schema:
-        only("with --schema", "name", "schema", "copy_to")
-    path = None if schema else _path(name, kind)
-    text = _schema(name) if path is None else read_text(path)
-    if copy_to is None:
-        click.echo(text.rstrip("\n"))
-        return
-    if copy_to.is_dir():
-        copy_to = copy_to / (f"{name}.schema.json" if path is None else path.name)
-    with atomic_write(copy_to, OutputKind("file to edit")) as beside:
-        beside.write_text(text, encoding="utf-8")
-    click.echo(f"{copy_to}" if path is None else f"{copy_to} (from {path})")
+        only("with --schema", "name", "schema")
+    click.echo((_schema(name) if schema else read_text(_path(name, kind))).rstrip("\n"))
 
 
 def _schema(what: str) -> str:

@@ -1,4 +1,4 @@
-"""What the command line shows besides results: where to begin, lists, progress.
+"""What the command line shows besides results: lists, progress.
 
 Everything fits the terminal's width and needs no colour.
 """
@@ -13,54 +13,28 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from genie_sim.base import add_ons
 from genie_sim.base.docstrings import docstring
 from genie_sim.base.errors import unknown
-from genie_sim.base.import_report import ImportReport
 from genie_sim.base.plugins import own_faults_told
+
+if TYPE_CHECKING:
+    from genie_sim.base.import_report import ImportReport
 
 PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
-LINE_EVERY_S = 10  # at least, between lines of progress where there is no terminal
+SHOW_EVERY_S = 0.2  # at least, between two states of progress on a terminal
+LINE_EVERY_S = 10  # and between its lines where there is none
 WIDE = 72  # from here on a command and what it does stand side by side
-FIRST_STEPS = (
-    ("genie-sim run 3car_hetero", "three cars, three edges, a few seconds"),
-    ("genie-sim list scenarios", "what else can be run"),
-    ("genie-sim run 3car_hetero --set cars[0].device=orin_nano", "change a setting"),
-    ("genie-sim reproduce --quick", "the paper's evaluation, roughly"),
-    ("genie-sim --help", "everything else"),
-)
 
 
 def width() -> int:
     """Columns of the terminal; 100 where there is none."""
     return shutil.get_terminal_size((100, 24)).columns
-
-
-def welcome(columns: int, results: Path = Path("results")) -> str:
-    """What to do next, for someone who typed ``genie-sim`` alone."""
-    about = (
-        "genie-sim simulates Genie, the smart ROS cache for connected vehicles and edge servers."
-    )
-    lines = [textwrap.fill(about, columns), "", "What to do next:"]
-    side_by_side = max(len(command) for command, _ in FIRST_STEPS) + 4
-    for command, what in FIRST_STEPS:
-        if columns >= side_by_side + 40:
-            lines.append(f"  {command:{side_by_side}}{what}")
-        else:
-            inside = " " * 6
-            lines += [
-                f"  {command}",
-                *textwrap.wrap(what, columns, initial_indent=inside, subsequent_indent=inside),
-            ]
-    pages = sorted(results.glob(f"*/{PAGE}"), key=lambda page: page.stat().st_mtime)
-    if pages:
-        lines += ["", "Latest report, for your browser:", f"  {pages[-1]}"]
-    return "\n".join(lines)
 
 
 def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[str]:
@@ -176,59 +150,48 @@ def machine_said(error: OSError | MemoryError) -> str:
     return f"{where}{error.strerror or error}"
 
 
-def tell(report: ImportReport) -> None:
+def tell(report: "ImportReport") -> None:
     """Prints the report of an import below what it belongs to."""
     for line in report.lines():
         click.echo(f"  {line}")
 
 
 class ProgressBar:
-    """A progress bar on a terminal, and elsewhere a line on stderr with each tenth that is done,
-    but none within ``LINE_EVERY_S`` of the last, unless the environment has
-    ``GENIE_SIM_PROGRESS=off``; called with how much is done, how much there is, and what is going
-    on. ``unit`` says of what: of seconds, one digit is told.
+    """How far a command is, on stderr: on a terminal one line that is written over, elsewhere a
+    line with each tenth that is done, but none within ``LINE_EVERY_S`` of the last; nothing where
+    the environment has ``GENIE_SIM_PROGRESS=off``. Called with how much is done, how much there is,
+    and what is going on. ``unit`` says of what: of seconds, one digit is told.
     """
 
     def __init__(self, unit: str = "s") -> None:
         self._unit = unit
-        self._bar: Any = None
         self._tenths, self._told_s = 0, time.monotonic()
-        self._prints_lines = False
+        self._on_terminal = sys.stderr.isatty()
+        self._is_on = os.environ.get(PROGRESS_VARIABLE) != "off"
 
     def __enter__(self) -> "ProgressBar":
-        if os.environ.get(PROGRESS_VARIABLE) == "off":
-            return self
-        self._prints_lines = not sys.stderr.isatty()
-        if self._prints_lines:
-            return self
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        bar = BarColumn(bar_width=max(8, min(40, width() // 4)))
-        columns = [TextColumn("{task.description}"), bar, TextColumn("{task.fields[state]}")]
-        if width() >= WIDE:
-            columns.append(TimeRemainingColumn())
-        self._bar = Progress(
-            *columns, console=Console(stderr=True), transient=True, refresh_per_second=5
-        )
-        self._task = self._bar.add_task("", total=None, state="")
-        self._bar.start()
         return self
 
     def __call__(self, done: float, total: float, what: str = "") -> None:
         number = ",.1f" if self._unit.startswith("s") else ","
-        state = f"{done:{number}} of {total:{number}} {self._unit}"
-        if self._bar is not None:
-            self._bar.update(self._task, completed=done, total=total, description=what, state=state)
+        text = f"{done:{number}} of {total:{number}} {self._unit}".strip()
+        text = f"{text}, {what}" if what else text
         tenths = int(10 * done / total) if total else 0
-        is_late = time.monotonic() - self._told_s >= LINE_EVERY_S
-        if self._prints_lines and is_late and self._tenths < tenths < 10:
-            self._tenths, self._told_s = tenths, time.monotonic()
-            try:
-                click.echo(f"genie-sim: {', '.join(filter(None, (state, what)))}", err=True)
-            except (OSError, ValueError):  # nobody reads them any more
-                self._prints_lines = False
+        passed_s = time.monotonic() - self._told_s
+        if self._on_terminal and passed_s >= SHOW_EVERY_S:
+            self._write(f"\r{text[: width() - 1]:{width() - 1}}")
+        elif not self._on_terminal and passed_s >= LINE_EVERY_S and self._tenths < tenths < 10:
+            self._tenths = tenths
+            self._write(f"genie-sim: {text}\n")
 
     def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
+        if self._on_terminal:
+            self._write(f"\r{' ' * (width() - 1)}\r")
+
+    def _write(self, text: str) -> None:
+        self._told_s = time.monotonic()
+        try:
+            if self._is_on:
+                click.echo(text, nl=False, err=True)
+        except (OSError, ValueError):  # nobody reads them any more
+            self._is_on = False

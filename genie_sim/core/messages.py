@@ -8,15 +8,13 @@ east-north-up frame, angles radians, times integer nanoseconds, boxes pixels ``(
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
+from genie_sim.core.encodings import Encoding as Encoding
 from genie_sim.core.header import Header as Header
 
 Location = tuple[float, float, float]
 Box = tuple[float, float, float, float]
-
-# how pictures are sent; the number is JPEG's quality
-Encoding = Literal["raw", "png", "jpeg90", "jpeg80"]
 
 # autowarefoundation/autoware: a DetectedObjectArray of n objects with empty clouds takes 26 + 400 n
 # bytes.

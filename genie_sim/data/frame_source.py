@@ -96,9 +96,6 @@ class FrameSource:
     is_map: ClassVar[bool] = False
     """Whether cars drive on a map, for ``duration_ns``, and replay no recording."""
 
-    has_cars: ClassVar[bool] = False
-    """Whether the source brings the cars of a fleet."""
-
     duration_ns: int
 
     def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
@@ -114,9 +111,3 @@ class FrameSource:
             Called with how much is done, how much there is, and what is going on.
         """
         raise NotImplementedError
-
-    def cells(self, cell_m: float) -> float:
-        """About how many squares with sides of ``cell_m`` metres the map has; 0 where that is not
-        known before it is opened.
-        """
-        return 0.0

@@ -144,7 +144,7 @@ class Recommended(Method):
             outputs,
             pacer=pacer if has_edge else None,
             object_map=object_map,
-            shared=None if sharing is None else SharedTracks(sharing, object_map),
+            shared_tracks=None if sharing is None else SharedTracks(sharing, object_map),
             map_answer=map_answer,
             suffixes=suffixes,
             names_changes=names_changes,

@@ -28,7 +28,7 @@ class PacedGenie(TrackingGenie):
         As those of ``TrackingGenie``.
     pacer : Pacer
         Decides what goes up; ``None`` on a car without an edge.
-    shared : SharedTracks
+    shared_tracks : SharedTracks
         What the edge shares of other cars' looks; ``None`` where edges share nothing.
     map_answer : callable
         Makes an answer out of a header and objects.
@@ -44,13 +44,13 @@ class PacedGenie(TrackingGenie):
         *,
         pacer: Pacer | None,
         object_map: TrackMap,
-        shared: SharedTracks | None = None,
+        shared_tracks: SharedTracks | None = None,
         map_answer: MakeAnswer,
         suffixes: tuple[str, str] = SUFFIXES,
         names_changes: bool = True,
     ) -> None:
         super().__init__(name, inputs, outputs, object_map=object_map, names_changes=names_changes)
-        self._shared = shared
+        self._shared_tracks = shared_tracks
         self._pacer = pacer
         self._map_answer = map_answer
         # images go to the own detector and to the edge, answers come from both
@@ -72,8 +72,8 @@ class PacedGenie(TrackingGenie):
         if topic == self._images:
             return effects + self._on_frame(message, now_ns)
         if message.source == SHARED:
-            if self._shared is not None:
-                self._shared.replace(message.objects or (), message.valid_ns or 0)
+            if self._shared_tracks is not None:
+                self._shared_tracks.replace(message.objects or (), message.valid_ns or 0)
             return effects
         return effects + self._on_answer(message, topic == self._from_node, now_ns)
 
@@ -114,7 +114,7 @@ class PacedGenie(TrackingGenie):
         else:
             arrival = self._pacer.answered(answer.header, now_ns)
             is_in_time = arrival.is_in_time
-            effects += _lost(arrival.lost)
+            effects += _lost(arrival.losses)
             outcome = "answered" if is_in_time else "stale"
             effects.append(
                 LookEvent(answer.header, "edge", outcome if arrival.is_awaited else "late")
@@ -140,11 +140,11 @@ class PacedGenie(TrackingGenie):
 
     def _with_shared(self, answer: Answer, viewer: Viewer, now_ns: int) -> Answer:
         """An answer with what other cars saw in view, as far as this one believes it."""
-        if self._shared is None:
+        if self._shared_tracks is None:
             return answer
         own = answer.objects or ()
-        believed = self._shared.believed(own, viewer.pose, now_ns)
-        in_view = [item for item in believed if self.object_map.is_in_view(viewer, item)]
+        candidates = self._shared_tracks.believed(own, viewer.pose, now_ns)
+        in_view = [item for item in candidates if self.object_map.is_in_view(viewer, item)]
         return answer.with_objects([*own, *in_view])
 
 

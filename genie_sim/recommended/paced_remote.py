@@ -60,7 +60,7 @@ class PacedSender(LocalAndRemote):
         effects: list[Effect] = [Expired(loss.header) for loss in self._pacer.expire(now_ns)]
         if topic != self._images:
             arrival = self._pacer.answered(message.header, now_ns)
-            effects += [Expired(loss.header) for loss in arrival.lost]
+            effects += [Expired(loss.header) for loss in arrival.losses]
             return [*effects, Publish(self._objects, message)]
         assert isinstance(message, Image)
         if self._pacer.dispatch(message.header, message.pose.heading_rad, now_ns) is None:

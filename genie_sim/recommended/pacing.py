@@ -40,7 +40,7 @@ class LookArrival(NamedTuple):
 
     is_in_time: bool
     is_awaited: bool
-    lost: Sequence[Loss]
+    losses: Sequence[Loss]
 
 
 class RoundTrip:
@@ -102,18 +102,19 @@ class SentFrame(NamedTuple):
 @dataclass(slots=True)
 class Stream:
     """What is known of one camera stream: stamp [ns] and heading [rad] of its newest frame, the
-    time [ns] to it from the one before, and the frame that last went up. ``None`` before the first.
+    time [ns] to it from the one before, and the frame that went up last; ``None`` until there is
+    one.
     """
 
     stamp_ns: int
     heading_rad: float
     interval_ns: int | None = None
-    sent: SentFrame | None = None
+    last_sent: SentFrame | None = None
 
     def next_ns(self, newest: "Stream") -> float:
         """When its next frame is expected, at the time of the ``newest`` frame of its view, whose
-        interval counts where its own is not known yet. Infinity if neither is, or if the frame
-        should have been there for more than half an interval: then the camera stands still.
+        interval stands in for its own where that is unknown. Infinity if both are, or if the frame
+        is overdue by more than half an interval: then the camera stands still.
         """
         interval_ns = self.interval_ns or newest.interval_ns
         if interval_ns is None:
@@ -200,14 +201,14 @@ class Pacer:
         view = self._streams.add_frame(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._interval_ns()
-        departures = [other.sent for other in view.values() if other.sent is not None]
+        departures = [other.last_sent for other in view.values() if other.last_sent is not None]
         last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _is_its_turn(
             stream, view.values(), due_ns, every_ns
         ):
             return None
-        stream.sent = SentFrame(header.stamp_ns, due_ns)
+        stream.last_sent = SentFrame(header.stamp_ns, due_ns)
         self._outstanding[header] = now_ns
         return Departure(None if last is None else header.stamp_ns - last.stamp_ns)
 
@@ -218,7 +219,7 @@ class Pacer:
         is_in_time = now_ns - header.stamp_ns <= self._stale_ns
         sent_ns = self._outstanding.get(header)
         if sent_ns is None:
-            return LookArrival(is_in_time, is_awaited=False, lost=())
+            return LookArrival(is_in_time, is_awaited=False, losses=())
         losses = []
         for earlier in list(self._outstanding):
             del self._outstanding[earlier]
@@ -227,7 +228,7 @@ class Pacer:
             losses.append(Loss(earlier, "overtaken"))
         self._stale_in_a_row = 0 if is_in_time else self._stale_in_a_row + 1
         self.round_trip.measured(now_ns - sent_ns)
-        return LookArrival(is_in_time, is_awaited=True, lost=losses)
+        return LookArrival(is_in_time, is_awaited=True, losses=losses)
 
     def expire(self, now_ns: int) -> list[Loss]:
         """Removes and returns the frames that have been on their way for longer than the timeout.
@@ -297,7 +298,7 @@ def _is_its_turn(
 
 def _sent_ns(stream: Stream) -> float:
     """The stamp of the frame of a stream that went up last; before the first minus infinity."""
-    return -math.inf if stream.sent is None else stream.sent.stamp_ns
+    return -math.inf if stream.last_sent is None else stream.last_sent.stamp_ns
 
 
 def _turn_rad(heading_rad: float, other_rad: float) -> float:

@@ -103,7 +103,7 @@ class SharedTracks:
 
         ``own`` are the objects of the car's own map; ``pose`` is where its camera is.
         """
-        believed: list[Detection] = []
+        objects: list[Detection] = []
         ahead_s = min(max(now_ns - self._valid_ns, 0), COAST_NS) * 1e-9
         for item in self._objects:
             if item.motion is None or item.location is None:
@@ -117,12 +117,12 @@ class SharedTracks:
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
                 or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
-                or _is_near(believed, kind, east_m, north_m, within_m=SAME_SHARED_M)
+                or _is_near(objects, kind, east_m, north_m, within_m=SAME_SHARED_M)
                 or self._own_tracks.contradicts(item.label, east_m, north_m, seen_ns)
             ):
                 continue
-            believed.append(item.with_location((east_m, north_m, up_m)))
-        return believed
+            objects.append(item.with_location((east_m, north_m, up_m)))
+        return objects
 
 
 def _is_near(

@@ -9,19 +9,18 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from genie_sim.analysis import compare as comparing
-from genie_sim.analysis import compare_tables, registry
-from genie_sim.analysis.verdict import verdicts
+from genie_sim.analysis import registry
 from genie_sim.base.errors import UserError, unknown
 from genie_sim.base.paths import expanded
 from genie_sim.base.progress import Progress
 from genie_sim.base.python_values import typed
 from genie_sim.record import results
-from genie_sim.report import comparison, notebook, template
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
+
+    from genie_sim.analysis.compare import ComparedRuns
 
 
 class Result(ABC):
@@ -86,6 +85,8 @@ class Result(ABC):
             raise UserError(
                 "report: a result without a folder needs a path, such as .report('report.html')"
             )
+        from genie_sim.report import template
+
         where = (self.folder or Path()) / template.NAME if path is None else expanded(path)
         template.PAGE.check(where)  # before anything is drawn
         template.write(where, self.page())
@@ -124,21 +125,25 @@ class Comparison:
         self._metrics = metrics
 
     @cached_property
-    def compared(self) -> comparing.ComparedRuns:
+    def compared(self) -> "ComparedRuns":
         """What the tables show. Raises ``UserError`` for results that cannot be compared."""
         return self._of(self._metrics)
 
-    def _of(self, metrics: Sequence[str]) -> comparing.ComparedRuns:
+    def _of(self, metrics: Sequence[str]) -> "ComparedRuns":
+        from genie_sim.analysis.compare import compare
+
         if metrics:
             cells = [cell for result in self._results for cell in result.cells.values()]
             runs = [run for by_seed in cells for run in by_seed.values()]
             registry.checked(metrics, (row.metric for run in runs for row in run.measured))
-        return comparing.compare(self._results, self._methods, self._labels, metrics)
+        return compare(self._results, self._methods, self._labels, metrics)
 
     @cached_property
     def table(self) -> "pd.DataFrame":
         """One row a number, and one a difference; see ``analysis.compare_tables.tidy_rows``."""
         import pandas as pd
+
+        from genie_sim.analysis import compare_tables
 
         return pd.DataFrame(compare_tables.tidy_rows(self.compared), columns=compare_tables.FIELDS)
 
@@ -155,20 +160,25 @@ class Comparison:
         """A sentence for each arm that is compared with another: in what it is better or worse, by
         how much, and how sure that is.
         """
+        from genie_sim.analysis.verdict import verdicts
+
         return verdicts(self.compared)
 
     def figures(self, width_in: float | None = None) -> "Mapping[str, Figure]":
         """The differences with their intervals, overlaid distributions of response times, and
         latency against accuracy.
         """
+        from genie_sim.report import comparison
+
         return comparison.figures(self.compared, width_in)
 
     def figure(self, name: str, width_in: float | None = None) -> "Figure":
         """One figure, or the values of one metric. Raises ``UserError``."""
+        from genie_sim.analysis.compare import as_metrics
         from genie_sim.analysis.points import metric_values
 
         made = self.compared
-        metrics, methods = comparing.as_metrics(made, [name])
+        metrics, methods = as_metrics(made, [name])
         if metrics or name in registry.METRICS:
             return metric_values(name, metrics, methods, made.by, width_in, own=made.words)
         figure: Figure = named(name, self.figures(width_in))
@@ -176,14 +186,20 @@ class Comparison:
 
     def text(self, format: str = "markdown", metrics: Sequence[str] = ()) -> str:
         """The table as ``markdown``, ``csv`` or ``latex``."""
+        from genie_sim.analysis import compare_tables
+
         return compare_tables.text(self._of(metrics) if metrics else self.compared, format)
 
     @typed
     def report(self, folder: str | Path) -> Path:
         """Writes a page, figures and tables into a folder."""
+        from genie_sim.report import comparison
+
         return comparison.write(self.compared, expanded(folder))
 
     def _repr_html_(self) -> str:
+        from genie_sim.report import notebook
+
         return notebook.comparison_html(self.compared)
 
 

@@ -40,7 +40,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
     # One model for all equal links: a fleet has one, and very many cars.
     links = {car.name: car.link for car in scenario.cars if car.link is not None}
     choices = {repr(choice): choice for choice in links.values()}
-    models = {key: link_model(choice) for key, choice in choices.items()}
+    models: dict[str, LinkModel] = {key: LINK.make(choice) for key, choice in choices.items()}
     return Setup(
         seed=scenario.seed,
         settings=settings,
@@ -50,7 +50,7 @@ def setup(prepared: Prepared, entry: MethodEntry) -> Setup:
         frames={car.name: prepared.drives[car.name].frames for car in scenario.cars},
         devices=devices,
         links={car: models[repr(choice)] for car, choice in links.items()},
-        edge_network=link_model(settings.edge_network),
+        edge_network=LINK.make(settings.edge_network),
         laws=prepared.laws,
         faults=[timed(fault, index) for index, fault in enumerate(scenario.faults)],
         codec=_codec(prepared, settings.image_encoding),
@@ -137,9 +137,3 @@ def detector_time(profile: DeviceProfile, model: str, spread: str = "default") -
     median_ns = profile.median_ns(model)
     law = getattr(profile.spreads, spread)
     return ServiceTime(median_ns, law.loc, law.sigma)
-
-
-def link_model(choice: Choice) -> LinkModel:
-    """The model of a link. Raises ``UserError``."""
-    model: LinkModel = LINK.make(choice)
-    return model

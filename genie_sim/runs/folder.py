@@ -26,7 +26,6 @@ from genie_sim.record.results import (
     checked_label,
 )
 from genie_sim.record.tables import read as read_columns
-from genie_sim.record.tables import write as write_columns
 from genie_sim.report.output import DEFAULT_OUTPUT, SHOWN, Output
 from genie_sim.runs.prepare import Prepared, prepare
 from genie_sim.runs.simulate import Observer, simulate
@@ -46,11 +45,9 @@ def run_to_folder(
     output: Output = DEFAULT_OUTPUT,
     *,
     label: str = "",
-    workers: int = 1,
 ) -> Run:
     """Simulates a scenario and writes ``out/<scenario>-<run id>``, with what ``output`` says;
-    ``label`` is what the user calls the run. Its methods run side by side in as many processes as
-    there are ``workers``; results do not depend on it.
+    ``label`` is what the user calls the run.
 
     Raises ``UserError`` before it simulates.
     """
@@ -60,7 +57,7 @@ def run_to_folder(
     run_id = provenance.run_id(prepared.facts)
     folder = out / f"{scenario.name}-{run_id}"
     with provenance.result_folder(folder, SHOWN) as unfinished:
-        run = write(unfinished, prepared, run_id, progress=progress, label=label, workers=workers)
+        run = write(unfinished, prepared, run_id, progress=progress, label=label)
     output.write(run, folder)
     return replace(run, folder=folder)
 
@@ -70,17 +67,16 @@ def run_in_memory(
     progress: Progress | None = None,
     *,
     label: str = "",
-    workers: int = 1,
     observer: Observer | None = None,
 ) -> Run:
-    """Simulates a scenario and writes nothing. An ``observer`` sees what one worker simulates.
+    """Simulates a scenario and writes nothing. An ``observer`` sees what is simulated.
     Raises ``UserError`` before it simulates.
     """
     label = checked_label(label)
     prepared = prepare(scenario, progress)
     run_id = provenance.run_id(prepared.facts)
-    tables = simulate(prepared, progress, workers=workers, observer=observer)
-    return replace(finished(prepared, run_id, tables), label=label)
+    tables = simulate(prepared, progress, observer=observer)
+    return finished(prepared, run_id, tables, label)
 
 
 def write(
@@ -90,7 +86,6 @@ def write(
     *,
     progress: Progress | None = None,
     label: str = "",
-    workers: int = 1,
 ) -> Run:
     """Simulates a run and writes the files of its result folder. Raises ``UserError``.
 
@@ -106,29 +101,15 @@ def write(
         Called with the time now and at the end [s], and what is done.
     label : str
         What the user calls the run; may be empty.
-    workers : int
-        How many processes simulate its methods.
-    """
-    began_s = time.perf_counter()
-    tables = simulate(prepared, progress, spill=folder, workers=workers)
-    for name, table in tables.items():
-        table.write(folder / f"{name}.parquet")
-    run = replace(finished(prepared, run_id, tables), label=label)
-    about = {
-        "rows": {name: len(table) for name, table in tables.items()},
-        "traces": {name: dict(known) for name, known in prepared.origin.provenance.items()},
-        "wall_time_s": round(time.perf_counter() - began_s, 3),
-    }
-    _keep(folder, run, about)
-    return run
-
-
-def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
-    """Writes what follows from a run's tables: metrics, the scenario, and ``run.json``, with
-    ``more`` that is known of the run.
     """
     from genie_sim.analysis import registry
 
+    began_s = time.perf_counter()
+    tables = simulate(prepared, progress, spill=folder)
+    for name, table in tables.items():
+        table.write(folder / f"{name}.parquet")
+    run = finished(prepared, run_id, tables, label)
+    wall_time_s = round(time.perf_counter() - began_s, 3)
     metrics = [dict(zip(METRIC_FIELDS, metric.row, strict=True)) for metric in run.measured]
     provenance.write_json(folder / "metrics.json", metrics)
     provenance.write_text(folder / "scenario.resolved.yaml", run.yaml)
@@ -139,29 +120,17 @@ def _keep(folder: Path, run: Run, more: Mapping[str, Any]) -> None:
         "facts": run.facts,
         "metrics": registry.words((metric.metric for metric in run.measured), run.words),
         "digests": provenance.digests(folder, FILES),
-        **more,
+        "rows": {name: len(table) for name, table in tables.items()},
+        "traces": {name: dict(known) for name, known in prepared.origin.provenance.items()},
+        "wall_time_s": wall_time_s,
         **provenance.environment(),
     }
     # own settings keep the order in which they were written
     provenance.write_json(folder / "run.json", about, sort_keys=False)
+    return run
 
 
-def save(run: Run, out: Path, output: Output = DEFAULT_OUTPUT) -> Path:
-    """Writes a run that is in memory as ``run_to_folder`` does; returns its folder. ``run.json``
-    does not say how long it took, nor about its traces. Raises ``UserError``.
-    """
-    provenance.check_writable(out)
-    folder = out / f"{run.name}-{run.run_id}"
-    with provenance.result_folder(folder, SHOWN) as unfinished:
-        for name, schema in SCHEMAS.items():
-            write_columns(unfinished / f"{name}.parquet", schema, run.tables[name])
-        rows = {name: len(run.tables[name]) for name in SCHEMAS}
-        _keep(unfinished, run, {"rows": rows})
-    output.write(run, folder)
-    return folder
-
-
-def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
+def finished(prepared: Prepared, run_id: str, tables: Tables, label: str = "") -> Run:
     """The run that wrote these tables."""
     from genie_sim.analysis import metrics, registry
 
@@ -173,6 +142,7 @@ def finished(prepared: Prepared, run_id: str, tables: Tables) -> Run:
         yaml=as_yaml(prepared.facts["scenario"]),
         tables=columns,
         measured=measured,
+        label=label,
         words=registry.words_of_code(prepared.scenario.metrics),
     )
 

@@ -1,11 +1,10 @@
 """Simulates every method of a prepared run."""
 
 import gc
-import pickle
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -20,16 +19,14 @@ from genie_sim.record.log import Log
 from genie_sim.record.records import PowerRow, Tables, new_tables
 from genie_sim.record.tables import Table
 from genie_sim.runs import build
-from genie_sim.runs.method_processes import side_by_side
 from genie_sim.runs.own_classes import own_code_named
-from genie_sim.runs.prepare import Prepared, prepare
+from genie_sim.runs.prepare import Prepared
 from genie_sim.scenario.methods import MethodEntry
 from genie_sim.scenario.power import INTERFACES, DevicePower, InterfacePower, parts
-from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.monitor import Samples
 from genie_sim.sim.setup import Setup
-from genie_sim.sim.world import World, answered_cars
+from genie_sim.sim.world import World
 
 TEXT_S = 0.1  # how long a text of progress holds
 
@@ -51,7 +48,6 @@ def simulate(
     progress: Progress | None = None,
     *,
     spill: Path | None = None,
-    workers: int = 1,
     observer: Observer | None = None,
 ) -> Tables:
     """The tables of every method of the scenario, in their order.
@@ -65,16 +61,10 @@ def simulate(
     spill : Path, optional
         A folder: the rows of long tables wait there and not in memory; ``write`` completes their
         files.
-    workers : int
-        How many processes simulate methods side by side, each of which prepares the scenario anew.
     observer : Observer, optional
-        Sees the world of each method; then they run one after the other, in this process.
+        Sees the world of each method.
     """
     methods = prepared.scenario.methods
-    if observer is None and min(workers, len(methods)) > 1:
-        packed = pickle.dumps((prepared.facts["scenario"], prepared.devices))
-        apart = partial(_simulate_apart, packed)
-        return side_by_side(apart, len(methods), workers, progress=progress, spill=spill)
     tables = new_tables(spill)
     earlier_cars: set[str] = set()
     for number, entry in enumerate(methods):
@@ -88,23 +78,6 @@ def simulate(
             observer=observer,
         )
     return tables
-
-
-def _simulate_apart(packed: bytes, number: int, tables: Tables, progress: Progress) -> None:
-    """``simulate_method`` of the ``number``-th method, in a process that knows nothing yet."""
-    prepared = _prepared(packed)
-    methods = prepared.scenario.methods
-    earlier_cars: set[str] = set()  # asked for, as other processes simulate those methods
-    for entry in methods[:number]:
-        earlier_cars |= answered_cars(build.setup(prepared, entry), entry.new())
-    simulate_method(prepared, methods[number], tables, earlier_cars=earlier_cars, progress=progress)
-
-
-@lru_cache(maxsize=1)
-def _prepared(packed: bytes) -> Prepared:
-    """What all methods of a run begin with, once a process."""
-    written, devices = pickle.loads(packed)
-    return prepare(read_scenario(written), devices=devices)
 
 
 def _of_all(progress: Progress | None, number: int, methods: int) -> Progress:

@@ -18,8 +18,7 @@ from genie_sim.base.settings import SettingError, check_unique, join, own_argume
 from genie_sim.base.units import NS_PER_S, duration_text, frame_rate_text
 from genie_sim.data.frame_source import Drive
 from genie_sim.scenario.faults import check_faults
-from genie_sim.scenario.fleet import MAX_EDGES
-from genie_sim.scenario.methods import MethodEntry, method_class
+from genie_sim.scenario.methods import METHOD, MethodEntry
 from genie_sim.scenario.profiles import DeviceProfile, load_profile
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim.frame_rate import recorded_rate
@@ -72,23 +71,17 @@ def _faults(scenario: Scenario, own: bool = False) -> Iterator[tuple[str, str]]:
 
 
 def _check_cars_or_fleet(scenario: Scenario) -> None:
-    """Somebody drives: cars of their own, or a fleet in a town."""
+    """Somebody drives: cars of their own, or a fleet; whether its town fits is told once that is
+    open.
+    """
     source = scenario.source
-    is_map = source is not None and source.is_map  # one of the user's own is looked at when open
     if scenario.fleet is None and not scenario.cars:
         raise SettingError("cars", "must not be empty")
     if scenario.fleet is not None:
         for key in ("cars", "edges"):
             if getattr(scenario, key):
                 raise SettingError(key, "a fleet brings its own; leave them out, or 'fleet'")
-        if source is not None and not is_map:
-            text = "needs a town to drive in: 'perception: {source: town}'"
-            raise SettingError("fleet", text)
-        if scenario.fleet.cars is None and not (source is None or source.has_cars):
-            raise SettingError("fleet.cars", "missing")
-        if source is not None and source.cells(scenario.fleet.cell_m) > MAX_EDGES:
-            raise SettingError("fleet.cell", f"makes more than {MAX_EDGES:,} edges of this town")
-    if is_map:
+    if source is not None and source.is_map:
         _check_on_map(scenario)
 
 
@@ -234,7 +227,7 @@ def _check_model(
     expiry_ns = settings.genie.request_expiry_ns
     if expiry_ns is None or expiry_ns > median_ns:
         return
-    if plugins.is_own(entry.method.name) or not method_class(entry).baseline:
+    if plugins.is_own(entry.method.name) or not METHOD.resolve(entry.method.name).baseline:
         takes, expiry = duration_text(median_ns), duration_text(expiry_ns)
         text = (
             f"{expiry} is over before {settings.model} answers on {profile.name} ({takes}): "
@@ -410,11 +403,11 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
     begin_ns, end_ns = route.window_ns
     where = f"{scenario.name}: cars[{index}].route.window"
     stamps_ns = [frame.stamp_ns for frames in recordings for frame in frames]
-    if begin_ns > max(stamps_ns):
-        begin_s, last_s = begin_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
+    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
+        first_s, last_s = min(stamps_ns) / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(
-            f"{where}: begins at {begin_s:g} s, after the last frame of {drive.name} "
-            f"at {last_s:g} s"
+            f"{where}: no camera takes a frame in it; {drive.name} has frames from {first_s:g} s "
+            f"to {last_s:g} s"
         )
     period_ns = max(
         (
@@ -428,10 +421,4 @@ def _check_route(scenario: Scenario, index: int, car: Car, drive: Drive) -> None
         end_s, last_s = end_ns / NS_PER_S, max(stamps_ns) / NS_PER_S
         raise UserError(
             f"{where}: ends at {end_s:g} s, after the last frame of {drive.name} at {last_s:g} s"
-        )
-    if not any(begin_ns <= stamp_ns < end_ns for stamp_ns in stamps_ns):
-        after_s = min(stamp_ns for stamp_ns in stamps_ns if stamp_ns >= end_ns) / NS_PER_S
-        raise UserError(
-            f"{where}: no camera takes a frame in it; the next one of {drive.name} "
-            f"is at {after_s:g} s"
         )

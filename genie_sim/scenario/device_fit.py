@@ -6,7 +6,7 @@ is the measured one; loc and sigma are those whose quantiles come closest to the
 the logarithm, so that the tail counts.
 """
 
-import math
+import json
 import os
 import platform
 import re
@@ -14,11 +14,10 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from genie_sim.base import units
 from genie_sim.base.errors import UserError, short_repr, unknown
@@ -46,20 +45,38 @@ RATES = re.compile(  # a title that says one of them and no latency
 )
 GROWN = 2.0  # from the first to the last: latencies in their order hardly do
 
+TEMPLATE = """\
+# Written by genie-sim profile.
+# Tags: P the paper, S a public source, M measured, D derived, A assumed.
+name: {name}
+title: {title}
+cores: {{value: {cores}, tag: {cores_tag}, source: {cores_source}}}
+hop:
+  small: {{value: 0.3 ms, tag: A, source: a small message on a Jetson}}
+  per_megabyte: {{value: 2.28 ms, tag: A, source: "as on the Jetsons: TZC, arXiv 1810.00556"}}
+genie:
+  median: {{value: 8.355 ms, tag: A, source: "the paper's mean of 8.8 ms, the same on every host"}}
+  spread: {{loc: 0.6, sigma: 0.5, tag: A, source: as on the paper's devices}}
+spreads:
+  isolated: {{{law}, tag: A, source: "not measured apart: as measured in one condition"}}
+  default: {{{law}, tag: {tag}, source: {fitted}}}
+  loaded: {{{law}, tag: A, source: "not measured apart: as measured in one condition"}}
+models:
+  {model}: {{median: {median}, tag: {tag}, source: {source}}}
+"""
 Times = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
     """Latencies [ns] of one model, in the order in which they were measured, and where they come
-    from. ``here``: on this machine; ``tag``: as in device profiles.
+    from. ``here``: on this machine.
     """
 
     model: str
     latencies_ns: Times
     source: str
     here: bool = True
-    tag: str = "M"
 
 
 class Fit(NamedTuple):
@@ -151,8 +168,8 @@ def from_table(
     if RATES.search(title) and not is_latency:
         raise UserError(f"{named} holds rates, no latencies: invert them ({_choices(table)})")
     if title and not is_latency and not (own and column):
-        text = f"{named} says no latencies and their unit, as latency_ms does"
-        raise UserError(f"{text}: say --column, or call it so ({_choices(table)})")
+        text = f"{named} does not say latency and a unit of time, as latency_ms does"
+        raise UserError(f"{text} ({_choices(table)})")
     if unit is not None and own and UNITS[own] != UNITS[unit]:
         raise UserError(f"{named} says {own}, --unit {unit}")
     unit = unit or own
@@ -179,7 +196,7 @@ def from_table(
     report.usual("latency: a median of", middle_ms, "ms", USUAL_MS, "of a detection")
     report.sentinels("latency", [latency * to_ms for latency in latencies], "ms")
     source = f"{len(latencies)} latencies from {path.name}"
-    return Measurement(model, np.array(latencies) * factor_ns, source, here=False, tag="S")
+    return Measurement(model, np.array(latencies) * factor_ns, source, here=False)
 
 
 def _latencies(table: FileTable, index: int, largest: float) -> list[float]:
@@ -247,19 +264,6 @@ def check_fit(measured: Measurement, fitted: Fit, report: ImportReport) -> None:
         )
 
 
-def of_summary(model: str, mean_ns: int, sd_ns: int) -> tuple[Measurement, Fit]:
-    """The log-normal law of a mean and a standard deviation, where nothing else is known."""
-    sigma = math.sqrt(math.log1p((sd_ns / mean_ns) ** 2))
-    median_ns = round(mean_ns * math.exp(-(sigma**2) / 2))
-    source = (
-        f"given: mean {units.duration_text(mean_ns)}, standard deviation "
-        f"{units.duration_text(sd_ns)}; log-normal, which is assumed"
-    )
-    none = np.array([], dtype=np.float64)
-    fitted = Fit(median_ns, loc=0.0, sigma=round(sigma, 4), gap=0.0, p95=1.0, p99=1.0, runs=0)
-    return Measurement(model, none, source, here=False, tag="D"), fitted
-
-
 def fit(latencies_ns: Times) -> Fit:
     """The law closest to the measured times."""
     from scipy.optimize import minimize
@@ -312,59 +316,28 @@ def write(
     measured, fitted : the model's latencies and their law
     cores : of the device; ``None``: those of this machine if it was measured here, else assumed
     """
-    spread: dict[str, Any] = {"loc": fitted.loc, "sigma": fitted.sigma}
-    source = f"{measured.source}; {fitted}" if fitted.runs else measured.source
-    model: dict[str, Any] = {
-        "median": units.duration_text(fitted.median_ns),
-        "tag": measured.tag,
-        "source": measured.source,
-    }
-    if cores is not None:
-        count = {"value": cores, "tag": "S", "source": "given"}
-    elif measured.here:
-        count = {
-            "value": os.cpu_count() or 1,
-            "tag": "M",
-            "source": "processors of the machine that wrote this file",
-        }
-    else:
-        count = {"value": ASSUMED_CORES, "tag": "A", "source": "assumed: nobody gave them"}
-    assumed = "not measured apart: as measured in one condition"
-    profile = {
-        "name": path.stem,
-        "title": f"Measurement: {platform.node() or platform.machine()}"
-        if measured.here
-        else path.stem,
-        "cores": count,
-        "hop": {
-            "small": {"value": "0.3 ms", "tag": "A", "source": "a small message on a Jetson"},
-            "per_megabyte": {
-                "value": "2.28 ms",
-                "tag": "A",
-                "source": "as on the Jetsons: TZC, arXiv 1810.00556",
-            },
-        },
-        "genie": {
-            "median": {
-                "value": "8.355 ms",
-                "tag": "A",
-                "source": "the paper's mean of 8.8 ms, the same on every host",
-            },
-            "spread": {"loc": 0.6, "sigma": 0.5, "tag": "A", "source": "as on the paper's devices"},
-        },
-        "spreads": {
-            "isolated": {**spread, "tag": "A", "source": assumed},
-            "default": {**spread, "tag": measured.tag, "source": source},
-            "loaded": {**spread, "tag": "A", "source": assumed},
-        },
-        "models": {measured.model: model},
-    }
-    heading = (
-        "# Tags: P the paper, S a public source, M measured, D derived, A assumed. "
-        "Written by genie-sim profile.\n"
+    tag, cores_source = ("M", "processors of this machine") if measured.here else ("S", "assumed")
+    count = (os.cpu_count() or 1) if measured.here else ASSUMED_CORES
+    title = f"Measurement: {platform.node() or platform.machine()}" if measured.here else path.stem
+    text = TEMPLATE.format(
+        name=_quoted(path.stem),
+        title=_quoted(title),
+        cores=count if cores is None else cores,
+        cores_tag="S" if cores is not None else "M" if measured.here else "A",
+        cores_source=cores_source if cores is None else "given",
+        law=f"loc: {fitted.loc}, sigma: {fitted.sigma}",
+        tag=tag,
+        fitted=_quoted(f"{measured.source}; {fitted}"),
+        model=_quoted(measured.model),
+        median=units.duration_text(fitted.median_ns),
+        source=_quoted(measured.source),
     )
-    text = heading + yaml.safe_dump(profile, sort_keys=False, allow_unicode=True, width=110)
     with atomic_write(path, PROFILE) as partial:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.write_text(text, encoding="utf-8")
         return load_profile(partial)
+
+
+def _quoted(text: str) -> str:
+    """A text in YAML."""
+    return json.dumps(text, ensure_ascii=False)

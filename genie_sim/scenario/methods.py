@@ -92,11 +92,6 @@ class MethodEntry(MethodNames):
         return {"name": self.name, "title": title, "baseline": bool(method.baseline)}
 
 
-def method_class(entry: MethodEntry) -> Any:
-    """The class of an entry's method. Raises ``UserError``."""
-    return METHOD.resolve(entry.method.name)
-
-
 def features_of(methods: Mapping[str, Method]) -> dict[str, str | None]:
     """What each method compares frames by; ``None`` for one that does not."""
     return {name: getattr(method, "feature", None) for name, method in methods.items()}

@@ -95,8 +95,8 @@ def read_scenario(
         return read(len(overrides))
     except SettingError as error:
         message = error.message
-        if error.near is not None:
-            message = setting_paths.hint(Scenario, error.field, error.near) or message
+        if error.stray:
+            message = setting_paths.hint(Scenario, error.field) or message
         count = _first_wrong(read, error, len(overrides))
         source = f"{settings_from} {overrides[count - 1]}".lstrip() if count else where
         raise UserError(": ".join(filter(None, (source, error.field, message)))) from error

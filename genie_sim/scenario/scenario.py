@@ -25,7 +25,6 @@ from genie_sim.base.settings import (
     from_plain,
     merged,
     names_of,
-    plain_data,
 )
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.data.sources import SOURCES
@@ -272,10 +271,6 @@ class Scenario(MethodSettings):
             with as_user_error(f"{self.name}: methods[{index}]", UserError):
                 new[entry.name] = entry.new()
         return new
-
-    def to_yaml(self) -> str:
-        """Every setting written out; reads back to an equal scenario."""
-        return as_yaml(plain_data(self))
 
 
 def as_yaml(written: Mapping[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """The paths of all settings of a scenario, as ``--set`` takes them, for completion and hints."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -18,17 +18,14 @@ def setting_paths(cls: type) -> tuple[str, ...]:
     return tuple(dict.fromkeys(_below(Kind.of(cls, "", {}), "", ())))
 
 
-def hint(cls: type, path: str, near: Sequence[str]) -> str:
-    """What may be meant by the unknown field at ``path``: those ``near`` it, and settings of that
-    name at other places; empty where there are none of these.
+def hint(cls: type, path: str) -> str:
+    """What the unknown field at ``path`` may be: settings of that name at other places; empty where
+    there are none.
     """
-    place, _, word = path.rpartition(".")
+    word = path.rpartition(".")[2]
     same = [other for other in setting_paths(cls) if other.rpartition(".")[2] == word]
-    if not same:
-        return ""
-    others = sorted(same, key=len)[:MAX_HINTS]
-    texts = [repr(other) for other in (*(join(place, name) for name in near), *others)]
-    return f"unknown field; did you mean {' or '.join(texts)}?"
+    texts = [repr(other) for other in sorted(same, key=len)[:MAX_HINTS]]
+    return f"unknown field; did you mean {' or '.join(texts)}?" if same else ""
 
 
 def _below(kind: Kind, path: str, above: tuple[Any, ...]) -> Iterator[str]:

@@ -24,7 +24,7 @@ except ImportError:
     CParser = None  # type: ignore[assignment, misc]
 
 from genie_sim.base.errors import UserError, short_repr
-from genie_sim.base.paths import usable
+from genie_sim.base.paths import read_text
 
 MAX_BYTES = 1_000_000
 MAX_DEPTH = 40
@@ -43,28 +43,13 @@ _PLAIN = {
 
 def read_mapping(path: Path) -> dict[str, Any]:
     """The one mapping in a YAML file. Raises ``UserError`` with file and line."""
-    value = parse(read_text(path), str(path))
+    value = parse(read_text(path, MAX_BYTES), str(path))
     if value is None:
         raise UserError(f"{path}: is empty; expected a mapping such as 'name: value'")
     if not isinstance(value, dict):
         what = "a list" if isinstance(value, list) else f"the single value {short_repr(value)}"
         raise UserError(f"{path}: is {what}; expected a mapping such as 'name: value'")
     return value
-
-
-def read_text(path: Path) -> str:
-    """The text of a file of settings. Raises ``UserError``."""
-    with usable(path, "cannot be read"):
-        if path.stat().st_size > MAX_BYTES:
-            raise UserError(
-                f"{path}: is larger than {MAX_BYTES} bytes; a file of settings is smaller"
-            )
-        data = path.read_bytes()
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise UserError(f"{path}: line {line}: is not UTF-8 text") from error
 
 
 def parse(text: str, where: str) -> Any:

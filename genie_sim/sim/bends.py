@@ -59,6 +59,9 @@ class Border(NamedTuple):
         return message
 
 
+NO_BORDER = Border("", "", [], [])
+
+
 class BentFrame:
     """A frame in which a detector finds something else: what ``change`` makes of its detections."""
 

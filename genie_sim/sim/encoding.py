@@ -54,7 +54,7 @@ class ImageCodec:
     """
 
     encoding: Encoding
-    recorded: Recorded
+    recordings: Recorded
 
     def encoded(self, message: Message) -> Message:
         """The message as it goes over a link."""
@@ -62,7 +62,7 @@ class ImageCodec:
             return message
         content = message.content
         if not isinstance(content, EncodedContent):
-            frames = self.recorded.get(message.header.origin, {})
+            frames = self.recordings.get(message.header.origin, {})
             _, _, digest = message.digest.rpartition("/")
             frame = frames.get((digest, content.stamp_ns))
             if frame is None:  # a position
@@ -76,6 +76,10 @@ class ImageCodec:
                 features=getattr(content, "features", {}),
             )
         return replace(message, size_bytes=content.encoded_bytes, content=content)
+
+    def is_image(self, message: Message) -> bool:
+        """Whether it encodes a message: one with an image, and not with a mere position."""
+        return self.encoded(message) is not message
 
     def decoded(self, message: Message) -> Message:
         """The message after it was decoded."""
@@ -119,12 +123,12 @@ class Coder(Node):
         self._per_megabyte_ns = per_megabyte_ns * self.host.device.codec_factor
 
     def inject(self, topic: str, message: Message, sender: str) -> None:
-        """A message comes; its image waits with those of its camera."""
-        if self._codec.encoded(message) is message:
-            self._take(topic, message, sender)
-        else:
+        """A message comes; an image waits with those of its camera."""
+        if self._codec.is_image(message):
             camera = message.header
             self.deliver(f"{topic} {camera.origin}/{camera.frame_id}", message, sender)
+        else:
+            self._take(topic, message, sender)
 
     def work(self, topic: str, message: Message, sender: str) -> Steps:
         raw = self._codec.decoded(message)

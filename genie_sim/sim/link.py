@@ -7,7 +7,7 @@ from typing import Any, Protocol
 from genie_sim.base.contracts import whole
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Message
-from genie_sim.sim.bends import Border
+from genie_sim.sim.bends import NO_BORDER, Border
 from genie_sim.sim.clock import Clock, NewestQueue, Occupancy, Steps
 from genie_sim.sim.encoding import ImageCodec
 from genie_sim.sim.interface import InterfaceUse
@@ -262,7 +262,7 @@ class Bridge(Subscriber):
         or ended its way.
     codec : ImageCodec or None
         How images are encoded; ``None``: not at all.
-    border : Border or None
+    border : Border
         What faults change of the messages at both ends.
     """
 
@@ -276,7 +276,7 @@ class Bridge(Subscriber):
         carried: OnMessage | None = None,
         lost: OnMessage | None = None,
         codec: ImageCodec | None = None,
-        border: Border | None = None,
+        border: Border = NO_BORDER,
     ) -> None:
         self.address = address
         self.link = link
@@ -306,16 +306,13 @@ class Bridge(Subscriber):
             return
         if self._codec is not None:
             message = self._codec.encoded(message)
-        if self._border is not None and self._border.at_source:
-            outcome = self._border.leave(message)
-            if isinstance(outcome, str):
-                self.link.lose(message, f"{self.link.name}:{outcome}")
-                return
-            message = outcome
+        outside = self._cross(message, self._border.leave(message))
+        if outside is None:
+            return
         flow = (self.address, self._topic, message.header.frame_id)
-        arguments = (message, sender, self._connections)
+        arguments = (outside, sender, self._connections)
         self.link.send(
-            flow, message, self.arrive, arguments, carried=self._carried, host=self.address
+            flow, outside, self.arrive, arguments, carried=self._carried, host=self.address
         )
 
     def arrive(self, message: Message, sender: str, connections: int) -> None:
@@ -323,13 +320,16 @@ class Bridge(Subscriber):
         if not self._is_connected or connections != self._connections:
             self._lose(message)
             return
-        if self._border is not None and self._border.at_destination:
-            outcome = self._border.enter(message)
-            if isinstance(outcome, str):
-                self.link.lose(message, f"{self.link.name}:{outcome}")
-                return
-            message = outcome
-        self._target.inject(self._topic, message, sender)
+        inside = self._cross(message, self._border.enter(message))
+        if inside is not None:
+            self._target.inject(self._topic, inside, sender)
+
+    def _cross(self, message: Message, outcome: Message | str) -> Message | None:
+        """A message beyond a border, of which ``outcome`` tells; ``None`` if it was lost there."""
+        if isinstance(outcome, str):
+            self.link.lose(message, f"{self.link.name}:{outcome}")
+            return None
+        return outcome
 
     def _lose(self, message: Message) -> None:
         if self._lost is not None:

@@ -108,8 +108,8 @@ class Network:
         return Draws(self._seed, *names)
 
     def is_busy(self, *, stalled_too: bool) -> bool:
-        """Whether a message is queued, handled or on its way anywhere; what waits on a host that
-        stands still counts if it may go on (``stalled_too``).
+        """Whether a message is queued, handled or on its way anywhere, with ``stalled_too`` also on
+        a host that stands still.
         """
         return (
             self.clock.in_flight > 0
@@ -170,8 +170,7 @@ class Network:
         part : {"uplink", "downlink", "edges"}
             What the time on it counts as.
         dropped : callable, optional
-            Called with each message that is lost, and what lost it; by default the frame is noted
-            as lost.
+            Called with each message that is lost, and what lost it; by default the monitor is told.
         """
         if ends.name in self.links:
             raise UserError(f"link {ends.name}: there is one already")

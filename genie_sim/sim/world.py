@@ -302,9 +302,3 @@ class HostContexts(NamedTuple):
             edges=tuple(edge.name for edge in setup.edges),
             is_one_world=setup.is_one_world,
         )
-
-
-def answered_cars(setup: Setup, method: Method) -> set[str]:
-    """The cars on which a method runs something; it is asked, and no world is built."""
-    contexts = HostContexts(setup)
-    return {car.name for car in setup.cars if method.on_car(contexts.car(car)) is not None}

@@ -24,14 +24,14 @@ from dataclasses import replace
 import numpy as np
 from genie_sim.analysis.statistics import Measured
 from genie_sim.analysis.frame_metrics import response_ms
-from genie_sim.analysis.metric import LOWER, Metric, mean, share
+from genie_sim.analysis.metric import LOWER, Metric, mean_of, share_of
 
 slow = Metric(
     "slow frames", "%", LOWER, meaning="Frames with a first answer after 100 ms.",
-    formula=lambda frames: share(frames, response_ms(frames, "first") > 100),
+    formula=lambda frames: share_of(frames, response_ms(frames, "first") > 100),
 )
-plain = Metric("a number", "", formula=lambda frames: mean(frames, response_ms(frames, "first")))
-raises = replace(slow, formula=lambda frames: share(frames, frames["nothing"]))
+plain = Metric("a number", "", formula=lambda frames: mean_of(frames, response_ms(frames, "first")))
+raises = replace(slow, formula=lambda frames: share_of(frames, frames["nothing"]))
 rowless = replace(slow, rows="nothing")
 exits = replace(slow, formula=lambda frames: exit(0))
 numbered = replace(slow, title=5)

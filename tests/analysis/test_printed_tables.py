@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import asdict
 
+import pandas as pd
 import pytest
 
-from genie_sim.analysis import compare_tables, metrics, screen, summary
+from genie_sim.analysis import compare_tables, metrics, renderers, screen, summary
 from genie_sim.analysis.compare import compare
 from genie_sim.analysis.seed_runs import SeedRuns
 from genie_sim.analysis.verdict import verdicts
@@ -104,3 +106,13 @@ def test_a_comparison(one: Run):
         ("notebook", notebook.comparison_html(compared).replace("<tr>", "\n<tr>")),
     ):
         outline.check_lines(f"table of a comparison, {name}", text.splitlines())
+
+
+def test_each_line_of_a_csv_has_a_cell_for_each_name():
+    table = pd.DataFrame({"rate": [0.1, 0.5], "metric": ["m", "m"], "value": [1.0, None]})
+    names, *rows = csv.reader(renderers.csv_of_table(table, ["metrics.json"]).splitlines())
+    assert [(row[0], row[-1], len(row)) for row in rows] == [
+        ("0.1", "metrics.json", len(names)),
+        ("0.5", "metrics.json", len(names)),
+    ]
+    assert (names[0], names[-1]) == ("rate", "changed")

@@ -154,7 +154,7 @@ def test_what_is_not_there(
         (b"? [1]\n: 2\n", "x.yaml: line 1: a key must be plain text; put it in quotes"),
         (
             b"a: " + b"x" * 1_000_000,
-            "x.yaml: is larger than 1000000 bytes; a file of settings is smaller",
+            "x.yaml: cannot be read: 1,000,003 bytes, more than 1,000,000",
         ),
     ],
 )

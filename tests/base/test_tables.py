@@ -8,7 +8,7 @@ import pytest
 
 from genie_sim.base import tables
 from genie_sim.base.errors import UserError
-from genie_sim.base.tables import FileColumn, FileTable, read_rows, title_of
+from genie_sim.base.tables import FileColumn, FileTable, title_of
 
 COLUMNS = (
     FileColumn("time_s"),
@@ -37,13 +37,13 @@ RIGHT = [(0.0, 12.5, "a"), (0.5, 1.0, "b")]
 def test_every_way_to_write_a_table_gives_its_rows(tmp_path, content):
     path = tmp_path / "a.csv"
     path.write_bytes(content)
-    assert [row.values for row in read_rows(path, COLUMNS)] == RIGHT
+    assert [row.values for row in FileTable(path).rows(COLUMNS)] == RIGHT
 
 
 def test_titles_of_numpy_stand_in_a_comment(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("# time_s up_mbps\n0 12.5\n0.5 1\n")
-    assert [row.values[:2] for row in read_rows(path, COLUMNS)] == [(0.0, 12.5), (0.5, 1.0)]
+    assert [row.values[:2] for row in FileTable(path).rows(COLUMNS)] == [(0.0, 12.5), (0.5, 1.0)]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_what_is_wrong_names_file_line_and_column(tmp_path, content, message):
     path = tmp_path / "a.csv"
     path.write_bytes(content)
     with pytest.raises(UserError, match=message) as error:
-        list(read_rows(path, COLUMNS))
+        list(FileTable(path).rows(COLUMNS))
     assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
 
 
@@ -89,7 +89,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch, bound):
     path = tmp_path / "a.csv.gz"
     path.write_bytes(gzip.compress(b"time_s,up_mbps\n" + b"0,1\n" * 30_000, mtime=0))
     with pytest.raises(UserError, match=r"a.csv.gz: has more than 100,000 characters"):
-        for _ in read_rows(path, COLUMNS[:2]):
+        for _ in FileTable(path).rows(COLUMNS[:2]):
             pass
 
 
@@ -97,7 +97,7 @@ def test_a_single_column_may_have_blanks_in_its_title(tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("Time of a frame [ms]\n12.5\n1\n")
     assert FileTable(path).titles == ("Time of a frame [ms]",)
-    assert [row.values for row in read_rows(path, [FileColumn("time of a frame_ms")])] == [
+    assert [row.values for row in FileTable(path).rows([FileColumn("time of a frame_ms")])] == [
         (12.5,),
         (1.0,),
     ]

@@ -135,7 +135,7 @@ def test_durations_are_written_exactly(ns: int) -> None:
 
 @given(st.integers(0, 2**63 - 1))
 def test_sizes_and_rates_are_written_exactly(number: int) -> None:
-    assert units.size_bytes(units.size_text(number)) == number
+    assert units.size_bytes(units.SIZE.text(number)) == number
     assert units.rate_bps(units.rate_text(number)) == number
 
 
@@ -183,7 +183,7 @@ def test_exact_texts_are_readable() -> None:
     assert units.duration_text(1_500_000_000) == "1.5 s"
     assert units.duration_text(123_456_789) == "123.456789 ms"
     assert units.duration_text(0) == "0 s"
-    assert units.size_text(465_800) == "465.8 kB" and units.size_text(0) == "0 B"
+    assert units.SIZE.text(465_800) == "465.8 kB" and units.SIZE.text(0) == "0 B"
     assert units.rate_text(10**9) == "1 Gbit/s" and units.rate_text(0) == "0 bit/s"
     assert units.ANGLE.text(math.radians(15)) == "15 deg"
 

@@ -136,7 +136,6 @@ def test_options_of_several_commands():
     [
         ("perceive --drive a/b --labels c --out t.parquet", "--labels"),
         ("perceive --check a --cameras 02", "--cameras"),
-        ("profile --mean 4ms --model m --column c --out p.yaml", "--column"),
         ("profile --csv a.csv --runs 30 --out p.yaml", "--runs"),
         ("profile --detector yolox_nano --unit ms --out p.yaml", "--unit"),
         ("import link a.csv --direction up --out l.parquet", "--direction"),

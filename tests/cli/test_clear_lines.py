@@ -145,18 +145,6 @@ def test_a_format_that_agrees_with_the_file_is_accepted(seeds, capsys):
     assert "--format: cdf.pdf says another" in refused(capsys, *line, "--format", "pdf,svg")
 
 
-@pytest.mark.parametrize(
-    ("mean", "message"),
-    [
-        ("45", "--mean: duration '45' has no unit"),
-        ("45 ms +- 5 ms", "--mean: '45 ms +- 5 ms': write --mean '45 ms' --sd '5 ms'"),
-        ("45ms±5ms", "--mean: '45ms±5ms': write --mean '45ms' --sd '5ms'"),
-    ],
-)
-def test_the_mean_of_a_profile_is_read_first(mean, message, capsys):
-    assert message in refused(capsys, "profile", "--mean", mean, "--out", "p.yaml")
-
-
 def test_a_setting_of_every_entry_is_suggested(capsys):
     line = ["run", "street_1car_hetero", "--set"]
     assert refused(capsys, *line, "cars.link=wifi") == (

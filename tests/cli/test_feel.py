@@ -11,7 +11,6 @@ import struct
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -31,7 +30,6 @@ HEAVY = {
     "cv2",
     "onnxruntime",
     "scipy",
-    "rich",
 }
 
 
@@ -77,28 +75,9 @@ def plain(shown: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown)
 
 
-def test_genie_sim_alone_tells_what_to_do_next(capsys):
+def test_genie_sim_alone_shows_the_help(capsys):
     assert main([]) == 0
-    said = capsys.readouterr().out
-    assert "What to do next:" in said
-    assert "genie-sim run 3car_hetero" in said
-    assert "report.html" not in said
-
-
-def test_it_points_to_the_latest_report(capsys):
-    for age, name in ((1, "first"), (3, "second"), (2, "also")):
-        page = Path("results") / name / terminal.PAGE
-        page.parent.mkdir(parents=True)
-        page.touch()
-        os.utime(page, (age, age))
-    assert main([]) == 0
-    assert "results/second/report.html" in capsys.readouterr().out
-
-
-def test_every_first_step_is_a_command_that_exists(run_cli):
-    for line, _ in terminal.FIRST_STEPS:
-        command = line.split()[1]
-        assert command == "--help" or run_cli(command, "--help").returncode == 0
+    assert capsys.readouterr().out.startswith("Usage: genie-sim")
 
 
 def test_help_shows_three_examples_and_every_command(capsys):
@@ -131,7 +110,7 @@ def test_every_screen_fits_its_window(columns):
     """Nothing but a command or a path, which cannot be broken, is wider. Help needs 50 columns, by
     its library.
     """
-    for arguments in ([], ["list"], ["--help"], ["run", "--help"]):
+    for arguments in (["list"], ["--help"], ["run", "--help"]):
         room = max(columns, 50) if "--help" in arguments else columns
         for line in plain(on_a_terminal(*arguments, columns=columns)).splitlines():
             assert len(line) <= room or " --set " in line or len(line.split()) <= 3, (
@@ -149,11 +128,11 @@ def test_a_list_has_one_line_a_name_for_other_programs(run_process):
 
 @pytest.mark.process
 @pytest.mark.unix
-def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
+def test_a_run_shows_its_simulated_seconds_on_a_terminal():
     shown = on_a_terminal(*SHORT, columns=100)
     bars = [line for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
     assert bars
-    words = r"(local|remote|genie), [\d,]+ frames/s, \d+ MB .* [\d.]+ of [\d.]+ s"
+    words = r"[\d.]+ of [\d.]+ s of all methods, (local|remote|genie), [\d,]+ frames/s, \d+ MB"
     assert re.search(words, bars[-1])
     assert max(map(len, bars)) <= 100
     assert "Results: results/street_1car_hetero-" in plain(shown)
@@ -161,7 +140,7 @@ def test_a_run_shows_a_calm_bar_of_simulated_seconds_on_a_terminal():
 
 @pytest.mark.process
 @pytest.mark.unix
-def test_the_bar_fits_a_narrow_window():
+def test_progress_fits_a_narrow_window():
     shown = on_a_terminal(*SHORT, columns=48)
     bars = [line.strip() for line in re.split(r"[\r\n]", plain(shown)) if "frames/s" in line]
     assert bars
@@ -191,26 +170,13 @@ def test_without_a_terminal_a_line_with_each_tenth_says_how_far_it_is(monkeypatc
     assert lines[0] == "genie-sim: 9.0 of 90.0 s, genie, 400 frames/s"
 
 
-def test_show_and_copy_give_what_is_shipped(capsys):
+def test_show_gives_what_is_shipped(capsys):
     from genie_sim.base import files
 
     for name, kind in (("street_3car_hetero", files.SCENARIO), ("jetson_tx2", files.DEVICE)):
         text = files.find(kind, name).read_text(encoding="utf-8")
         assert main(["show", name]) == 0
         assert capsys.readouterr().out == text
-        assert main(["show", name, "--copy-to", "."]) == 0
-        assert capsys.readouterr().out.startswith(f"{name}.yaml (from ")
-        assert Path(f"{name}.yaml").read_text(encoding="utf-8") == text
-    capsys.readouterr()
-    assert main(["show", "street_3car_hetero", "--copy-to", "street_3car_hetero.yaml"]) == 1
-    assert "street_3car_hetero.yaml: is there already; say where else" in capsys.readouterr().err
-    Path("mine").mkdir()
-    assert main(["show", "street_3car_hetero", "--copy-to", "mine"]) == 0
-    assert Path("mine/street_3car_hetero.yaml").is_file()
-    Path("link.yaml").symlink_to("nowhere.yaml")
-    assert main(["show", "street_3car_hetero", "--copy-to", "link.yaml"]) == 1
-    assert not Path("nowhere.yaml").exists()
-    capsys.readouterr()
     assert main(["show", "baselines"]) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert (

@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from genie_sim.base.settings import from_plain, plain_data
-from genie_sim.runs import build
 from genie_sim.scenario.scenario import Scenario
-from genie_sim.sim.link_model import LinkEnds, Sender
+from genie_sim.sim.link_model import LINK, LinkEnds, Sender
 from tests.conformance import small
 from tests.sim.processes import DOWN, UP, sender
 
@@ -54,7 +53,7 @@ class LoneLinkConformance(LinkModelConformance):
     def sender(self, link: Any, ends: LinkEnds = UP, seed: int = 1) -> Sender:
         choice = self.scenario(link).cars[0].link
         assert choice is not None
-        made: Sender = sender(build.link_model(choice), ends, seed=seed)
+        made: Sender = sender(LINK.make(choice), ends, seed=seed)
         return made
 
     def test_times_are_whole_nanoseconds_that_never_run_backwards(self, link: Any):

@@ -9,9 +9,8 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
-from genie_sim.runs import build
 from genie_sim.runs.folder import run_in_memory
-from genie_sim.sim.link_model import LINK_MODELS
+from genie_sim.sim.link_model import LINK, LINK_MODELS
 from tests.conformance import small
 from tests.conformance.link_models import LinkModelConformance, LoneLinkConformance
 from tests.sim.processes import DOWN, UP, sender
@@ -92,7 +91,7 @@ def test_a_radio_of_ones_own_carries_the_frames():
     """A slot each millisecond: what arrives left at the end of a slot."""
     radio = {"model": RADIO, "slot_ms": 1.0, "slot": "200 kB"}
     setting = small.scenario(["remote"], cars=[small.car(1, link=radio), small.car(2)])
-    made: Any = build.link_model(setting.cars[0].link)
+    made: Any = LINK.make(setting.cars[0].link)
     assert (made.slot_ms, made.slot_bytes) == (1.0, 200_000)
     rows = small.frames(setting).query("car == 'car1'")
     assert rows["first_answer_ns"].notna().any()

@@ -43,7 +43,7 @@ def paced_genie(
         (OBJECTS,),
         pacer=Pacer(every_ns=every_ms * MS, **settings) if edge else None,
         object_map=object_map,
-        shared=SharedTracks(SharingRules(), object_map) if is_shared else None,
+        shared_tracks=SharedTracks(SharingRules(), object_map) if is_shared else None,
         map_answer=Detections,
     )
 

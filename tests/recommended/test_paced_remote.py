@@ -54,7 +54,7 @@ def test_a_frame_that_a_later_one_overtakes_is_given_up():
     pacer = Pacer(every_ns=0, in_flight=2, stale_ns=500 * MS)
     for image in frames:
         pacer.dispatch(image.header, 0.0, image.header.stamp_ns)
-    (loss,) = pacer.answered(frames[1].header, 150 * MS).lost
+    (loss,) = pacer.answered(frames[1].header, 150 * MS).losses
     assert (loss.header, loss.cause) == (frames[0].header, "overtaken")
 
 

@@ -289,9 +289,9 @@ def test_what_goes_up_is_answered_lost_or_on_its_way(steps: list[tuple[int, str]
         elif step == "answer" and up:
             before = pace.outstanding
             arrival = pace.answered(up[-1], now_ms * MS)
-            lost += len(arrival.lost)
+            lost += len(arrival.losses)
             answered += arrival.is_awaited
-            assert before - pace.outstanding == len(arrival.lost) + arrival.is_awaited
+            assert before - pace.outstanding == len(arrival.losses) + arrival.is_awaited
         elif step == "expire":
             lost += len(pace.expire(now_ms * MS))
         assert len(up) == answered + lost + pace.outstanding

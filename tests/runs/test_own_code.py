@@ -163,7 +163,7 @@ def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
                 "camera",
             ],
         ),
-        ("sources", ["recorded", "live", "town", "traffic"]),
+        ("sources", ["recorded", "town", "traffic"]),
         ("link-models", ["wire", "trace", "cell"]),
     ],
 )
@@ -302,7 +302,7 @@ def test_what_a_module_raises_as_it_is_imported_is_told_once(
 def test_a_class_of_ones_own_is_named_from_another_process(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    line = ["run", "street_1car_homo", "--no-report", "--jobs", "2"]
+    line = ["run", "street_1car_homo", "--no-report", "--seeds", "2", "--jobs", "2"]
     line += ["--set", "cars[0].route.window=[0 s, 1 s]"]
     assert main(line) == 0, "the processes stay, and run in another folder next"
     (tmp_path / "elsewhere").mkdir()
@@ -449,7 +449,6 @@ OWN_CLASS = "trap:Nothing"
         {"genie": {"similarity": OWN_CLASS}},
         {"genie": {"object_map": {"rule": OWN_CLASS}}},
         {"perception": {"source": OWN_CLASS}},
-        {"perception": {"source": "live", "kitti": "kitti", "detector": OWN_CLASS}},
         {"edge_network": OWN_CLASS},
         {"cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": OWN_CLASS}]},
         {"faults": [{"fault": OWN_CLASS, "target": "car1", "begin": "0 s", "end": "1 s"}]},

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from genie_sim.base.errors import UserError
+from genie_sim.base.settings import plain_data
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
-from genie_sim.scenario.scenario import Scenario
+from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
 from genie_sim.sim import method as methods
 from tests.sim.street import drive, street
@@ -85,7 +86,7 @@ def refusal(**settings: Any) -> str:
 )
 def test_the_resolved_scenario_reads_back(settings: dict[str, Any]) -> None:
     original = scenario(**settings)
-    assert read_scenario(parse(original.to_yaml(), "resolved")) == original
+    assert read_scenario(parse(as_yaml(plain_data(original)), "resolved")) == original
 
 
 def test_an_entry_overrides_the_settings_of_the_scenario() -> None:

@@ -15,7 +15,6 @@ from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
-from genie_sim.runs import build
 from genie_sim.sim.link_model import LINK
 
 IMAGE_BYTES = 1_397_297
@@ -33,7 +32,7 @@ def read(value: object) -> Choice:
 
 def link(value: object) -> Wire:
     """The wire that is written so."""
-    made = build.link_model(read(value))
+    made = LINK.make(read(value))
     assert isinstance(made, Wire)
     return made
 
@@ -91,7 +90,7 @@ def test_a_link_by_name_is_written_as_its_name(name: str) -> None:
 
 def test_an_own_link_is_like_another_but_for_what_it_says() -> None:
     worse = read({"like": "wifi", "loss": 0.01})
-    assert build.link_model(worse) == replace(link("wifi"), loss=0.01)
+    assert LINK.make(worse) == replace(link("wifi"), loss=0.01)
     assert link({"delay": "5 ms"}).rate_up_bps == link("ethernet_1g").rate_up_bps
     assert link({"rate_up": None}).rate_up_bps is None
     written = plain_data(Network(link=worse))["link"]

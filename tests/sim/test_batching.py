@@ -171,7 +171,7 @@ def test_one_picture_at_a_time_is_the_usual_detector_to_the_byte(monkeypatch):
     """Every table of a run, steps included, with the batching detector in place of the usual
     one.
     """
-    short = [f"cars[{i}].route.window=[{i} s, {i + 2} s]" for i in range(3)]
+    short = [f"cars[{i}].route.window=[{i} s, {i + 1} s]" for i in range(3)]
     settings = load_scenario(
         "street_3car_hetero", [*short, "methods=[remote,genie,sim_lru,{method: foggycache}]"]
     )

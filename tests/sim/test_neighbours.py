@@ -10,7 +10,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.scenario.scenario import Scenario
 from genie_sim.sim import topology
 from genie_sim.sim.settings import Edge
-from tests.sim.street import build, drive, scenario
+from tests.sim.street import build, drive, scenario, street
 
 NAMES = ("edge1", "edge2", "edge3")
 
@@ -25,7 +25,7 @@ def three(**neighbours: list[str] | None) -> Scenario:
 
 def heard(setting: Scenario) -> dict[str, set[str]]:
     """Of each edge: those whose requests or answers reached it over the edge network."""
-    world, _ = build(setting, "genie")
+    world, _ = build(setting, "genie", street(seconds=2.0))
     reached: dict[str, set[str]] = {name: set() for name in NAMES}
     for name, edge in world.edges.items():
         deliver = edge.graph.inject
@@ -107,8 +107,8 @@ def test_an_edge_that_names_none_shares_with_nobody():
 
 def test_naming_all_others_is_the_same_as_naming_none():
     named = three(**{name: [other for other in reversed(NAMES) if other != name] for name in NAMES})
-    unnamed = drive(three())
-    for table, rows in drive(named).items():
+    unnamed = drive(three(), street(seconds=2.0))
+    for table, rows in drive(named, street(seconds=2.0)).items():
         assert rows.equals(unnamed[table]), table
 
 

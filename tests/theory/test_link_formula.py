@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from genie_sim.core.messages import Detections, Header
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
-from genie_sim.runs import build
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.link import Link
+from genie_sim.sim.link_model import LINK
 from tests.sim.processes import DOWN, UP, sender
 
 IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
@@ -25,7 +25,7 @@ IMAGE_BYTES = 1_397_297  # sensor_msgs/Image, bgr8, 1242 x 375
 
 def wire(name: str = "ethernet_1g", **changes: Any) -> Wire:
     """A shipped link but for some settings."""
-    made = build.link_model(LINKS[name])
+    made = LINK.make(LINKS[name])
     assert isinstance(made, Wire)
     return replace(made, **changes)
 

@@ -24,6 +24,7 @@ from genie_sim.sim.batching import BatchingDetectorNode
 from genie_sim.sim.clock import Clock
 from genie_sim.sim.host import Host, Processor
 from genie_sim.sim.link import Link
+from genie_sim.sim.link_model import LINK
 from genie_sim.sim.nodes import DetectorNode
 from genie_sim.sim.ros_graph import Graph, Subscriber
 from genie_sim.sim.settings import Serving
@@ -285,7 +286,7 @@ def test_a_link_with_poisson_messages_matches_m_d_1():
 
     def experiment(rng: np.random.Generator) -> float:
         env = Clock()
-        wire: Any = build.link_model(LINKS["ethernet_1g"])
+        wire: Any = LINK.make(LINKS["ethernet_1g"])
         upwards = sender(replace(wire, delay_ns=0), clock=env)
         link = Link(env, "car1->edge1", upwards, queue_length=10**9)
         wire_ns = upwards.occupied_ns(1_397_297, 0)

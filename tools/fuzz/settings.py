@@ -193,7 +193,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
         "--out",
     ),
     "list": (),
-    "show": ("--kind", "--copy-to", "--schema"),
+    "show": ("--kind", "--schema"),
     "": ("--version",),
 }
 

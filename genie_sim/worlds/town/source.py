@@ -3,7 +3,6 @@ known.
 """
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -54,12 +53,6 @@ class InTown(FrameSource):
 
     def __post_init__(self) -> None:
         check_frames(self.duration_ns, self.interval_ns)
-
-    def cells(self, cell_m: float) -> float:
-        """About how many cells of that size the town has."""
-        return math.prod(
-            max(1.0, blocks * self.town.block_m / cell_m) for blocks in self.town.blocks
-        )
 
     def open(
         self, seed: int, origin: Geodetic | None, progress: "Progress | None" = None
@@ -112,5 +105,5 @@ class TownTruth:
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, range_m=self.tolerance_m
+            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
         )
