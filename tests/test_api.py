@@ -61,6 +61,14 @@ def test_metrics_are_one_table(run):
 FIGURES = [*RUN_FIGURES, "metric"]
 
 
+@pytest.mark.parametrize(
+    ("name", "better"),
+    [("first_answer_mean", ", lower is better"), ("fresh_answered_share", ", higher is better")],
+)
+def test_the_axis_of_a_metric_says_which_way_is_better(run, name, better):
+    assert run.plot.metric(name).axes[0].get_xlabel().endswith(better)
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_draws(run, runs, name):
     """Alone, of several seeds, and into a panel of somebody's own, where it takes one."""
@@ -166,12 +174,12 @@ def test_a_sweep_takes_methods_and_a_label():
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
     (folder,) = Path("lab").iterdir()
     assert "two links" in (folder / "figures" / "link.svg").read_text(encoding="utf-8")
-    drawn = swept.plot.along("link")
+    drawn = swept.figure("link")
     assert str(drawn.get_label()).endswith(
         f"sweep {folder.name} of street_1car_homo, 2 points, seeds 1"
     )
     with pytest.raises(gs.UserError, match="did you mean 'link'"):
-        swept.plot.along("links")
+        swept.figure("links")
     loaded = gs.load(folder)
     pd.testing.assert_frame_equal(loaded.metrics, table)
     assert loaded.title == "two links" and loaded.axes == ["link"]

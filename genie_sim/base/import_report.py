@@ -13,6 +13,7 @@ from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.base.text import one_line
 
 MAX_LINES = 10
+PARTS = ("read", "left out", "labels not used", "chosen", "ranges", "ways")
 MAX_NAMED = 6  # of labels, ranges and ways in one line
 FASTEST_MPS = 100.0  # no car; what goes faster from one step to the next has other units
 SLOWEST_MPS = 0.002  # what moves at all is faster; degrees taken for metres are not
@@ -27,6 +28,7 @@ FEW_VALUES, FAR_OUT = 10, 100  # a value that is so many times the median stands
 DRIVES_MPS = 1.0  # what is faster has a course
 ASKEW_RAD = math.radians(45.0)  # what looks farther away from it is worth a word
 MAX_RADIANS = math.tau + math.pi / 2  # of a heading, whichever way it counts
+FROM_NORTH = "count clockwise from north, in degrees"
 FROM_EAST = "count counter-clockwise from east; a compass bearing does not"
 DROPPED_SHARE = 0.5  # what loses more has another content than it claims
 
@@ -206,14 +208,7 @@ class ImportReport:
         return sorted(rows, key=key)
 
     def heading(
-        self,
-        what: str,
-        heading_rad: Any,
-        *,
-        as_radians: Any,
-        steps_m: Any,
-        passed_s: Any,
-        counts: str = FROM_EAST,
+        self, what: str, angle_deg: Any, *, steps_m: Any, passed_s: Any, from_north: bool = False
     ) -> None:
         """Warns of a heading beside the way driven. Raises UserError for radians that were read as
         degrees.
@@ -221,17 +216,23 @@ class ImportReport:
         Parameters
         ----------
         what : whose heading
-        heading_rad, steps_m, passed_s : as of ``askew_rad``
-        as_radians : the heading, if the numbers that were read as degrees are radians (n,)
-        counts : how it must count
+        angle_deg : counter-clockwise from east, or clockwise from north [degrees] (n,)
+        steps_m, passed_s : as of ``askew_rad``
+        from_north : whether it counts from there
         """
-        off_rad = askew_rad(heading_rad, steps_m, passed_s)
-        may_be_radians = abs(as_radians).max(initial=0.0) <= MAX_RADIANS
-        as_radians_rad = askew_rad(as_radians, steps_m, passed_s) if may_be_radians else math.inf
-        if off_rad > ASKEW_RAD / 3 and as_radians_rad < off_rad / 3:
+        import numpy as np
+
+        def askew(angle_rad: Any) -> float:
+            heading_rad = math.pi / 2 - angle_rad if from_north else angle_rad
+            return askew_rad(heading_rad, steps_m, passed_s)
+
+        off_rad = askew(np.radians(angle_deg))
+        may_be_radians = abs(angle_deg).max(initial=0.0) <= MAX_RADIANS
+        if off_rad > ASKEW_RAD / 3 and may_be_radians and askew(angle_deg) < off_rad / 3:
             self.refuse(f"{what} fits the way driven as radians, not as degrees")
         if off_rad > ASKEW_RAD:
             off_deg = math.degrees(off_rad)
+            counts = FROM_NORTH if from_north else FROM_EAST
             self.warn(f"{what} is {off_deg:.0f} degrees beside the way driven: it must {counts}")
 
     def speeds(self, name: str, speeds_mps: Any, duration_s: float) -> None:
@@ -252,8 +253,8 @@ class ImportReport:
         elif 0 < top_mps < SLOW_MPS and duration_s > LONG_GAP_S:
             self.warn(f"{name}: never faster than {top_mps:.2g} m/s: are places in metres?")
 
-    def lines(self) -> list[str]:
-        """The report, in at most ten lines."""
+    def lines(self, only: Collection[str] = PARTS) -> list[str]:
+        """The report, in at most ten lines; of what was read ``only`` these parts, and warnings."""
         parts = {
             "read": _listed(f"{count:,} {what}" for what, count in self.counts.items()),
             "left out": _listed(f"{count:,} {why}" for why, count in self.left_out.items()),
@@ -269,7 +270,7 @@ class ImportReport:
         }
         if parts["labels not used"]:
             parts["labels not used"] += "; --map LABEL=CLASS takes them for a class"
-        lines = [f"{name}: {text}" for name, text in parts.items() if text]
+        lines = [f"{name}: {text}" for name, text in parts.items() if text and name in only]
         room = MAX_LINES - len(lines)
         warnings = [f"warning: {text}" for text in self.warnings]
         if len(warnings) > room:

@@ -7,8 +7,8 @@ import click
 from genie_sim.cli.arguments import PATH, accept_option, only
 from genie_sim.cli.terminal import tell
 
-DIRECTED = ("mtu", "irish", "mahimahi")
-FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
+DIRECTED = ("mtu", "mahimahi")
+FORMATS = ("csv", "cicv5g", "mtu", "mahimahi")
 
 
 @click.command("link")
@@ -20,7 +20,7 @@ FORMATS = ("csv", "cicv5g", "mtu", "irish", "mahimahi")
 @click.option(
     "--direction",
     type=click.Choice(("up", "down")),
-    help="Which way the rates of mtu (up), irish (down) and mahimahi (up) lead.",
+    help="Which way the rates of mtu and mahimahi lead; default: up.",
 )
 @click.option("--source", default="", help="Where the measurements come from; is kept in the file.")
 @click.option("--licence", default="", help="Their licence; is kept in the file.")
@@ -49,8 +49,7 @@ def import_link(
     if format not in DIRECTED:
         only(f"with --format {format}", "file", "format", "out", "source", "licence", "accept")
     report = ImportReport(file, accept)
-    usual = "down" if format == "irish" else "up"
-    columns = IMPORTERS[format](file, direction or usual, report)  # type: ignore[arg-type]
+    columns = IMPORTERS[format](file, direction or "up", report)  # type: ignore[arg-type]
     recording.check(str(file), columns)
     recording.tell(report, columns)
     about = {

@@ -59,6 +59,7 @@ def import_tables(
     from genie_sim.base.classes import NO_CLASS, ROAD_LABELS
     from genie_sim.base.import_report import ImportReport, class_map
     from genie_sim.data.importers import table_import
+    from genie_sim.data.world_table import SOMEWHERE
 
     of_labels = class_map("--map", classes, [*ROAD_LABELS, NO_CLASS])
     report = ImportReport(poses, accept)
@@ -68,7 +69,7 @@ def import_tables(
         detections,
         truth,
         sensor=sensor,
-        origin=place or table_import.ORIGIN,
+        origin=place or SOMEWHERE,
         classes=of_labels,
         report=report,
     )

@@ -5,18 +5,15 @@ To add one, write a subclass of ``frame_source.FrameSource`` and name it in ``SO
 scenario as ``source: package.module:Class``). Its arguments are its settings in YAML.
 """
 
-import os
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from genie_sim.base import files
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
-from genie_sim.base.settings import SettingError
 from genie_sim.core.messages import Encoding
 from genie_sim.data.frame_source import Frames, FrameSource
 
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
 
 SOURCES: dict[str, str] = {
     "recorded": "genie_sim.data.sources:Recorded",
-    "live": "genie_sim.data.sources:Live",
     "town": "genie_sim.worlds.town.source:InTown",
     "traffic": "genie_sim.worlds.traffic.source:RecordedTraffic",
 }
@@ -46,55 +42,6 @@ class Recorded(FrameSource):
 
         path = files.find(files.TRACE, self.trace)
         return RecordedDrives(read_trace(path), origin, path)
-
-
-@dataclass(frozen=True)
-class Live(FrameSource):
-    """The frames of a KITTI drive go through a detector while the scenario is prepared.
-
-    ``kitti`` may begin with an environment variable, ``drive`` is ``date/number``.
-    """
-
-    kitti: str = "$GENIE_SIM_KITTI"
-    """KITTI's root folder; variables such as `$GENIE_SIM_KITTI` are filled in."""
-
-    drive: str = "2011_09_26/0005"
-    """The drive, as date and number."""
-
-    cameras: tuple[str, ...] = ("02", "03")
-    """KITTI's numbers of the recorded cameras."""
-
-    detector: str = "yolox_nano"
-    """A detector's name, or the class of one of your own, as `package.module:Class`."""
-
-    min_score: float = 0.3
-    """Detections with a lower score are left out."""
-
-    def __post_init__(self) -> None:
-        if not re.fullmatch(r"\d{4}_\d{2}_\d{2}/\d{4}", self.drive, re.ASCII):
-            text = "must be a date and a number such as '2011_09_26/0005', "
-            raise SettingError("drive", f"{text}not {short_repr(self.drive)}")
-        if not self.cameras:
-            raise SettingError("cameras", "must not be empty")
-        if not 0 <= self.min_score <= 1:
-            raise SettingError("min_score", f"must be from 0 to 1, but is {self.min_score:g}")
-
-    def open(
-        self, seed: int, origin: Geodetic | None, progress: Progress | None = None
-    ) -> "RecordedDrives":
-        from genie_sim.data.detectors.detector import DetectorSettings
-        from genie_sim.data.kitti.perceive import FrameSelection, perceive
-
-        root = os.path.expandvars(self.kitti)
-        if root.startswith("$"):
-            raise UserError(
-                f"perception.kitti: {self.kitti}: the environment variable is not set; "
-                "set it to KITTI's folder"
-            )
-
-        frames = FrameSelection(self.drive, self.cameras)
-        detector = DetectorSettings(self.detector, min_score=self.min_score)
-        return RecordedDrives(perceive(root, frames, detector, progress=progress), origin)
 
 
 @dataclass

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 1
 MAX_ORIGIN = (90.0, 180.0, 1e5)
+# Of a plane that nobody placed on Earth: some place must be written down, no result depends on it.
+SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)
 
 
 def content_digest(content: Sequence[Any]) -> str:

@@ -58,7 +58,7 @@ def test_a_pixels_ray_projects_onto_the_pixel(x, y, depth_m):
 
 
 def test_points_behind_the_camera_are_in_no_picture():
-    pixels = project(INTRINSICS, [(0, 0, -5), (0, 0, 0), (0, 0, 5)])
+    pixels = project(INTRINSICS, [(0, 0, -5), (1, 1, 0), (0, 0, 5)])
     assert np.isnan(pixels[:2]).all()
     assert pixels[2] == pytest.approx((609.6, 172.9))
 

@@ -11,6 +11,7 @@ import pytest
 
 from genie_sim.cli.main import main
 from genie_sim.data.importers import table_import
+from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.links import recording
 
 TABLES = ["import", "tables", "poses.csv", "detections.csv", "--out", "traces"]
@@ -34,7 +35,7 @@ def test_tables_with_what_holds_unless_it_is_said(asked: list[Any], capsys):
     assert main(TABLES) == 0
     (files, options) = asked[0]
     assert files == (Path("poses.csv"), Path("detections.csv"), None)
-    assert options["origin"] == table_import.ORIGIN
+    assert options["origin"] == SOMEWHERE
     assert astuple(options["sensor"]) == (math.tau, 960_000, 40.0), "it sees all around itself"
     assert capsys.readouterr().out == "traces: written\n"
 

@@ -17,7 +17,7 @@ from genie_sim.data.detectors.placement import (
     TYPICAL_GROUND,
     Placement,
     fit_ground,
-    near_group,
+    near_cluster,
     surface,
 )
 from genie_sim.data.detectors.shape import percentile
@@ -55,7 +55,7 @@ def placed(label, box, *surfaces):
 
 
 def nearest(ranges_m, ground_m):
-    return surface(ranges_m[near_group(ranges_m, ground_m)])
+    return surface(ranges_m[near_cluster(ranges_m, ground_m)])
 
 
 REAR = board(15.0, 1.0, 1.7, ROAD_M, ROAD_M + 1.5)

@@ -14,7 +14,7 @@ import pytest
 from genie_sim.base.classes import MOVING_MPS
 from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import inverse, project, transform
-from genie_sim.data.kitti.labels import make_truth, read_labels, tracking_labels
+from genie_sim.data.kitti.labels import _box_of, make_truth, read_labels, tracking_labels
 from genie_sim.data.kitti.tracking_sequence import open_sequence, sequences
 from tests.data.tracking_files import CALIBRATION, CAR, OXTS
 from tools.make.published import POINTRCNN_SCORES, tracking_trace
@@ -74,6 +74,13 @@ def test_labels_and_detections_share_a_world(root):
     assert car.location == pytest.approx(label.centre, abs=0.01)
     assert (label.group, label.track, label.counts) == ("vehicles", 7, True)
     assert truth.moving == frozenset()
+
+
+@pytest.mark.parametrize(("right_m", "box"), [(0.0, (500, 100, 700, 300)), (90.0, None)])
+def test_a_box_outside_of_the_picture_is_none(right_m, box):
+    intrinsics = np.array([[1000.0, 0, 600], [0, 1000, 200], [0, 0, 1]])
+    corners = [(right_m + x, y, 10.0) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]
+    assert _box_of(np.array(corners), intrinsics, (1242, 375)) == box
 
 
 @pytest.mark.parametrize(

@@ -163,7 +163,7 @@ def test_run_takes_methods_and_says_first_that_code_of_ones_own_runs(
                 "camera",
             ],
         ),
-        ("sources", ["recorded", "live", "town", "traffic"]),
+        ("sources", ["recorded", "town", "traffic"]),
         ("link-models", ["wire", "trace", "cell"]),
     ],
 )
@@ -449,7 +449,6 @@ OWN_CLASS = "trap:Nothing"
         {"genie": {"similarity": OWN_CLASS}},
         {"genie": {"object_map": {"rule": OWN_CLASS}}},
         {"perception": {"source": OWN_CLASS}},
-        {"perception": {"source": "live", "kitti": "kitti", "detector": OWN_CLASS}},
         {"edge_network": OWN_CLASS},
         {"cars": [{"name": "car1", "device": "jetson_tx2", "edge": "edge1", "link": OWN_CLASS}]},
         {"faults": [{"fault": OWN_CLASS, "target": "car1", "begin": "0 s", "end": "1 s"}]},

@@ -29,7 +29,7 @@ from genie_sim.core.confidence import CONFIDENCE_RULES
 from genie_sim.core.eviction import EVICTIONS
 from genie_sim.core.rules import LITERAL, Capacity
 from genie_sim.core.similarity import SIMILARITIES
-from genie_sim.data.sources import SOURCES, Live, Recorded
+from genie_sim.data.sources import SOURCES, Recorded
 from genie_sim.links.presets import LINKS
 from genie_sim.links.wire import Wire
 from genie_sim.scenario.faults import FaultEntry
@@ -262,14 +262,6 @@ def test_capacities() -> None:
     assert both == Capacity(entries=5, bytes=2**20)
 
 
-def test_frames_may_be_looked_at_live() -> None:
-    assert scenario(TWO_CARS, "perception=live").source == Live()
-    live = scenario(
-        TWO_CARS, "perception={source: live, drive: 2011_09_26/0005, detector: nanodet_m_416}"
-    ).source
-    assert live == Live(drive="2011_09_26/0005", detector="nanodet_m_416")
-
-
 def test_a_users_own_device(tmp_path: Path) -> None:
     own = (
         (ROOT / "device_profiles/jetson_tx2.yaml")
@@ -345,7 +337,7 @@ def test_whatever_is_resolved_reads_back(
         {
             "name": name,
             "description": text,
-            "perception": {"source": "live"},
+            "perception": {"source": "recorded"},
             "cameras": [{"name": camera, "recording": camera}],
             "edges": [{"name": "an_edge", "device": "agx_xavier"}],
             "cars": [
@@ -455,11 +447,7 @@ MISTAKES = [
     ),
     (
         TWO_CARS + "perception: {source: alive}\n",
-        "perception.source: unknown frame source 'alive' (did you mean 'live'?)",
-    ),
-    (
-        TWO_CARS + "perception: {source: live, drive: 0005}\n",
-        "perception.drive: must be a date and a number such as '2011_09_26/0005', not '0005'",
+        "perception.source: unknown frame source 'alive'",
     ),
     (
         TWO_CARS + "methods: [genie, lokal]\n",

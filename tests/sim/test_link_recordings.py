@@ -162,7 +162,6 @@ def test_a_recording_decides_the_id_of_a_run(tmp_path):
 
 CSV = "time_s,up_mbps,down_mbps,rtt_ms\n10,1.5,50,20\n11,0,50,30.5\n12.5,20,40,25\n"
 MTU_TIME = "Thu Aug 11 13:42:01 UTC 2022"
-IRISH_TITLES = "Timestamp,State,DL_bitrate"
 CICV5G_TITLES = "pub_time(ms),delay(ms),utmX(m),utmY(m)"
 CICV5G = (
     "pub_time(ms)\tsub_time(ms)\tdelay(ms)\tutmX(m)\tutmY(m)\n"
@@ -171,10 +170,6 @@ CICV5G = (
 MTU = (
     "Time,rsrp(dBm),RATE(MBit/s)\nThu Aug 11 13:42:06 UTC 2022,-96,99.0\n"
     "Thu Aug 11 13:42:09 UTC 2022,-95,15.2\nThu Aug 11 13:42:13 UTC 2022,-95,13.4\n"
-)
-IRISH = (
-    "Timestamp,DL_bitrate,UL_bitrate,State\n2020.01.16_10.43.34,1000,9,D\n"
-    "2020.01.16_10.43.35,0,9,I\n2020.01.16_10.43.37,2500,9,D\n"
 )
 
 
@@ -202,7 +197,6 @@ IRISH = (
             },
         ),
         ("mtu", MTU, {"t_ns": [0, 3 * S], "up_bps": [15_200_000, 13_400_000]}),
-        ("irish", IRISH, {"t_ns": [0, 3 * S], "down_bps": [1_000_000, 2_500_000]}),
         (
             "mahimahi",  # until 400 ms
             "5\n100\n101\n350\n400\n",
@@ -226,7 +220,7 @@ def test_formats(tmp_path, format: str, text: str, columns: dict):
     path = tmp_path / "file.txt"
     path.write_text(text)
     report = ImportReport(path)
-    assert IMPORTERS[format](path, "down" if format == "irish" else "up", report) == columns
+    assert IMPORTERS[format](path, "up", report) == columns
 
 
 def test_a_trace_of_mahimahi_begins_again_after_its_last_time(tmp_path):
@@ -297,11 +291,6 @@ def test_rounded_times_are_refused_unless_they_are_accepted(run_cli, tmp_path):
         ("csv", "time_s,rtt_ms\n1,1e300\n", "line 2: rtt_ms: must be a number from 0"),
         ("csv", "time_s,rtt_ms,east_m\n1,1,1e300\n", "line 2: east_m: must be a number from"),
         ("mtu", f"Time,RATE(MBit/s)\n{MTU_TIME},1e308\n", "line 2: rate_mbps: must be a number"),
-        (
-            "irish",
-            f"{IRISH_TITLES}\n2019.12.14_10.16.30,D,1e308\n",
-            "line 2: DL_bitrate: must be a",
-        ),
         ("cicv5g", f"{CICV5G_TITLES}\n100,-1e308,1,2\n", "line 2: delay_ms: must be a number"),
         ("cicv5g", f"{CICV5G_TITLES}\n1e300,1,1,2\n", "line 2: pub_time_ms: must be a number"),
         ("cicv5g", f"{CICV5G_TITLES}\n1,1,1e300,2\n", "line 2: utmX_m: must be a number"),

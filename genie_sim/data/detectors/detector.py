@@ -348,18 +348,17 @@ def look(
 
 def _is_detected_box(found: Any) -> bool:
     """Whether it is what a trace can hold: a label, a score, and a box whose ends are in order."""
-    if not isinstance(found, tuple) or len(found) != 3:
+    try:
+        label, score, (x1, y1, x2, y2) = found
+    except (TypeError, ValueError):
         return False
-    label, score, box = found
-    if not isinstance(label, str) or not label:
+    if not (isinstance(found, tuple) and isinstance(label, str) and label):
         return False
-    if not isinstance(box, list | tuple | np.ndarray) or len(box) != 4:
-        return False
-    for value in (score, *box):
+    for value in (score, x1, y1, x2, y2):
         number: Any = value  # a Real, whose comparisons have no types
         if not isinstance(value, Real) or isinstance(value, bool) or not abs(number) < FARTHEST_PX:
             return False
-    return bool(0 <= score <= 1 and box[0] <= box[2] and box[1] <= box[3])
+    return bool(0 <= score <= 1 and x1 <= x2 and y1 <= y2)
 
 
 @dataclass(frozen=True)

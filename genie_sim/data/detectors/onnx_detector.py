@@ -10,7 +10,7 @@ import threading
 from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,7 +22,7 @@ from genie_sim.base.errors import UserError, as_user_error, tells_of_low_memory,
 from genie_sim.base.features import packed
 from genie_sim.base.parallel import limited_memory
 from genie_sim.core.messages import Box
-from genie_sim.data.detectors.onnx_files import read_network
+from genie_sim.data.detectors.onnx_files import COPIES, read_network
 from genie_sim.data.trace import SCORE_DECIMALS
 
 # The 80 classes of COCO, in the order of every COCO-80 network's outputs.
@@ -125,7 +125,7 @@ GREY = 114  # what fills the rest of a letter box
 MAX_PIXELS = 2**25
 # What a network may take for its first picture: some bytes for each pixel and each of its own, and
 # seconds. A hundred times what published networks take.
-FIRST_BYTES, BYTES_OF_PIXEL, COPIES = 2 * 10**9, 1000, 4
+FIRST_BYTES, BYTES_OF_PIXEL = 2 * 10**9, 1000
 FIRST_S = 60.0
 
 
@@ -163,6 +163,10 @@ class OnnxDetector(ABC):
     outputs: int = 1
     sized_outputs: ClassVar[int] = 0
     gap: ClassVar[str] = ""
+    _kinds: ClassVar[list[type["OnnxDetector"]]] = []
+
+    def __init_subclass__(cls) -> None:
+        OnnxDetector._kinds.append(cls)
 
     def __init__(
         self,
@@ -425,17 +429,15 @@ class OnnxDetector(ABC):
             )
 
     def _hint(self, shapes: Sequence[tuple[int, ...]]) -> str:
-        """Which detector's output has such a shape."""
-        cells, classes = len(self.cells), len(self.labels)
-        layouts = {
-            "yolov8": (4 + classes, cells),
-            "yolox_nano": (cells, 5 + classes),
-            "yolov10": (None, 6),
-            "rtdetr": (None, 4 + classes),
-        }
-        for name, layout in layouts.items():
-            if len(shapes) == 1 and name != self.name and _fits(shapes[0], layout):
-                return f"; --detector {name} has such an output"
+        """Which other detector has outputs of such shapes."""
+        for kind in self._kinds:
+            if kind.__abstractmethods__:
+                continue
+            # of a network that has what this kind needs
+            with suppress(AttributeError):
+                layout = kind.output_shapes(self)
+                if len(shapes) == len(layout) and all(map(_fits, shapes, layout)):
+                    return f"; --detector {kind.name} has such an output"
         return ""
 
 

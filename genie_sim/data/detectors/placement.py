@@ -1,11 +1,11 @@
 """Where in the world is the object in a box? The laser scan's points inside the box say how far,
 the box which way.
 
-Points on the ground are removed; the rest falls into groups, one behind the other: whatever stands
-in front, the object, the wall behind it. Of the groups that are dense enough, the one is taken that
-agrees best with where the box's bottom edge meets the ground. The laser sees only the near surface:
-a rectangle of a vehicle's usual size is laid along it; for everything else, and for vehicles hit by
-few points, half the depth of such an object is added.
+Points on the ground are removed; the rest falls into clusters, one behind the other: whatever
+stands in front, the object, the wall behind it. Of the clusters that are dense enough, the one is
+taken that agrees best with where the box's bottom edge meets the ground. The laser sees only the
+near surface: a rectangle of a vehicle's usual size is laid along it; for everything else, and for
+vehicles hit by few points, half the depth of such an object is added.
 """
 
 import math
@@ -34,12 +34,12 @@ LASER_HEIGHT_M = 1.73  # KITTI's set-up: https://www.cvlibs.net/datasets/kitti/s
 GROUND_REACH_M = 30.0  # around the car it is taken for a plane
 GROUND_CLEARANCE_M = 0.25  # points lower than this are road or kerb
 
-# Margin, gap and share, and the choice of a group by its foot on the ground, were picked by
+# Margin, gap and share, and the choice of a cluster by its foot on the ground, were picked by
 # comparing a few of each on the labels of drive 2011_09_26/0005: an error measured on that drive is
 # that of a method fitted to it.
 BOX_MARGIN = 0.1  # this share of a box at each side is background more often than object
-GROUP_GAP_M = 0.5  # two groups are further apart than this along the line of sight
-DENSE_SHARE = 0.25  # a group is dense with this share of the points in the box
+CLUSTER_GAP_M = 0.5  # two clusters are further apart than this along the line of sight
+DENSE_SHARE = 0.25  # a cluster is dense with this share of the points in the box
 MIN_POINTS = 5
 # nearest surface: not the very first point, which may be an antenna or noise
 SURFACE_PERCENTILE = 10
@@ -150,9 +150,9 @@ class Placement:
         if len(inside) >= MIN_POINTS:
             right, ahead_of_it = self._points[0, inside], self._points[2, inside]
             ranges_m = np.hypot(right, ahead_of_it)
-            group = near_group(ranges_m, ground_m)
-            if label in VEHICLES and len(group) >= MIN_SHAPE_POINTS:
-                outline = np.column_stack([right[group], ahead_of_it[group]])
+            cluster = near_cluster(ranges_m, ground_m)
+            if label in VEHICLES and len(cluster) >= MIN_SHAPE_POINTS:
+                outline = np.column_stack([right[cluster], ahead_of_it[cluster]])
                 middle = shape.centre(outline, SIZES[label], self._cut(box))
                 if middle is not None:
                     x, z = middle
@@ -161,7 +161,7 @@ class Placement:
                         float(ahead[1]) * math.hypot(x, z) / math.hypot(ahead[0], ahead[2]),
                         z,
                     ), "scan"
-            surface_m, method = surface(ranges_m[group]), "scan"
+            surface_m, method = surface(ranges_m[cluster]), "scan"
         elif ground_m is not None and ground_m <= MAX_GROUND_RANGE_M:
             surface_m, method = ground_m, "ground"
         else:
@@ -200,28 +200,32 @@ class Placement:
         return self._height_m / falling * math.hypot(direction[0], direction[2])
 
 
-def near_group(ranges_m: Array, ground_m: float | None) -> Indices:
+def near_cluster(ranges_m: Array, ground_m: float | None) -> Indices:
     """Which of the points in a box, given their distances, are the object's.
 
-    Dense groups are compared with the distance of the object's foot on the ground; without it the
+    Dense clusters are compared with the distance of the object's foot on the ground; without it the
     nearest one counts.
     """
-    groups = groups_of(ranges_m)
+    clusters = clusters_of(ranges_m)
     enough = max(MIN_POINTS, DENSE_SHARE * len(ranges_m))
-    dense = [group for group in groups if len(group) >= enough] or [max(groups, key=len)]
+    dense = [cluster for cluster in clusters if len(cluster) >= enough] or [max(clusters, key=len)]
     if ground_m is None:
         return dense[0]
-    return min(dense, key=lambda group: abs(math.log(surface(ranges_m[group]) / ground_m)))
+    return min(dense, key=lambda cluster: abs(math.log(surface(ranges_m[cluster]) / ground_m)))
 
 
-def groups_of(ranges_m: Array) -> list[Indices]:
-    """Points by distance, a new group after each gap."""
+def clusters_of(ranges_m: Array) -> list[Indices]:
+    """Points by distance, a new cluster after each gap."""
     order = np.argsort(ranges_m, kind="stable")
     ordered = ranges_m[order]
-    ends = [0, *(np.flatnonzero(ordered[1:] - ordered[:-1] > GROUP_GAP_M) + 1).tolist(), len(order)]
+    ends = [
+        0,
+        *(np.flatnonzero(ordered[1:] - ordered[:-1] > CLUSTER_GAP_M) + 1).tolist(),
+        len(order),
+    ]
     return [order[first:end] for first, end in pairwise(ends)]
 
 
 def surface(ranges_m: Array) -> float:
-    """Distance of the near surface of one group of points."""
+    """Distance of the near surface of one cluster of points."""
     return float(shape.percentile(np.sort(ranges_m), SURFACE_PERCENTILE))

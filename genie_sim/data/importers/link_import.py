@@ -21,7 +21,7 @@ MAX_BINS = 1_000_000  # a day and a bit
 KEPT_SHARE = 0.5  # of the messages of CICV5G; where fewer have a time of their own, it was rounded
 
 PLACES = (EAST, NORTH)
-MAX_MBPS, MAX_KBPS, MAX_MS = 1e9, 1e12, 1e9  # what no link has; products with units stay whole
+MAX_MBPS, MAX_MS = 1e9, 1e9  # what no link has; products with units stay whole
 CSV = (
     FileColumn("up_mbps", lowest=0.0, highest=MAX_MBPS),
     FileColumn("down_mbps", lowest=0.0, highest=MAX_MBPS),
@@ -120,25 +120,6 @@ def from_mtu(path: Path, direction: Direction, report: ImportReport) -> Columns:
     return {"t_ns": t_ns[:-1], f"{direction}_bps": _scaled(rates, 1e6)[1:]}
 
 
-def from_irish(path: Path, direction: Direction, report: ImportReport) -> Columns:
-    """Downloads of uccmisl/5Gdataset: seconds in which the phone was downloading (state ``D``);
-    others say nothing of what the link could carry, and nor does the uplink, which had
-    acknowledgements only.
-    """
-    if direction == "up":
-        raise UserError(f"{path}: --direction: these drives are downloads: only 'down' is known")
-    texts = (FileColumn("Timestamp", "text"), FileColumn("State", "text"))
-    rate = FileColumn("DL_bitrate", lowest=0.0, highest=MAX_KBPS)
-    where, (times, states, rates) = _read(path, [*texts, rate])
-    times_ns = _times_ns(where, times, "%Y.%m.%d_%H.%M.%S")
-    seconds = zip(times_ns, _scaled(rates, 1e3), states, strict=True)
-    by_second = {t_ns: rate_bps for t_ns, rate_bps, state in seconds if state == "D"}
-    idle = sum(state != "D" for state in states)
-    report.leave_out("seconds without a download", idle)
-    report.leave_out("rows of the second of another", len(states) - idle - len(by_second))
-    return {"t_ns": list(by_second), "down_bps": list(by_second.values())}
-
-
 def from_mahimahi(path: Path, direction: Direction, report: ImportReport) -> Columns:
     """A packet-delivery trace of Mahimahi: a line for each packet of 1,500 bytes, the millisecond
     at which it can leave. It begins again after its last time. Packets of about 100 ms at a time
@@ -178,6 +159,5 @@ IMPORTERS: dict[str, Importer] = {
     "csv": from_csv,
     "cicv5g": from_cicv5g,
     "mtu": from_mtu,
-    "irish": from_irish,
     "mahimahi": from_mahimahi,
 }

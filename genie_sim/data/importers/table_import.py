@@ -35,6 +35,7 @@ from genie_sim.data.importers.trace_import import (
 )
 from genie_sim.data.trace import POSITION_DECIMALS, RANGE_M, Trace
 from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
+from genie_sim.data.world_table import SOMEWHERE
 
 if TYPE_CHECKING:
     import pandas
@@ -42,9 +43,6 @@ if TYPE_CHECKING:
 Table: TypeAlias = Union[str, Path, "pandas.DataFrame"]
 SENSOR = "sensor"  # what the one sensor of every car is called
 ONLY_CAR = "car1"  # of tables without a column car
-# Where the plane lies on Earth, if nobody says: some place must be written down, no result depends
-# on which.
-ORIGIN: Geodetic = (0.0, 0.0, 0.0)
 SAME_TIME_S = 0.0005  # what differs by less is one instant
 TRUTH_GAP_S = 1.0  # between two rows of an object that far apart at most it is there
 MAX_UP_M = 1e5  # above the plane
@@ -168,7 +166,7 @@ def cars_of_tables(
     truth: Table | None = None,
     sensor: Sensor = Sensor(),
     *,
-    origin: Geodetic = ORIGIN,
+    origin: Geodetic = SOMEWHERE,
     provenance: Mapping[str, Any] | None = None,
     classes: Mapping[str, str] = {},
     report: ImportReport | None = None,

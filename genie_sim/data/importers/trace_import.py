@@ -9,6 +9,7 @@ of file is so in all.
 
 import hashlib
 import math
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from genie_sim.base.errors import UserError
+from genie_sim.base.classes import ROAD_LABELS
+from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.geometry import Array, Geodetic, heading_of, horizontal_fov_rad, transform
 from genie_sim.base.import_report import ImportReport, askew_rad
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
@@ -293,8 +295,7 @@ def _tell_ways(
     heading_rad, steps_m, passed_s = courses[ahead]
     report.heading(
         f"{ahead}: the heading",
-        heading_rad,
-        as_radians=np.degrees(heading_rad),
+        np.degrees(heading_rad),
         steps_m=steps_m,
         passed_s=passed_s,
     )
@@ -308,19 +309,28 @@ def _tell_detections(
 ) -> None:
     """How many detections there are, and whether they are where the sensors look."""
     distances_m: list[float] = []
-    count, outside, doubled = 0, 0, 0
+    labels: Counter[str] = Counter()
+    outside, doubled = 0, 0
     for frame in (
         frame for cameras in cars.values() for camera in cameras.values() for frame in camera
     ):
         sector = ViewSector(frame.pose, frame.horizontal_fov_rad)
-        count += len(frame.detections)
+        labels.update(detection.label for detection in frame.detections)
         places = [detection.location for detection in frame.detections if detection.location]
         doubled += len(places) - len(set(places))
         for east_m, north_m, _ in places:
             distances_m.append(math.dist((east_m, north_m), frame.pose[:2]))
             outside += sector.distance_m(east_m, north_m) is None
+    count = labels.total()
     report.read("detections", count)
     report.check_labels(count, detected_in)
+    others = Counter({label: count for label, count in labels.items() if label not in ROAD_LABELS})
+    if others:
+        some = ", ".join(short_repr(label) for label, _ in others.most_common(3))
+        report.warn(
+            f"{others.total():,} of {count:,} detections have labels that are no classes, such as "
+            f"{some}; classes: {', '.join(sorted(ROAD_LABELS))}"
+        )
     if distances_m and min(distances_m) > range_m + BEYOND_M:
         report.refuse(
             f"all {len(distances_m):,} detections are {min(distances_m):,.0f} m or more from their "

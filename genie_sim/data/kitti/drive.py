@@ -24,6 +24,7 @@ from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import read_bytes, read_text, regular, sha256_of
 from genie_sim.data.kitti.number_files import are_plausible, numbers, picture_size, size_of
 from genie_sim.data.kitti.oxts import read_oxts, world_SE3_imu
+from genie_sim.data.world_table import SOMEWHERE
 
 log = logging.getLogger(__name__)
 
@@ -34,7 +35,6 @@ ODOMETRY = "odometry/"
 ODOMETRY_FOLDERS = (".", "dataset", "odometry", "odometry/dataset")  # where ``sequences`` may be
 # The first camera's x is right, y down, z ahead; ahead is east, where nothing tells otherwise.
 WORLD_SE3_FIRST = rigid([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], (0.0, 0.0, 0.0))
-SOMEWHERE: Geodetic = (0.0, 0.0, 0.0)  # the benchmark does not tell where on Earth it was
 BROKEN = (OSError, LookupError, TypeError, ValueError)  # what pykitti and numpy make of a file
 SAME_SHAPE = 0.02  # width by height may differ by this share
 POINT_BYTES = 16

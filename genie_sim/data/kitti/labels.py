@@ -122,31 +122,23 @@ def label_file(root: Path, drive: str) -> Path:
 
     Raises UserError, naming the labelled drives of both kinds, where there is none.
     """
-    path = _label_path(root, drive)
+    date, _, number = drive.partition("/")
+    label_02, path = root / "tracking" / "training" / "label_02", None
+    if drive.startswith(TRACKING):
+        path = label_02 / f"{number}.txt"
+    elif RAW_DRIVE.fullmatch(drive):
+        path = root / date / f"{date}_drive_{number}_sync" / TRACKLETS
     if path is None or not path.is_file():
         choices = [
             name for name, folder in drive_folders(root).items() if (folder / TRACKLETS).is_file()
         ]
-        choices += [f"{TRACKING}{file.stem}" for file in _label_02(root).glob("*.txt")]
+        choices += [f"{TRACKING}{file.stem}" for file in label_02.glob("*.txt")]
         missing = "" if path is None else f"{path.relative_to(root)}: no such file; "
         raise UserError(
             f"{root}: {missing}{unknown('labelled drive', drive, choices)} (tracklets of a raw "
             "drive DATE/NUMBER, or label_02 of a sequence tracking/NUMBER)"
         )
     return path
-
-
-def _label_path(root: Path, drive: str) -> Path | None:
-    date, _, number = drive.partition("/")
-    if drive.startswith(TRACKING):
-        return _label_02(root) / f"{number}.txt"
-    if RAW_DRIVE.fullmatch(drive):
-        return root / date / f"{date}_drive_{number}_sync" / TRACKLETS
-    return None
-
-
-def _label_02(root: Path) -> Path:
-    return root / "tracking" / "training" / "label_02"
 
 
 def _in_raw_drive(

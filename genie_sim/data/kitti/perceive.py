@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from genie_sim.base.classes import ROAD_LABELS, SIZES, VEHICLES
-from genie_sim.base.errors import UserError, short_repr
+from genie_sim.base.classes import SIZES, VEHICLES
+from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.import_report import ImportReport
 from genie_sim.base.paths import expanded
@@ -26,7 +26,6 @@ from genie_sim.data.kitti.drive import (
     open_drive,
 )
 from genie_sim.data.kitti.pipeline import trace_frames
-from genie_sim.data.kitti.tracking_sequence import TRACKING
 from genie_sim.data.trace import Trace, TraceFrame
 
 DEFAULT_DETECTOR = DetectorSettings()
@@ -101,7 +100,6 @@ def perceive(
             progress(done, len(camera_frames), "perceive")
     tell_network(report, network)
     _tell_sizes(drive, pictures, report)
-    _tell_labels(pictures, report)
     set_name, _, number = frames.drive.partition("/")
     name = f"{set_name if frames.drive.startswith(ODOMETRY) else 'kitti'}_{number}"
     of_drive = traces(
@@ -127,18 +125,6 @@ def _tell_sizes(drive: KittiDrive, frames: Iterable[TraceFrame], report: ImportR
             )
 
 
-def _tell_labels(frames: Iterable[TraceFrame], report: ImportReport) -> None:
-    """Warns of detections whose labels are no classes."""
-    labels = Counter(found.label for frame in frames for found in frame.detections)
-    others = Counter({label: count for label, count in labels.items() if label not in ROAD_LABELS})
-    if others:
-        some = ", ".join(short_repr(label) for label, _ in others.most_common(3))
-        report.warn(
-            f"{others.total():,} of {labels.total():,} detections have labels that are no classes, "
-            f"such as {some}; classes: {', '.join(sorted(ROAD_LABELS))}"
-        )
-
-
 def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[CameraFrame]:
     """Frame by frame, all cameras of each: they share a scan. Only frames of these ``numbers``;
     UserError for none.
@@ -152,18 +138,6 @@ def in_turn(drive: KittiDrive, numbers: Collection[int] | None = None) -> list[C
     if not frames:
         raise UserError(f"{drive.name}: has none of the frames that were asked for")
     return sorted(frames, key=lambda frame: (frame.index, frame.camera))
-
-
-def images(root: Path, drive: str, cameras: Sequence[str]) -> dict[tuple[str, int], Path]:
-    """The image file of each camera and frame number; none for a tracking sequence."""
-    if drive.startswith(TRACKING):
-        return {}
-    frames = open_drive(root, drive, cameras, allow_missing_scans=True).frames
-    return {
-        (camera, frame.index): frame.image_path
-        for camera, sequence in frames.items()
-        for frame in sequence
-    }
 
 
 def _provenance(

@@ -102,9 +102,11 @@ def differences(trace: Trace, again: Trace) -> Iterator[str]:
 
 def _match(detection: Detection, among: list[Detection]) -> Detection | None:
     """The detection of the same class whose box is nearest, if it is the same object."""
+    if detection.box is None:
+        return None
     alike = [candidate for candidate in among if candidate.label == detection.label]
-    best = max(alike, key=lambda candidate: _iou(detection, candidate), default=detection)
-    return best if best is not detection and _iou(detection, best) >= MIN_IOU else None
+    best = max(alike, key=lambda candidate: _iou(detection, candidate), default=None)
+    return best if best is not None and _iou(detection, best) >= MIN_IOU else None
 
 
 def _iou(one: Detection, other: Detection) -> float:

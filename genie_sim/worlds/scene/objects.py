@@ -18,6 +18,7 @@ WIDTH, HEIGHT = 1242, 375
 HORIZONTAL_FOV_RAD = 1.42116
 FOCAL_PX = WIDTH / 2 / math.tan(HORIZONTAL_FOV_RAD / 2)
 
+LONGEST_M = 70.0  # of a vehicle: SUMO's trains have 67.5 m
 FEET_M = {"traffic light": 2.2, "stop sign": 2.0}  # assumed: of what does not stand on the ground
 MIDDLES_M = {
     label: round(FEET_M.get(label, 0.0) + size.height_m / 2, 3) for label, size in SIZES.items()

@@ -67,7 +67,7 @@ def _origins(street: Street) -> list[_Origin]:
     return origins
 
 
-class _Group:
+class _SameVelocity:
     """Objects that stand, or that go at one speed along one axis: their rows among all of the town,
     which classes they are of, by code, and the tree of their places along and across at time 0.
     """
@@ -79,14 +79,14 @@ class _Group:
         box = [self._length_m, 0.0] if self.speed_mps else None
         self.tree = cKDTree([origin[:2] for origin in origins], boxsize=box)
 
-    def near(self, moved_m: Array, reach_m: Array | float) -> list[list[int]]:
-        """The group's numbers of what is within a distance of each of some places (n, 2), which
-        are in the frame that moves with the group.
+    def near(self, moved_m: Array, radius_m: Array | float) -> list[list[int]]:
+        """The numbers of what is within a distance of each of some places (n, 2), which
+        are in the frame that moves with the same.
         """
         if self.speed_mps:
             moved_m[:, 0] %= self._length_m
             moved_m[moved_m[:, 0] == self._length_m, 0] = 0.0
-        near: list[list[int]] = self.tree.query_ball_point(moved_m, reach_m + ROUNDING_M).tolist()
+        near: list[list[int]] = self.tree.query_ball_point(moved_m, radius_m + ROUNDING_M).tolist()
         return near
 
 
@@ -108,16 +108,16 @@ class Places:
         self._codes = {label: code for code, label in enumerate(dict.fromkeys(classes))}
         self._class = np.array([self._codes[label] for label in classes], dtype=int)
         self._class[~objects.real] = self._nothing = len(self._codes)
-        self._groups = []
+        self._velocities = []
         for of in rows.values():
             has_class = np.bincount(self._class[of], minlength=self._nothing + 1) > 0
             has_class[self._nothing] = False
-            self._groups.append(_Group(of, [origins[row] for row in of], has_class))
-        ways = [(group.speed_mps, group.northbound) for group in self._groups]
+            self._velocities.append(_SameVelocity(of, [origins[row] for row in of], has_class))
+        ways = [(same.speed_mps, same.northbound) for same in self._velocities]
         self._ways = [np.array(column)[:, None] for column in zip(*ways, strict=True)]
 
     def _moved(self, east_m: Array, north_m: Array, t_s: Array) -> Array:
-        """Places (n,) at their times in the frame of each group (groups, n, 2)."""
+        """Places (n,) at their times in the frame of each velocity (velocities, n, 2)."""
         speed_mps, northbound = self._ways
         along_m = np.where(northbound, north_m, east_m) - speed_mps * t_s
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
@@ -144,11 +144,11 @@ class Places:
             poses.east_m + ahead_m * poses.cos, poses.north_m + ahead_m * poses.sin, poses.t_s
         )
         low_m, high_m = moved_m.min(axis=1), moved_m.max(axis=1)
-        middle_m, reach_m = (low_m + high_m) / 2, ahead_m + np.hypot(*(high_m - low_m).T) / 2
+        middle_m, radius_m = (low_m + high_m) / 2, ahead_m + np.hypot(*(high_m - low_m).T) / 2
         row = np.concatenate(
             [
-                group.row[group.near(middle_m[number, None], reach_m[number])[0]]
-                for number, group in enumerate(self._groups)
+                same.row[same.near(middle_m[number, None], radius_m[number])[0]]
+                for number, same in enumerate(self._velocities)
             ]
         )
         number_offset, east_m, north_m = self._at(row, poses.t_s[:, None])
@@ -190,7 +190,13 @@ class Places:
         return shares
 
     def are_there(
-        self, labels: Sequence[str], east_m: Array, north_m: Array, *, t_s: Array, range_m: float
+        self,
+        labels: Sequence[str],
+        east_m: Array,
+        north_m: Array,
+        *,
+        t_s: Array,
+        tolerance_m: float,
     ) -> Array:
         """Whether anything of the class of each label is within a distance of each place then,
         whether it can be seen or not.
@@ -198,16 +204,16 @@ class Places:
         codes = (self._codes.get(CANONICAL.get(label, label), self._nothing) for label in labels)
         class_ = np.fromiter(codes, dtype=int, count=len(labels))
         places, rows = [], []
-        for group, moved_m in zip(self._groups, self._moved(east_m, north_m, t_s), strict=True):
-            asked = np.flatnonzero(group.has_class[class_])
+        for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
+            asked = np.flatnonzero(same.has_class[class_])
             if len(asked):
-                near = group.near(moved_m[asked], range_m)
+                near = same.near(moved_m[asked], tolerance_m)
                 places.append(np.repeat(asked, [len(numbers) for numbers in near]))
-                rows.append(group.row[list(itertools.chain.from_iterable(near))])
+                rows.append(same.row[list(itertools.chain.from_iterable(near))])
         result = np.zeros(len(labels), dtype=bool)
         if rows:
             place, row = np.concatenate(places), np.concatenate(rows)
             _, there_east_m, there_north_m = self._at(row, t_s[place])
             away_m = np.hypot(there_east_m - east_m[place], there_north_m - north_m[place])
-            result[place[(away_m <= range_m) & (self._class[row] == class_[place])]] = True
+            result[place[(away_m <= tolerance_m) & (self._class[row] == class_[place])]] = True
         return result

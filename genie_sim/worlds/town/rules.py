@@ -14,6 +14,7 @@ from genie_sim.base.settings import (
 )
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
 
+# Assumed, all of these [m].
 # from the middle of a junction to where a car begins to turn, and to its stop lines
 JUNCTION_M = 6.0
 LANE_M = 1.75  # from the middle of a street to the middle of its right-hand lane

@@ -105,5 +105,5 @@ class TownTruth:
     ) -> Array:
         t_s = np.array([frame.scene_ns for frame in frames]) * 1e-9
         return self.town.visibility.are_there(
-            labels, east_m, north_m, t_s=t_s, range_m=self.tolerance_m
+            labels, east_m, north_m, t_s=t_s, tolerance_m=self.tolerance_m
         )

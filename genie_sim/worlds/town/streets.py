@@ -24,8 +24,9 @@ from genie_sim.worlds.town.rules import (
     TownRules,
 )
 
-PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2  # from the middle of the street
-# assumed; FLOW is the share of the speed limit that traffic drives
+# Assumed, all of these: the first three are from the middle of the street, FLOW is the share of the
+# speed limit that traffic drives.
+PARKED_M, PAVEMENT_M, BIKE_M = 5.0, 7.5, 3.2
 WALK_MPS, CYCLE_MPS, FLOW = 1.4, 4.5, 0.9
 FURNITURE = (("fire hydrant", 0.4), ("bench", 0.5))
 STREAM_BITS = 32

@@ -13,7 +13,7 @@ from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import IO, Any, NamedTuple, cast
+from typing import IO, NamedTuple, cast
 from xml.parsers import expat
 
 import numpy as np
@@ -25,6 +25,7 @@ from genie_sim.base.paths import check_is_file
 from genie_sim.base.tables import is_gzip
 from genie_sim.base.text import one_line
 from genie_sim.base.units import MAX_M, MAX_TIME_S
+from genie_sim.worlds.scene.view import Ints
 
 CHUNK_BYTES = 1 << 20
 MAX_ROWS = 50_000_000  # of about 40 bytes: more would fill the memory of most machines
@@ -32,9 +33,7 @@ MAX_TURN_DEG = 3600.0
 INVALID = -(2.0**30)  # what SUMO writes for a value that it does not know
 SPEEDS = 20_000  # rows whose speed is compared with their way
 SAME_SPEED, NO_SPEED = 2.0, 10.0  # how many times as far a vehicle may have gone
-JUMP_MPS = 70.0  # a teleport
-
-Ints = np.ndarray[Any, np.dtype[np.int64]]
+JUMP_MPS = 70.0  # assumed: what goes faster from one step to the next has not driven there
 
 
 class VehicleRows(NamedTuple):
@@ -343,11 +342,10 @@ def _tell(rows: VehicleRows, begin_s: float, duration_s: float, speeds_mps: Arra
     angle_deg = rows.angle_deg[order][1:][pairs][drives]
     report.heading(
         "vehicles: angle",
-        np.radians(90.0 - angle_deg),
-        as_radians=math.pi / 2 - angle_deg,
+        angle_deg,
         steps_m=steps_m[drives],
         passed_s=passed_s[drives],
-        counts="count clockwise from north, in degrees",
+        from_north=True,
     )
     way_m = np.hypot(*steps_m.T)
     told_m = passed_s * speeds_mps[order][1:][pairs]

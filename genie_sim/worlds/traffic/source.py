@@ -13,12 +13,11 @@ from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
 from genie_sim.worlds.scene.frames import check_frames
 from genie_sim.worlds.scene.laws import MAX_VIEW_M
+from genie_sim.worlds.scene.objects import LONGEST_M
 
 if TYPE_CHECKING:
     from genie_sim.base.progress import Progress
     from genie_sim.worlds.traffic.traffic import TrafficDrives
-
-LONGEST_M = 70.0  # of a vehicle: of a train
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,10 @@ import numpy as np
 
 from genie_sim.base.classes import CANONICAL, MOVING_MPS, PERSONS, VEHICLES
 from genie_sim.base.errors import UserError, short_repr, unknown
-from genie_sim.base.geometry import Array, Geodetic
+from genie_sim.base.geometry import Array
 from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
+from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.frames import SceneDrive, SceneFrames
 from genie_sim.worlds.scene.laws import detector_laws
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from genie_sim.worlds.traffic.source import RecordedTraffic
 
 STREAM = "traffic"
-# The plane of a network is as wherever it lies: some place must be written down, no result depends
-# on which.
-ORIGIN: Geodetic = (0.0, 0.0, 0.0)
 SHORTEST_S = 1.0  # a vehicle that is there for less carries no cameras
 # Which classes such a file knows all of: what else a detector reports is not judged.
 KNOWN = (*VEHICLES, "train", "motorcycle", "bicycle")
@@ -87,9 +85,8 @@ class Traffic:
         self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
         self.known = (*KNOWN, *PERSONS) if persons else KNOWN
         self.report = rows.report
-        for line in self.report.lines():
-            if line.startswith(("left out", "chosen", "warning")):
-                log.warning("%s: %s", path, line)
+        for line in self.report.lines(only=("left out", "chosen")):
+            log.warning("%s: %s", path, line)
         if self.vehicles.jumps.any():
             some = f"{(self.vehicles.jumps > 0).sum():,} of {len(self.vehicles):,}"
             log.warning(
@@ -162,7 +159,7 @@ class _Course:
 class TrafficDrive(SceneDrive):
     """What the cameras of one vehicle see until it leaves."""
 
-    origin = ORIGIN
+    origin = SOMEWHERE
 
     def __init__(
         self, traffic: Traffic, car: str, stretch: int, *, start_ns: int, end_ns: int

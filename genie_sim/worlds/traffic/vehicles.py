@@ -6,21 +6,19 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from genie_sim.base.classes import SIZES
 from genie_sim.base.errors import short_repr
 from genie_sim.base.geometry import Array
-from genie_sim.worlds.traffic.fcd import Ints, VehicleRows
+from genie_sim.worlds.scene.view import Flags, Ints
+from genie_sim.worlds.traffic.fcd import JUMP_MPS, VehicleRows
 
-FASTEST_MPS = 70.0  # what goes faster from one step to the next has not driven there
 BLOCK_S = 2.0  # for so long at a time it is known who may be where
 KEPT_BLOCKS = 8
 BESIDE_M = 10.0  # the map goes on beside its outermost vehicles; one street has an extent, too
-
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 
 
 class VehicleType(NamedTuple):
@@ -124,7 +122,7 @@ class Vehicles:
         way_m = np.hypot(np.diff(self._east_m), np.diff(self._north_m))
         passed_s = np.diff(self.times_s[self._step])
         same_vehicle = np.diff(vehicle) == 0
-        jumps = same_vehicle & (way_m > FASTEST_MPS * passed_s)
+        jumps = same_vehicle & (way_m > JUMP_MPS * passed_s)
         breaks = ~same_vehicle | jumps | (np.diff(self._step) != 1)
         self._first_row = np.concatenate([[0], np.flatnonzero(breaks) + 1])
         last_row = np.concatenate([np.flatnonzero(breaks), [len(vehicle) - 1]])

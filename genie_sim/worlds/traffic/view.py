@@ -3,7 +3,7 @@
 import numpy as np
 
 from genie_sim.worlds.scene.frames import CAMERA_UP_M
-from genie_sim.worlds.scene.objects import ObjectColumns
+from genie_sim.worlds.scene.objects import LONGEST_M, ObjectColumns
 from genie_sim.worlds.scene.view import (
     HALF_C,
     HALF_S,
@@ -18,9 +18,7 @@ from genie_sim.worlds.scene.view import (
 from genie_sim.worlds.traffic.vehicles import Places, Vehicles
 
 OWN_M = 1.5  # no other vehicle's middle is so near to a camera: it is the one that carries it
-BEYOND_M = (
-    35.0  # half the length of the longest vehicle, which may hide others before it is in view
-)
+BEYOND_M = LONGEST_M / 2  # the longest vehicle may hide others before its middle is in view
 
 
 class TrafficView:
@@ -36,12 +34,12 @@ class TrafficView:
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         """Of all poses together; fastest if they are near each other."""
-        reach_m = self._view_m + BEYOND_M
+        radius_m = self._view_m + BEYOND_M
         stretches = self._vehicles.near(
-            poses.east_m.min() - reach_m,
-            poses.north_m.min() - reach_m,
-            poses.east_m.max() + reach_m,
-            poses.north_m.max() + reach_m,
+            poses.east_m.min() - radius_m,
+            poses.north_m.min() - radius_m,
+            poses.east_m.max() + radius_m,
+            poses.north_m.max() + radius_m,
             times_s=poses.t_s,
         )
         places = self._vehicles.at(stretches, poses.t_s[:, None])
