@@ -75,7 +75,7 @@ FULL = Sizes(
     laps=10,
     least_frames=5_000,
     fleets={3: 100, 100: 5},
-    growth=(3, 10, 30, 100, 300, 1000),
+    growth=(3, 1000),
 )
 QUICK = Sizes(rounds=1, laps=10, least_frames=2_000, fleets={3: 20, 100: 1}, growth=(3, 30))
 

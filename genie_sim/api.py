@@ -141,7 +141,7 @@ def run_seeds(
     progress : callable, optional
         Called with how many runs are done, how many there are, and how many failed.
     """
-    from genie_sim.study.seeds import design_of
+    from genie_sim.study.design import design_of
 
     loaded = load_scenario(scenario, settings, methods=_names("methods", methods))
     studied: Runs = _studied(
@@ -175,7 +175,7 @@ def _studied(
     without a file is kept beside the results as one. Raises ``UserError``.
     """
     from genie_sim.study.design import write_described
-    from genie_sim.study.study import AS_FILE, Study, UnfinishedError
+    from genie_sim.study.study import AS_FILE, Study
 
     if len(shard) != 2 or not 1 <= shard[0] <= shard[1]:
         raise UserError(f"shard: {short_repr(shard)}: expected i and n, with i from 1 to n")
@@ -193,10 +193,8 @@ def _studied(
         study.run(workers, (shard[0], shard[1]), progress)
         if described:
             write_described(study.folder / AS_FILE, described, methods)
-        status = study.finish(output)
-        if not status.complete:
-            raise UnfinishedError(status)
-        studied = kinds.load(status.folder)
+        study.finish(output)
+        studied = kinds.load(study.folder)
     if out is not None:
         return studied
     if isinstance(studied, Runs):
@@ -271,7 +269,7 @@ def sweep(
     The sweep's ``metrics`` are a table: one row per point, metric, method, placement and component,
     with the axes' values, the mean over seeds (``value``), its 95 % t interval (``low``, ``high``)
     and the number ``n`` of runs; ``every_run`` has one row a run instead. It draws its figures
-    (``sweep.plot.along("gate")``) and compares (``sweep.differences("method", to="remote")``).
+    (``sweep.figure("gate")``) and compares (``sweep.differences("method", to="remote")``).
 
     Parameters
     ----------

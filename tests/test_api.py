@@ -174,12 +174,12 @@ def test_a_sweep_takes_methods_and_a_label():
     assert set(table["method"]) == {"remote"} and set(table["link"]) == {"wifi", "lte"}
     (folder,) = Path("lab").iterdir()
     assert "two links" in (folder / "figures" / "link.svg").read_text(encoding="utf-8")
-    drawn = swept.plot.along("link")
+    drawn = swept.figure("link")
     assert str(drawn.get_label()).endswith(
         f"sweep {folder.name} of street_1car_homo, 2 points, seeds 1"
     )
     with pytest.raises(gs.UserError, match="did you mean 'link'"):
-        swept.plot.along("links")
+        swept.figure("links")
     loaded = gs.load(folder)
     pd.testing.assert_frame_equal(loaded.metrics, table)
     assert loaded.title == "two links" and loaded.axes == ["link"]

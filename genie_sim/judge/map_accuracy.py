@@ -20,7 +20,7 @@ from genie_sim.judge.joins import Array, GroupedPlaces, Pairs, matches, near, tu
 from genie_sim.judge.objects import Objects
 from genie_sim.judge.recent_places import RecentPlaces
 from genie_sim.judge.scenes import DriveTruth, JudgedScene, SceneViews, Visible
-from genie_sim.record.columns import Codes, Columns, Text
+from genie_sim.record.columns import Columns, Text
 from genie_sim.record.records import CONSUMER, ZERO_DELAY
 from genie_sim.record.tables import Table
 from genie_sim.tracks.consumer import Consumer, Newest, Shown
@@ -95,6 +95,11 @@ class MapAccuracy:
         self._window = window or max(WINDOW, WINDOW_OF_CAR * len(truths))
         self._consumers = {car: make_consumer() for car in truths}
         self._first_streams: dict[str, str] = {}  # of each car, the one whose frames are instants
+        # of each car the number of its truth; cars on one drive have one
+        self._truth_of = {
+            car: next(place for place, other in enumerate(truths.values()) if other is truth)
+            for car, truth in truths.items()
+        }
         self.objects = Objects()
         self._cars, self._labels = self.objects.cars, self.objects.labels
         self._cars.update((car, number) for number, car in enumerate(truths))
@@ -204,9 +209,8 @@ class MapAccuracy:
     def _are_there(self, scene: Array, places: GroupedPlaces) -> Array:
         """Whether anything of a class, visible or not, is at each place in its scene."""
         result = np.zeros(len(scene), dtype=bool)
-        labels, codes = list(self._labels), Codes()
-        # Cars on one drive have one truth.
-        of_scene = np.array([codes[id(of.truth)] for of in self._scenes])
+        labels = list(self._labels)
+        of_scene = np.array([self._truth_of[of.image.header.origin] for of in self._scenes])
         order = np.argsort(of_scene[scene], kind="stable")
         for rows in np.split(order, np.flatnonzero(np.diff(of_scene[scene[order]])) + 1):
             scenes = [self._scenes[at] for at in scene[rows].tolist()]

@@ -139,7 +139,7 @@ def _packages() -> dict[str, str]:
 
 
 def other_versions(about: Mapping[str, Any]) -> list[str]:
-    """Which versions a result was made with that are others now, a line each: ``pyarrow: 26.0.1
+    """Versions that have changed since a result was made, a line each: ``pyarrow: 26.0.1
     when it was made, 15.0.0 now``.
     """
     packages = about.get("packages")

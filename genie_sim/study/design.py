@@ -20,12 +20,14 @@ from genie_sim.base import files, settings, units
 from genie_sim.base.errors import UserError, short_repr
 from genie_sim.base.paths import atomic_write, read_text
 from genie_sim.base.seeds import stream
-from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError
+from genie_sim.base.settings import Bounds, Key, Name, NotEmpty, SettingError, plain_data
+from genie_sim.scenario.scenario import Scenario
 from genie_sim.scenario.yaml_input import dump, parse, read_mapping
 from genie_sim.version import VERSION
 
 log = logging.getLogger(__name__)
 MAX_NAME = 80  # characters of a folder of a sweep without a file, before the digest
+MAX_SCENARIO = 70  # of a scenario's name, in the folder of its seeds
 # the one path of an axis that is no setting of a scenario but names another one
 SCENARIO = "scenario"
 MAX_RUNS = 1_000_000
@@ -143,14 +145,6 @@ class NumberGrid(NumberRange):
         return [float(round(value)) for value in values] if self.whole else values
 
 
-def listed(data: object, *keys: str) -> object:
-    """Data in which these fields may be one text for short, where a list of texts is meant."""
-    if not isinstance(data, Mapping):
-        return data
-    short = {key: (data[key],) for key in keys if isinstance(data.get(key), str)}
-    return {**data, **short}
-
-
 Cases = dict[str, dict[str, Any]]  # settings of each case, by its name
 
 
@@ -174,7 +168,9 @@ class Axis:
     @classmethod
     def expand(cls, data: object) -> object:
         """One path for short."""
-        return listed(data, "set")
+        if isinstance(data, Mapping) and isinstance(data.get("set"), str):
+            return {**data, "set": (data["set"],)}
+        return data
 
     def __post_init__(self) -> None:
         ways = {"grid": self.grid, "list": self.cases, "latin_hypercube": self.latin_hypercube}
@@ -182,7 +178,9 @@ class Axis:
         if len(kinds) != 1:
             has = " and ".join(kinds) or "none"
             raise SettingError("", f"must have exactly one of {', '.join(ways)}, has {has}")
-        check_paths(self.paths, self.cases, "missing; say which setting is varied")
+        if isinstance(self.cases, dict) == bool(self.paths):  # named cases bring their own
+            missing = "missing; say which setting is varied"
+            raise SettingError("set", "is not for named cases" if self.paths else missing)
         if self.cases is not None and not self.cases:
             raise SettingError("list", "must not be empty")
         if not self.sampled:
@@ -256,14 +254,6 @@ class Axis:
         return quantities if is_uniform else None
 
 
-def check_paths(paths: Sequence[str], cases: Sequence[Any] | Cases | None, if_missing: str) -> None:
-    """Named cases bring settings of their own; all others need ``paths``. Raises
-    ``SettingError``.
-    """
-    if isinstance(cases, dict) == bool(paths):
-        raise SettingError("set", "is not for named cases" if paths else if_missing)
-
-
 def _twice(values: Iterable[Value]) -> Value | None:
     return next((value for value, times in Counter(values).items() if times > 1), None)
 
@@ -305,7 +295,7 @@ class Design:
         if not 1 <= count <= MAX_RUNS:
             text = f"must be a list, or how many: 1 to {MAX_RUNS:,}, not {count:,}"
             raise SettingError("seeds", text)
-        return {**data, "seeds": range_of(count)}
+        return {**data, "seeds": tuple(range(1, count + 1))}
 
     def __post_init__(self) -> None:
         twice = _twice(self.seeds)
@@ -393,11 +383,6 @@ class SweepPoint:
     overrides: tuple[str, ...]
 
 
-def range_of(count: int, first: int = 1) -> tuple[int, ...]:
-    """So many seeds from the first on."""
-    return tuple(range(first, first + count))
-
-
 def named_axes(axes: Mapping[str, Any]) -> dict[str, Any]:
     """Axes as in a file. A list stands for an axis along the setting that its name says, a path;
     it is called by the last word of the path, or by all of them where that name is taken.
@@ -436,6 +421,20 @@ def sweep_of(
     name = "-".join((path.stem, *axes_by_name))[:MAX_NAME]
     described = {"name": f"{name}-{digest}", "scenario": scenario, **more, "axes": axes_by_name}
     return {key: value for key, value in described.items() if value}
+
+
+def design_of(scenario: Scenario, seeds: int | Sequence[int]) -> Design:
+    """A run with several seeds, or so many: 5 are the seeds 1 to 5. Its name, and so its folder, is
+    that of all runs that differ in nothing but the seed. Raises ``UserError``.
+    """
+    facts = {**plain_data(scenario), "seed": None, "genie_sim": VERSION}
+    digest = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
+    data = {
+        "name": f"{scenario.name[:MAX_SCENARIO]}-{digest}-seeds",
+        "scenario": scenario.name,
+        "seeds": seeds if isinstance(seeds, int) else list(seeds),
+    }
+    return read_design(data, scenario.name)
 
 
 def _is_list(axis: object) -> bool:

@@ -47,14 +47,11 @@ Series: TypeAlias = "tuple[pd.DataFrame, dict[str, Any]]"
 
 
 class Panel(NamedTuple):
-    """What a panel shows: a metric, and lines of it. ``explained``: which markers are of Genies on
-    cars, and which of those on edges, is told in the legend.
-    """
+    """What a panel shows: a metric, and lines of it."""
 
     metric: str
     title: str
     series: "Sequence[Series]"
-    explained: bool = False
 
 
 @dataclass(frozen=True)
@@ -171,7 +168,6 @@ class SweepFigures:
                 metric,
                 f"{other[0]} = {_shortened(level)}" if other and metric == names[0] else "",
                 _by_method(of_level, self.titles),
-                of_level["method"].nunique() > 1,
             )
             for metric in names
             for level in shown_levels
@@ -245,8 +241,7 @@ class SweepFigures:
         del cells[end - unused : end]
         for number, (panel, facet) in enumerate(zip(cells, panels, strict=True)):
             _draw(panel, axis, column, facet.series)
-            if facet.explained:
-                _explain_filling(panel, facet.series)
+            _explain_filling(panel, facet.series)
             panel.set_title(facet.title)
             if not is_one and (number % wide == 0 or panels[number - 1].metric != facet.metric):
                 panel.set_ylabel(_wrapped(_label(abouts[facet.metric]), narrow))
@@ -394,7 +389,8 @@ def _filling(placement: str) -> dict[str, Any]:
 
 def _explain_filling(panel: Axes, series: "Sequence[Series]") -> None:
     """Puts what hollow and full markers mean into the legend, where methods have both."""
-    if any(means["placement"].isin(PLACEMENTS).any() for means, _ in series):
+    methods = {means["method"].iloc[0] for means, _ in series if len(means)}
+    if len(methods) > 1 and any(means["placement"].isin(PLACEMENTS).any() for means, _ in series):
         for placement, where in PLACEMENTS.items():
             look: dict[str, Any] = {"color": "0.4", "marker": "o", "linestyle": "none"}
             panel.plot(

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from genie_sim.analysis import registry, renderers
 from genie_sim.analysis.seed_runs import ABOUT, FORMAT, load_seeds, read_about
@@ -26,9 +25,6 @@ from genie_sim.study.design import Design
 from genie_sim.study.plan import Plan, plan
 from genie_sim.study.work import Parts, Workers
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 log = logging.getLogger(__name__)
 TABLES = ("runs.parquet", "table.parquet", "differences.parquet")
 # besides the parts
@@ -37,32 +33,8 @@ RESULTS = (*TABLES, "table.csv", "differences.csv", "summary.md")
 AS_FILE = "design.yaml"  # beside the results: a sweep that was described without a file
 
 
-@dataclass(frozen=True)
-class StudyStatus:
-    """What there is: the folder, how many points and runs the sweep has, and how many runs are
-    done.
-
-    ``complete``: all of them, so the tables and figures are made.
-    """
-
-    folder: Path
-    points: int
-    runs: int
-    done: int
-
-    @property
-    def complete(self) -> bool:
-        return self.done == self.runs
-
-
 class UnfinishedError(UserError):
     """Other shards of a study have not run yet."""
-
-    def __init__(self, status: StudyStatus) -> None:
-        super().__init__(
-            f"{status.done:,} of {status.runs:,} runs are in {status.folder}; the last shard makes "
-            "the table"
-        )
 
 
 @dataclass
@@ -141,31 +113,35 @@ class Study:
         runs = [run for run_id, run in self.plan.runs.items() if run_id in of_shard]
         incomplete = [run.run_id for run in runs if not run.is_kept(self.folder)]
         self._parts.done(self.plan.runs)  # parts that cannot be read are refused before tables go
-        with usable(self.folder):
-            (self.folder / "parts").mkdir(parents=True, exist_ok=True)
-            is_same = not incomplete and self._is_as_written()
-            self._write_about()
-        for name in (*RESULTS, *(() if is_same else SHOWN)):  # of fewer points or seeds
-            path = provenance.contained(self.folder, name)
+        is_same = not incomplete and self._is_as_written()
+        names = (*RESULTS, *(() if is_same else SHOWN))
+        replaced = [provenance.contained(self.folder, name) for name in names]
+        for path in replaced:  # all of them, before the first is removed
+            if path.exists() and not path.is_file():
+                raise UserError(f"{path}: no file of a sweep, which would replace it: move it away")
+        with usable(self._parts.parts):
+            self._parts.parts.mkdir(parents=True, exist_ok=True)
+        self._write_about()
+        for path in replaced:  # of fewer points or seeds
             provenance.keep_edited(path)
             path.unlink(missing_ok=True)
         self._parts.run(runs, workers, progress, incomplete)
 
-    def finish(self, output: Output = DEFAULT_OUTPUT) -> StudyStatus:
-        """Makes the tables and what ``output`` says, if every run is done. Raises ``UserError``."""
+    def finish(self, output: Output = DEFAULT_OUTPUT) -> None:
+        """Makes the tables and what ``output`` says. Raises ``UserError``: ``UnfinishedError``
+        where runs are missing.
+        """
         self._find_place()  # another sweep of this name may have ended in the meantime
         kept_ids = {run_id for run_id, run in self.plan.runs.items() if run.is_kept(self.folder)}
-        done_count = len(self._parts.done(kept_ids))
-        status = StudyStatus(
-            self.folder, self.design.runs // len(self.design.seeds), len(self.plan.runs), done_count
-        )
-        if status.complete:
-            runs = self._write()
-            if not self.design.axes:
-                self._show_seeds(output)
-            elif output.page:
-                self._draw(runs)
-        return status
+        done, runs = len(self._parts.done(kept_ids)), len(self.plan.runs)
+        if done < runs:
+            text = f"{done:,} of {runs:,} runs are in {self.folder}; the last shard makes the table"
+            raise UnfinishedError(text)
+        self._write()
+        if not self.design.axes:
+            self._show_seeds(output)
+        elif output.page:
+            self._draw()
 
     def _show_seeds(self, output: Output) -> None:
         """Writes what ``output`` says of runs of several seeds, and pages that single ones lack."""
@@ -193,8 +169,8 @@ class Study:
         state = about.get("digests"), about.get("label", "")
         return state == (digests, self.label) and {*about["run_ids"]} == self.plan.runs.keys()
 
-    def _write(self) -> "pd.DataFrame":
-        """The tables; returns that of all runs."""
+    def _write(self) -> None:
+        """Writes the tables."""
         columns = list(self.design.columns.values())
         runs = tables.of_runs(self.plan.entries, columns, self._parts.read(self.plan.runs.keys()))
         crossed = [self.design.columns[name] for name in self.design.crossed]
@@ -210,20 +186,14 @@ class Study:
                 beside.write_text(renderers.csv_of_table(table), encoding="utf-8")
         self._write_about()  # another sweep of this name may have begun in the meantime
         self._parts.tidy()
-        return runs
 
-    def _draw(self, runs: "pd.DataFrame") -> None:
-        from genie_sim.analysis import figures as of_runs
-        from genie_sim.study.figures import SweepFigures
-        from genie_sim.study.sweep import footer_of, unique_titles
+    def _draw(self) -> None:
+        from genie_sim.analysis.figures import save_all
+        from genie_sim.study.sweep import Sweep
 
-        titles = unique_titles(self._titles())
-        footer = footer_of(self.design, self.label)
         with provenance.derived(self.folder) as attempt, attempt("figures"):
-            drawing = SweepFigures(self.design, runs, titles, footer, words=self._words)
-            figures = dict(drawing.drawn())
             folder = provenance.contained(self.folder, "figures")
-            of_runs.save_all(figures, folder, ("svg", "png"))
+            save_all(Sweep.read(self.folder).figures(), folder, ("svg", "png"))
 
     def _settings(self) -> dict[str, object]:
         plain: dict[str, object] = plain_data(self.design)

@@ -202,11 +202,6 @@ class Sweep(Suggesting, Result):
         """
         return differences(self.every_run, self.axes, along, to)
 
-    @property
-    def plot(self) -> "SweepPlots":
-        """The figures: ``sweep.plot.along("gate")``."""
-        return SweepPlots(self)
-
     def figures(self, width_in: float | None = None) -> "dict[str, Figure]":
         """See ``Result``."""
         with provenance.of_this_version(self.folder):
@@ -331,32 +326,6 @@ class Sweep(Suggesting, Result):
 
     def _repr_html_(self) -> str:
         return renderers.html(replace(self._table(), notes=[self.footer]))
-
-
-@dataclass(frozen=True)
-class SweepPlots(Suggesting):
-    """The figures of a sweep. Each method gives matplotlib's ``Figure``, which is imported only
-    then; lines are means with 95 % intervals over seeds.
-    """
-
-    _sweep: Sweep
-
-    def metric(self, name: str) -> "Figure":
-        """One metric along the first axis, with a line for each value of a second. Raises
-        ``UserError`` for one that the sweep has no value of.
-        """
-        checked([name], self._sweep.every_run["metric"], "metric")
-        return self._sweep.figure(name)
-
-    def along(self, axis: str) -> "Figure":
-        """The main metrics along an axis, with a column of panels for each value of another one.
-        Raises ``UserError`` for an axis that the sweep does not have.
-        """
-        figures = self._sweep.figures()
-        for name in (axis, f"{axis}-1"):  # where the sweep has more axes, at their first values
-            if name in figures:
-                return figures[name]
-        raise UserError(unknown("figure", axis, figures))
 
 
 def _table(path: Path) -> "pd.DataFrame":

@@ -32,6 +32,11 @@ def test_a_title_stands_for_one_metric_and_a_meaning_is_a_sentence():
         assert info.meaning.endswith(".") and info.better in {LOWER, HIGHER, ""}
 
 
+def test_a_percentile_needs_one_value_beyond_it():
+    needs = {name: info.needs for name, info in METRICS.items() if info.needs}
+    assert needs == {"first_answer_p50": 2, "first_answer_p95": 20, "first_answer_p99": 100}
+
+
 def test_a_value_has_three_digits_its_unit_and_its_interval():
     share = MetricValue("image_reuse", "genie", "car", "", 0.30612, "1", 0.1, 0.52)
     assert cell(share).text() == "30.6 (10 to 52)"

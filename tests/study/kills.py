@@ -1,8 +1,8 @@
 """``python -m tests.study.kills --kills 100``: kills runs, sweeps and evaluations at random
 instants, and looks what is lost.
 
-Every command is killed (SIGKILL, its processes too, or a Dask worker alone), begun again, killed
-again, and at the end left alone. Nothing that was complete may be gone or changed at any time, the
+Every command is killed (SIGKILL, its processes too), begun again, killed again, and at the end left
+alone. Nothing that was complete may be gone or changed at any time, the
 last attempt must come to the same bytes as one that nobody disturbed, and nothing may lie about
 afterwards. Prints a table in Markdown; status 1 if not so.
 """
@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from tests.checkout import REPOSITORY
@@ -49,13 +49,11 @@ class Victim:
     command: list[str]
     whole: Callable[[Path], dict[str, str]]
     share: int
-    kill: Callable[[subprocess.Popen[bytes], random.Random], None]
     kills: int = 0
     lost: int = 0
     other: int = 0
     left: int = 0
     took_s: float = 0.0
-    instants_s: list[float] = field(default_factory=list)
 
 
 def digests(folder: Path, *patterns: str) -> dict[str, str]:
@@ -87,39 +85,6 @@ def kill_all(process: subprocess.Popen[bytes], rng: random.Random) -> None:
     else:
         process.kill()
     process.wait()
-
-
-class Cluster:
-    """A Dask scheduler with two workers, each a process of its own."""
-
-    def __init__(self) -> None:
-        import distributed
-
-        self._cluster = distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=None,
-            silence_logs=50,
-        )
-        self.address = str(self._cluster.scheduler_address)
-
-    def kill(self, process: subprocess.Popen[bytes], rng: random.Random) -> None:
-        """A worker, which the cluster replaces, or the sweep itself."""
-        if rng.random() < 0.5:
-            return kill_all(process, rng)
-        workers = [
-            worker.pid
-            for worker in self._cluster.workers.values()
-            if worker.status.name == "running"
-        ]
-        if workers:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(rng.choice(workers), signal.SIGKILL)
-        process.wait()
-
-    def close(self) -> None:
-        self._cluster.close()
 
 
 @contextlib.contextmanager
@@ -169,9 +134,8 @@ def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> Non
             with contextlib.suppress(subprocess.TimeoutExpired):
                 process.wait(after_s)
             if process.poll() is None:
-                victim.kill(process, rng)
+                kill_all(process, rng)
                 victim.kills += 1
-                victim.instants_s.append(after_s)
         after = victim.whole(here)
         kept = [name for name in before if "/parts/" in name or victim.whole is of_run]
         victim.lost += sum(after.get(name) != before[name] for name in kept)
@@ -189,44 +153,25 @@ def torment(victim: Victim, folder: Path, kills: int, rng: random.Random) -> Non
 def main(arguments: list[str] | None = None) -> int:
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("--kills", type=int, default=100)
-    asked.add_argument("--only", nargs="*", default=["run", "seeds", "sweep", "dask", "reproduce"])
+    asked.add_argument("--only", nargs="*", default=["run", "seeds", "sweep", "reproduce"])
     asked.add_argument("--seed", type=int, default=SEED)
     given = asked.parse_args(arguments)
     rng = random.Random(given.seed)
-    with tempfile.TemporaryDirectory() as scratch, contextlib.ExitStack() as stack:
-        victims = [
-            Victim("run", ["run", "mine.yaml"], of_run, 50, kill_all),
-            Victim(
-                "seeds", ["run", "mine.yaml", "--seeds", "3", "--jobs", "2"], of_sweep, 20, kill_all
-            ),
-            Victim("sweep", ["sweep", "s.yaml", "--jobs", "2"], of_sweep, 30, kill_all),
-            Victim(
-                "reproduce",
-                ["reproduce", "--quick", "--seeds", "1", "--jobs", "2"],
-                of_run,
-                6,
-                kill_all,
-            ),
-        ]
-        if "dask" in given.only:
-            cluster = Cluster()
-            stack.callback(cluster.close)
-            command = ["sweep", "s.yaml", "--scheduler", cluster.address]
-            victims.insert(3, Victim("dask", command, of_sweep, 14, cluster.kill))
-        victims = [victim for victim in victims if victim.name in given.only]
-        shares = sum(victim.share for victim in victims)
-        print(
-            "| command | kills | after [s] | lost or changed | other than undisturbed | left"
-            " behind |"
-        )
-        print("|---|---:|---:|---:|---:|---:|")
+    evaluation = ["reproduce", "--quick", "--seeds", "1", "--jobs", "2"]
+    victims = [
+        Victim("run", ["run", "mine.yaml"], of_run, 50),
+        Victim("seeds", ["run", "mine.yaml", "--seeds", "3", "--jobs", "2"], of_sweep, 20),
+        Victim("sweep", ["sweep", "s.yaml", "--jobs", "2"], of_sweep, 30),
+        Victim("reproduce", evaluation, of_run, 6),
+    ]
+    victims = [victim for victim in victims if victim.name in given.only]
+    shares = sum(victim.share for victim in victims)
+    print("| command | kills | lost or changed | other than undisturbed | left behind |")
+    print("|---|---:|---:|---:|---:|")
+    with tempfile.TemporaryDirectory() as scratch:
         for victim in victims:
             torment(victim, Path(scratch), round(given.kills * victim.share / shares), rng)
-            spread = (
-                f"{min(victim.instants_s, default=0):.1f} to"
-                f" {max(victim.instants_s, default=0):.1f}"
-            )
-            numbers = (victim.kills, spread, victim.lost, victim.other, victim.left)
+            numbers = (victim.kills, victim.lost, victim.other, victim.left)
             print(f"| {victim.name} | " + " | ".join(map(str, numbers)) + " |", flush=True)
     return int(any(victim.lost + victim.other + victim.left for victim in victims))
 

@@ -6,15 +6,12 @@ import json
 import re
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from genie_sim import kinds
 from genie_sim.analysis.seed_runs import SeedRuns, is_seeds_folder, seeds_text
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
-from genie_sim.runs.folder import run_in_memory
-from genie_sim.scenario.reading import load_scenario
 
 pytestmark = pytest.mark.slow
 
@@ -35,30 +32,6 @@ def seeds_of(folder: Path) -> SeedRuns:
     runs = kinds.load(folder)
     assert isinstance(runs, SeedRuns)
     return runs
-
-
-def test_means_and_intervals_are_those_of_separate_runs(folder):
-    """Source: the same runs, one by one, and SciPy's t interval."""
-    from scipy import stats
-
-    overrides = SHORT[1::2]
-    values = []
-    for seed in (2, 5, 9):
-        run = run_in_memory(load_scenario("street_1car_hetero", overrides, seed))
-        (metric,) = [
-            metric
-            for metric in run.measured
-            if (metric.metric, metric.method) == ("first_answer_mean", "genie")
-        ]
-        values.append(metric.value)
-    (mean,) = [
-        metric
-        for metric in seeds_of(folder).measured
-        if (metric.metric, metric.method) == ("first_answer_mean", "genie")
-    ]
-    low, high = stats.t.interval(0.95, 2, loc=np.mean(values), scale=stats.sem(values))
-    assert (mean.value, mean.low, mean.high) == pytest.approx((np.mean(values), low, high))
-    assert mean.n == 3 and len(set(values)) == 3
 
 
 def test_every_seed_has_its_results_and_the_folder_page_and_figures(folder, capsys):

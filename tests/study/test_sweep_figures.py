@@ -133,6 +133,13 @@ def test_many_methods_leave_room_for_their_panels_in_a_column(monkeypatch):
     assert [faults(figure) for figure in drawn.values()] == [[]]
 
 
+def test_a_metric_without_a_value_in_one_run_is_drawn_all_the_same():
+    table = runs({"rate": [0.1, 0.2, 0.5]})
+    table.loc[table["point"] == 1, "value"] = np.nan
+    figures = SweepFigures(design({"rate": RATE}), table, TITLES, "made up")
+    assert figures.of("image_reuse").axes
+
+
 def test_in_a_column_each_value_of_the_second_axis_is_a_line():
     crossed = design({"rate": RATE, "rule": RULE})
     table = runs({"rate": [0.1, 0.2, 0.5], "rule": ["ema", "noisy_or"]})
