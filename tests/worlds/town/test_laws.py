@@ -378,7 +378,7 @@ def test_a_frame_of_the_town_shows_as_many_ghosts(laws, kitti_root, trace, town_
     real = wrong / len(trace.frames["02"])
     from_town = 0
     for batch, place in {(frame._batch, frame._place) for frame in town_frames}:
-        town, poses = batch.drive.town, batch._view_poses
+        town, poses = batch.drive.scene, batch._view_poses
         visible = town.visibility.visible(poses)
         is_ghost = [not town.objects.rows[row].real for row in visible.row.tolist()]
         ghosts = VisibleObjects(*(column[is_ghost] for column in visible))
