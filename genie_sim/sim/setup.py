@@ -42,7 +42,7 @@ class Setup:
         The detectors' laws, as maps and consumers that weigh evidence take them to be.
     faults : sequence of TimedFault
         What goes wrong.
-    codec : ImageCodec, optional
+    codec : ImageCodec or None
         How pictures are sent; without one, as they are.
     places : mapping
         Where each car is at a time [ns]: east and north [m].
