@@ -37,8 +37,8 @@ HITS = {
 
 def views(tables: Tables) -> Iterator[Seen]:
     """The answers of a method, and the hits by where the cache is; what its consumers hold at each
-    instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector, which
-    stands under the first method that a car drives with and holds for all.
+    instant, and in each lap; and, as component ``zero_delay``, the zero-delay detector. It
+    is the same for all methods, and is written under the first that a car drives with.
     """
     if "answers" in tables:
         answers = tables["answers"]

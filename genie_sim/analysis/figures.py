@@ -73,8 +73,8 @@ def of_run(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Figu
 
 def makers(run: Run | SeedRuns, width_in: float | None = None) -> dict[str, Callable[..., Figure]]:
     """What draws each figure of one run, or of several seeds with their paired differences, by file
-    name, but of Genies and of use only what was simulated and recorded; but for ``time_parts`` and
-    ``differences`` also into a panel, ``ax``.
+    name; figures of what was not simulated or recorded are left out. All but ``time_parts`` and
+    ``differences`` also draw into a panel, ``ax``.
 
     Parameters
     ----------

@@ -312,7 +312,7 @@ def _value(cell: Cell) -> str:
 
 
 def _ends(cell: Cell) -> str:
-    """The interval in brackets; none that is no wider than the number is exact."""
+    """The interval in brackets; nothing where its ends are written as the number is."""
     if cell.low is None or cell.high is None:
         return ""
     low, high = siunitx(cell.low, cell.sign), siunitx(cell.high, cell.sign)

@@ -1,10 +1,10 @@
 """How figures and pages look: sizes, text, and one palette for methods and placements.
 
-A method's look is a number: its colour, dashes, marker and hatch. It goes by the method's name, so
+A method's look is a number: its colour, dashes and marker. It goes by the method's name, so
 that a method looks the same in every figure and on every page; methods of the user's own go by
 their order. Cars and edges are never in a method's colour: they are grey, and differ in hatch or
 dashes. Colours are told apart with any colour vision (the first eight after Okabe and Ito), and in
-greyscale by dashes, markers and hatches.
+greyscale by dashes and markers.
 """
 
 from collections.abc import Sequence
@@ -117,7 +117,6 @@ DARK_COLOURS = (
 )
 DOTTED, DASH_DOT, SOLID, DASHED = (0, (1, 1)), (0, (5, 1.2, 1, 1.2)), "-", (0, (4, 1.2))
 DASHES = (DOTTED, DASH_DOT, SOLID, DASHED)
-HATCHES = ("////", "....", "", "xxxx", "\\\\\\\\", "++++", "oooo", "----")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 # What a response time goes into: its name, and a light tone of no method's (after Paul Tol) and a
 # hatch; of lines alone, for circles take half a megabyte of an SVG.
@@ -173,12 +172,6 @@ def method_colour(style: int) -> str:
 def method_marker(style: int) -> str:
     """The marker of a method's points; with its colour, no two of the first 96 are the same."""
     return MARKERS[(style + style // len(COLOURS)) % len(MARKERS)]
-
-
-def method_bar(style: int) -> dict[str, Any]:
-    """Colour and hatch of a method's bar."""
-    hatch = HATCHES[(style + style // len(COLOURS)) % len(HATCHES)]
-    return {"facecolor": method_colour(style), "hatch": hatch}
 
 
 def percent_tick(share: float, _place: object) -> str:

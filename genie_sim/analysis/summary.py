@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from genie_sim.analysis import correctness, prices, renderers
+from genie_sim.analysis.compare import no_value
 from genie_sim.analysis.correctness import CORRECTNESS, LAPS
 from genie_sim.analysis.frame_metrics import FRAMES, IMPROVEMENTS, TIMES
 from genie_sim.analysis.genie_metrics import GENIES, of_clients
@@ -30,10 +31,12 @@ from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
 from genie_sim.analysis.statistics import MIN_SEEDS
 from genie_sim.analysis.style import PLACEMENTS
+from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
 from genie_sim.record.results import TIDY_FIELDS, MetricValue, Run
 
-OVERLOADED, MANY_DROPPED = 0.95, 0.1  # a resource is overloaded that works so much, with such drops
+# A resource is overloaded from this utilization on, if more than that share of frames is dropped.
+OVERLOADED, MANY_DROPPED = 0.95, 0.1
 OF_LOOKUPS = ("image_reuse", "object_reuse", "confidence_boost")
 SECTIONS = (
     TIMES,
@@ -378,10 +381,13 @@ def markdown(run: Run | SeedRuns) -> str:
 def main_table(run: Run | SeedRuns, metrics: Sequence[str] = (), tier: int = MAIN) -> ResultTable:
     """The one table for a terminal or a paper: response times, correctness, reuse, and the busiest
     devices, of the metrics up to a tier in which any method has a number; or of these ``metrics``.
-    Raises ``UserError`` for a metric that is not known.
+    Raises ``UserError`` for a metric that is not known, or of which the run has no number.
     """
     numbers = _Numbers(run)
     names = checked(metrics, numbers.own) or shown(tier, numbers.names)
+    for name in metrics:
+        if name not in numbers.names:
+            raise UserError(f"metrics: {no_value(name)}")
     columns = [*numbers.columns, *numbers.zero_delay()]
     rows: list[Row] = []
     for name in names:

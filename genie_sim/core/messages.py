@@ -323,9 +323,13 @@ class Detections:
         """The answer as a node gives it, under another ``header`` if one is given. One out of an
         object map stays that, even when a cache replays it: it was never a detection.
         """
-        answer = self if header is None else self.restamped(header)
-        source = "map" if self.source == "map" else source
-        return replace(answer, source=source, served_by=by, seen_in=self.seen_in or self.header)
+        return replace(
+            self,
+            header=self.header if header is None else header,
+            source="map" if self.source == "map" else source,
+            served_by=by,
+            seen_in=self.seen_in or self.header,
+        )
 
 
 def newest_look_ns(objects: Sequence[Detection], newest_ns: int | None) -> int | None:

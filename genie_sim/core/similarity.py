@@ -137,7 +137,7 @@ class _NearHashes(dict[Any, None]):
     def find(self, key: Any) -> Hashable | None:
         nearest: int | None = key
         if key not in self:
-            nearest = min(self, key=lambda other: (other ^ key).bit_count(), default=None)
+            nearest = min(self, key=lambda candidate: (candidate ^ key).bit_count(), default=None)
         if nearest is None or (nearest ^ key).bit_count() > self._radius:
             return None
         return nearest

@@ -52,7 +52,7 @@ def held(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Hel
     at, ranks = np.repeat(scene_of, counts), np.repeat(rank_of, counts)
     known = objects.columns()
     east_m, north_m = known.east_m[number], known.north_m[number]
-    is_held = ~_decided(Held(at, ranks, east_m, north_m), views)
+    is_held = ~_decided(at, ranks, np.stack([east_m, north_m]), views)
     if age_ns.any():
         dt_s = np.minimum(np.repeat(age_ns, counts), COAST_NS) * 1e-9
         east_m = east_m + known.velocity_east_mps[number] * dt_s
@@ -66,28 +66,35 @@ def held(objects: Objects, scenes: Iterable[tuple[int, Sequence[Shown]]]) -> Hel
     return Held(at, number, east_m, north_m).rows(is_held)
 
 
-def _decided(shown: Held, views: Sequence[tuple[int, int, Viewer]]) -> Array:
+def _decided(
+    scene: Array, rank: Array, places_m: Array, views: Sequence[tuple[int, int, Viewer]]
+) -> Array:
     """Which objects stand in the field of view of an earlier answer that shows all in view.
 
-    ``shown.number`` is the rank of the answer that shows an object.
+    Parameters
+    ----------
+    scene, rank : array
+        Of each object its scene, and the rank of the answer that shows it.
+    places_m : array
+        East and north, (2, n).
+    views : sequence of tuple
+        Scene, rank and viewer of the answers that show all in view.
     """
-    decided = np.zeros(len(shown.scene), dtype=bool)
-    for rank in sorted({rank for _, rank, _ in views}):
-        sectors = np.full((int(shown.scene.max(initial=0)) + 1, 5), np.nan)
-        for scene, of_rank, viewer in views:
-            if of_rank == rank and scene < len(sectors):
+    decided = np.zeros(len(scene), dtype=bool)
+    for of_rank in sorted({rank for _, rank, _ in views}):
+        sectors = np.full((int(scene.max(initial=0)) + 1, 5), np.nan)
+        for of_scene, viewer_rank, viewer in views:
+            if viewer_rank == of_rank and of_scene < len(sectors):
                 pose, half_rad = viewer.pose, max(viewer.horizontal_fov_rad / 2, 0.0)
                 min_cosine = math.cos(half_rad) if half_rad < math.pi else -2.0
                 ahead = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-                sectors[scene] = (pose.east_m, pose.north_m, *ahead, min_cosine)
-        later = np.flatnonzero(shown.number > rank)
-        from_east_m, from_north_m, ahead_east, ahead_north, min_cosine_ = sectors[
-            shown.scene[later]
-        ].T
-        east_m, north_m = shown.east_m[later] - from_east_m, shown.north_m[later] - from_north_m
+                sectors[of_scene] = (pose.east_m, pose.north_m, *ahead, min_cosine)
+        later = np.flatnonzero(rank > of_rank)
+        from_east_m, from_north_m, ahead_east, ahead_north, min_cosines = sectors[scene[later]].T
+        east_m, north_m = places_m[0, later] - from_east_m, places_m[1, later] - from_north_m
         ahead_m = east_m * ahead_east + north_m * ahead_north
-        decided[later] |= ((ahead_m >= 0.0) | (min_cosine_ < 0.0)) & (
-            ahead_m >= min_cosine_ * np.hypot(east_m, north_m)
+        decided[later] |= ((ahead_m >= 0.0) | (min_cosines < 0.0)) & (
+            ahead_m >= min_cosines * np.hypot(east_m, north_m)
         )
     return decided
 

@@ -86,7 +86,7 @@ class RecentPlaces:
         remembered = self._last_ns >= before_ns
         if 2 * np.count_nonzero(remembered) < len(remembered):
             names = list(self.codes)
+            kept = [names[code] for code in np.flatnonzero(remembered).tolist()]
             self.codes.clear()
-            for code in np.flatnonzero(remembered).tolist():
-                self.codes[names[code]]
+            self.codes.update((name, code) for code, name in enumerate(kept))
             self._places, self._last_ns = self._places[remembered], self._last_ns[remembered]

@@ -142,10 +142,10 @@ class PacedGenie(TrackingGenie):
         """An answer with what other cars saw in view, as far as this one believes it."""
         if self._shared_tracks is None:
             return answer
-        own = answer.objects or ()
-        candidates = self._shared_tracks.believed(own, viewer.pose, now_ns)
+        own_objects = answer.objects or ()
+        candidates = self._shared_tracks.believed(own_objects, viewer.pose, now_ns)
         in_view = [item for item in candidates if self.object_map.is_in_view(viewer, item)]
-        return answer.with_objects([*own, *in_view])
+        return answer.with_objects([*own_objects, *in_view])
 
 
 def _lost(losses: Sequence[Loss]) -> list[Effect]:

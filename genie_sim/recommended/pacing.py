@@ -138,10 +138,10 @@ class CameraStreams:
             stream.interval_ns = header.stamp_ns - stream.stamp_ns
         stream.stamp_ns, stream.heading_rad = header.stamp_ns, heading_rad
         return {
-            name: other
-            for name, other in self._streams.items()
-            if header.stamp_ns - other.stamp_ns <= LIVE_NS
-            and _turn_rad(heading_rad, other.heading_rad) < VIEW_RAD
+            name: member
+            for name, member in self._streams.items()
+            if header.stamp_ns - member.stamp_ns <= LIVE_NS
+            and _turn_rad(heading_rad, member.heading_rad) < VIEW_RAD
         }
 
 
@@ -201,7 +201,7 @@ class Pacer:
         view = self._streams.add_frame(header, heading_rad)
         stream = view[header.frame_id]
         every_ns = self._interval_ns()
-        departures = [other.last_sent for other in view.values() if other.last_sent is not None]
+        departures = [member.last_sent for member in view.values() if member.last_sent is not None]
         last = max(departures, key=SentFrame.order, default=None)
         due_ns = None if last is None else _due_ns(last, every_ns)
         if self.outstanding >= self._window() or not _is_its_turn(
@@ -285,14 +285,14 @@ def _is_its_turn(
         return True
     stamp_ns = stream.stamp_ns
     if stamp_ns < due_ns:  # it is early: the view's next frame may come nearer to the instant
-        next_ns = min(other.next_ns(stream) for other in view)
+        next_ns = min(member.next_ns(stream) for member in view)
         if next_ns == math.inf or next_ns - due_ns < due_ns - stamp_ns:
             return False
     # A stream whose last look is older has its turn, if its frame comes within half a gap after.
     latest_ns = due_ns + every_ns / 2
     return not any(
-        _sent_ns(other) < _sent_ns(stream) and max(other.next_ns(stream), stamp_ns) < latest_ns
-        for other in view
+        _sent_ns(member) < _sent_ns(stream) and max(member.next_ns(stream), stamp_ns) < latest_ns
+        for member in view
     )
 
 

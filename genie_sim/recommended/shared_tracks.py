@@ -6,7 +6,7 @@ not say otherwise. It gets no track of itself, which others see: to it that is a
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from genie_sim.base.settings import Bounds, Share
@@ -98,10 +98,12 @@ class SharedTracks:
         if valid_ns >= self._valid_ns:
             self._objects, self._valid_ns = objects, valid_ns
 
-    def believed(self, own: Sequence[Detection], pose: CameraPose, now_ns: int) -> list[Detection]:
+    def believed(
+        self, own_objects: Sequence[Detection], pose: CameraPose, now_ns: int
+    ) -> list[Detection]:
         """The shared objects that the car believes beside its own, each at its predicted place.
 
-        ``own`` are the objects of the car's own map; ``pose`` is where its camera is.
+        ``own_objects`` are those of the car's own map; ``pose`` is where its camera is.
         """
         objects: list[Detection] = []
         ahead_s = min(max(now_ns - self._valid_ns, 0), COAST_NS) * 1e-9
@@ -116,12 +118,14 @@ class SharedTracks:
             kind = kind_of(item.label)
             if (
                 math.hypot(east_m - pose.east_m, north_m - pose.north_m) <= self._rules.self_m
-                or _is_near(own, kind, east_m, north_m, within_m=self._rules.gate_m)
+                or _is_near(own_objects, kind, east_m, north_m, within_m=self._rules.gate_m)
                 or _is_near(objects, kind, east_m, north_m, within_m=SAME_SHARED_M)
                 or self._own_tracks.contradicts(item.label, east_m, north_m, seen_ns)
             ):
                 continue
-            objects.append(item.with_location((east_m, north_m, up_m)))
+            place = (east_m, north_m, up_m)
+            # how old an answer is follows from the car's own looks: others' do not make it newer
+            objects.append(replace(item, location=place, seen_in=None))
         return objects
 
 

@@ -34,7 +34,7 @@ from genie_sim.record.tables import other_format
 from genie_sim.version import PACKAGE_FOLDER, VERSION
 
 log = logging.getLogger(__name__)
-RESULT_FORMAT = 5
+RESULT_FORMAT = 6
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
     "run_id": (str, "text"),
@@ -139,7 +139,7 @@ def _packages() -> dict[str, str]:
 
 
 def other_versions(about: Mapping[str, Any]) -> list[str]:
-    """Which versions a result was made with that are others now, a line each: ``pyarrow: 26.0.1
+    """Versions that have changed since a result was made, a line each: ``pyarrow: 26.0.1
     when it was made, 15.0.0 now``.
     """
     packages = about.get("packages")

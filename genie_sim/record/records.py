@@ -265,9 +265,9 @@ class HeldRow(NamedTuple):
 
 class HeldObjectRow(NamedTuple):
     """Where the truth is known, one row per object that a car's consumer holds in its field of
-    view, or misses there, and per time for which it does so at one place; judged at the same
-    instants and in the same way as `held`, whose counts are the rows open at an instant
-    (`begin_ns` <= `stamp_ns` < `end_ns`). In the order of their ends.
+    view, or misses there, for as long as it does so at one place. Judged at the same instants and
+    in the same way as `held`, whose counts are the rows open at an instant (`begin_ns` <=
+    `stamp_ns` < `end_ns`). In the order of their ends.
     """
 
     method: Method
@@ -329,8 +329,7 @@ class FaultRow(NamedTuple):
 
 class HostRow(NamedTuple):
     """One row per method and host: what it has used from the end of the warm-up until the end of
-    the run. Cars and edges on
-    which the method runs nothing at all have none.
+    the run. Cars and edges on which the method runs nothing at all have none.
     """
 
     method: Method
@@ -357,8 +356,8 @@ class HostRow(NamedTuple):
 
 
 class PowerRow(NamedTuple):
-    """One row per method and part of the power of a device or network interface. What has no rows
-    here takes nobody knows how much.
+    """One row per method and part of the power of a device or network interface. The power of what
+    has no rows here is not known.
     """
 
     method: Method

@@ -276,12 +276,12 @@ class TrackMap:
         range_m = math.hypot(east_m - look.pose.east_m, north_m - look.pose.north_m)
         if track is None:
             kind = kind_of(sighting.label)
-            for other in new_tracks:
+            for twin in new_tracks:
                 if (
-                    other.kind.group == kind.group
-                    and math.hypot(other.east_m - east_m, other.north_m - north_m) < NEAR_M
+                    twin.kind.group == kind.group
+                    and math.hypot(twin.east_m - east_m, twin.north_m - north_m) < NEAR_M
                 ):
-                    return other
+                    return twin
             speed_mps = kind.v_max_mps / 2
             sigma_m = sigma_of(range_m)
             track = Track(
@@ -407,9 +407,9 @@ def _fits(track: Track, distance_m: float, at_ns: int) -> bool:
     )
 
 
-def _distance_m(track: Track, other: Track, at_ns: int) -> float:
+def _distance_m(track: Track, twin: Track, at_ns: int) -> float:
     """How far apart two tracks are at a time."""
-    (east_m, north_m), (other_east_m, other_north_m) = track.place(at_ns), other.place(at_ns)
+    (east_m, north_m), (other_east_m, other_north_m) = track.place(at_ns), twin.place(at_ns)
     return math.hypot(east_m - other_east_m, north_m - other_north_m)
 
 

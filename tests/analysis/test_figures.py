@@ -145,8 +145,6 @@ def test_curves_of_several_runs_in_one_panel_differ_in_line_and_marker(tables):
 def test_methods_and_placements_differ_without_colour():
     assert len({str(style.method_line(look)["linestyle"]) for look in range(4)}) == 4
     assert len({str(style.method_line(look)) for look in range(48)}) == 48
-    assert len({style.method_bar(look)["hatch"] for look in range(8)}) == 8
-    assert len({str(style.method_bar(look)) for look in range(96)}) == 96
     assert len({(style.method_colour(look), style.method_marker(look)) for look in range(96)}) == 96
     assert len(style.COLOURS) == len(style.DARK_COLOURS) == len({*style.COLOURS})
     assert len({str(style.PLACEMENT_LINES[where]["linestyle"]) for where in style.PLACEMENTS}) == 2
