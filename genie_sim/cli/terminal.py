@@ -29,7 +29,6 @@ PAGE = "report.html"
 PROGRESS_VARIABLE = "GENIE_SIM_PROGRESS"  # of the environment; "off": neither bar nor lines
 SHOW_EVERY_S = 0.2  # at least, between two states of progress on a terminal
 LINE_EVERY_S = 10  # and between its lines where there is none
-WIDE = 72  # from here on a command and what it does stand side by side
 
 
 def width() -> int:
@@ -45,16 +44,8 @@ def listing(rows: Iterable[tuple[str, str]], columns: int | None) -> Iterator[st
         line = f"{name:28} {about}".rstrip()
         if columns is None or len(line) <= columns:
             yield line
-        elif columns < WIDE:
-            yield name
-            indent = "    "
-            yield from textwrap.wrap(
-                about, columns, initial_indent=indent, subsequent_indent=indent
-            )
         else:
-            yield from textwrap.wrap(
-                line, columns, subsequent_indent=" " * 29, drop_whitespace=True
-            )
+            yield from textwrap.wrap(line, columns, subsequent_indent="    ")
 
 
 class Commands(click.Group):

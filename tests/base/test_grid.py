@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from genie_sim.base.grid import Grid
+from genie_sim.base.grid import Grid, cell_counts
 
 
 def places(count: int, reach_m: float, seed: int) -> list[tuple[float, float]]:
@@ -73,3 +73,10 @@ def test_removed_items_are_gone():
     assert list(grid) == ["bench"]
     grid.remove(cells[1], "bench")
     assert list(grid.inside((-9.0, -9.0, 9.0, 9.0))) == []
+
+
+@pytest.mark.parametrize(
+    ("size_m", "counts"), [((240.0, 90.0), (2, 1)), ((10.0, 10.0), (1, 1)), ((0.0, 260.0), (1, 3))]
+)
+def test_a_map_has_as_many_cells_as_fit_it_best_and_one_at_least(size_m, counts):
+    assert cell_counts((5.0, -7.0, 5.0 + size_m[0], size_m[1] - 7.0), 100.0) == counts

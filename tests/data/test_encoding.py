@@ -6,7 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from genie_sim.data import sources
 from genie_sim.data.encoding import difference_hash
+from tests.data.traces import trace
 
 
 @pytest.mark.parametrize("grey", [0, 77, 255])
@@ -32,3 +34,18 @@ def test_a_picture_and_the_same_one_half_as_large_differ_in_few_bits():
     )
     small = cv2.resize(image, (621, 188), interpolation=cv2.INTER_AREA)
     assert (difference_hash(image) ^ difference_hash(small)).bit_count() <= 4
+
+
+def test_the_encoded_trace_of_several_cars_is_read_once(monkeypatch):
+    read = []
+
+    def encoded_beside(path, trace, encoding):
+        read.append(encoding)
+        return trace
+
+    monkeypatch.setattr(sources, "encoded_beside", encoded_beside)
+    drives = sources.RecordedDrives(trace())
+    for car in ("car1", "car2"):
+        drives.drive(car, None, 0)
+    assert drives.encoded("car1", "jpeg80") is drives.encoded("car2", "jpeg80")
+    assert read == ["jpeg80"]

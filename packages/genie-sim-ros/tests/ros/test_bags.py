@@ -409,6 +409,17 @@ def test_two_cameras_of_one_name_are_both_read(tmp_path: Path):
     assert [len(frames) for frames in trace.frames.values()] == [3, 3]
 
 
+def test_which_pictures_of_one_camera_are_taken_is_told(tmp_path: Path):
+    bag, report = street(tmp_path / "a.mcap"), ImportReport("a")
+    raw = f"/kitti/{CAMERA}/image_raw"
+    same = [
+        (at, f"/kitti/{CAMERA}/image_rect", *of) for at, name, *of in bag.messages if name == raw
+    ]
+    bag.messages += same
+    perceive_bag(bag.write(), detections=OBJECTS, report=report)
+    assert report.chosen == [f"images: {raw}, not /kitti/{CAMERA}/image_rect (--topic)"]
+
+
 def test_distances_are_no_pictures(tmp_path: Path):
     path, report = with_camera(tmp_path / "a.mcap", "/depth", "16UC1"), ImportReport("a")
     assert list(perceive_bag(path, detections=OBJECTS, report=report).frames) == [CAMERA]
