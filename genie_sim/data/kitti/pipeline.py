@@ -3,6 +3,7 @@
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import chain, groupby
 from operator import attrgetter
@@ -42,8 +43,6 @@ def trace_frames(
     detector : what looks
     encoding : of the pictures before the detector sees them
     """
-    from joblib import Parallel, delayed
-
     workers = 1
     if isinstance(detector, OnnxDetector):
         workers = max(1, min((os.cpu_count() or 1) // detector.threads, MAX_WORKERS))
@@ -78,10 +77,9 @@ def trace_frames(
             size_bytes=size_bytes,
         )
 
-    at_once = Parallel(workers, return_as="generator", backend="threading")
     numbers = (tuple(of_number) for _, of_number in groupby(frames, attrgetter("index")))
-    with _one_thread_of_opencv():
-        yield from chain.from_iterable(at_once(delayed(perceived)(frames) for frames in numbers))
+    with _one_thread_of_opencv(), ThreadPoolExecutor(workers) as threads:
+        yield from chain.from_iterable(threads.map(perceived, numbers))
 
 
 @contextmanager
