@@ -34,7 +34,7 @@ NO_SETTINGS = ("scenario.seed", "scenario.name", "scenario.description")
 
 
 @dataclass(frozen=True)
-class ComparedMethod:
+class Arm:
     """One method under one setting: its runs by seed.
 
     ``setting`` is empty where there is one only. Tables and the library name an arm by ``label``,
@@ -101,7 +101,7 @@ class ComparedRuns:
     asked for, none for the usual ones.
     """
 
-    arms: Sequence[ComparedMethod]
+    arms: Sequence[Arm]
     rows: Sequence[Difference]
     names: Sequence[str]
     settings: Mapping[str, Sequence[str]]
@@ -123,7 +123,7 @@ class ComparedRuns:
         return f"95 % intervals of paired differences, by {' and '.join(units)}"
 
 
-class Compared(Protocol):
+class Comparable(Protocol):
     """What can be compared: a run, several seeds, a sweep, an evaluation."""
 
     @property
@@ -132,7 +132,7 @@ class Compared(Protocol):
 
 
 def compare(
-    results: Sequence[Compared],
+    results: Sequence[Comparable],
     methods: Sequence[str] = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
@@ -175,7 +175,7 @@ def no_value(*metrics: str) -> str:
 
 
 def compared(
-    results: Sequence[Compared],
+    results: Sequence[Comparable],
     methods: Sequence[str] = (),
     labels: Sequence[str] = (),
     metrics: Sequence[str] = (),
@@ -199,17 +199,17 @@ def _compared(
     firsts = [_any(_any(side)) for side in sides]
     names = names_of(firsts, labels)
     cells, left_out = _common(sides, names)
-    arms: list[ComparedMethod] = []
-    references: dict[str, ComparedMethod] = {}  # by the label of the arm that is compared with it
+    arms: list[Arm] = []
+    references: dict[str, Arm] = {}  # by the label of the arm that is compared with it
     for cell, by_name in cells.items():
-        firsts_of_cell: dict[str, ComparedMethod] = {}  # what the others are compared with
+        firsts_of_cell: dict[str, Arm] = {}  # what the others are compared with
         for name, by_seed in by_name.items():
             for method in _chosen(_any(by_seed), methods):
                 place = ", ".join(filter(None, [name if len(sides) > 1 else "", cell]))
                 label, title = (
                     f"{place}: {text}" if place else text for text in (method.name, method.title)
                 )
-                arm = ComparedMethod(label, title, method, by_seed, place)
+                arm = Arm(label, title, method, by_seed, place)
                 key = method.name if len(sides) > 1 else ""
                 if name == names[0]:
                     firsts_of_cell.setdefault(key, arm)
@@ -272,7 +272,7 @@ def _common(
     return cells, " ".join(left_out)
 
 
-def _told_differently(arms: Sequence[ComparedMethod]) -> dict[str, str]:
+def _told_differently(arms: Sequence[Arm]) -> dict[str, str]:
     """The metrics of the user's own of which results say different things, with what they say."""
     said: dict[str, dict[str, None]] = {}
     for arm in arms:
@@ -286,7 +286,7 @@ def _told_differently(arms: Sequence[ComparedMethod]) -> dict[str, str]:
     }
 
 
-def _shown(arms: Sequence[ComparedMethod]) -> list[str]:
+def _shown(arms: Sequence[Arm]) -> list[str]:
     """The metrics that are compared unless the user says which."""
     return shown(
         MAIN,
@@ -355,9 +355,7 @@ def _names_by_content(runs: Sequence[Run]) -> list[str]:
     return [f"{run.name}-{run.run_id[:6]}" for run in runs]
 
 
-def _difference(
-    metric: str, arm: ComparedMethod, reference: ComparedMethod | None
-) -> Difference | None:
+def _difference(metric: str, arm: Arm, reference: Arm | None) -> Difference | None:
     """A metric of an arm, with its difference from that of the reference, if there is one, over the
     seeds in which both have a value; ``None`` where the arm has none.
     """
@@ -403,7 +401,7 @@ def _over_blocks(
     return row._replace(low=low, high=high, by=BLOCKS, n=n)
 
 
-def _samples(arm: ComparedMethod) -> dict[str, Sample]:
+def _samples(arm: Arm) -> dict[str, Sample]:
     """Of each metric that is made of rows those of an arm with one run."""
     run = _any(arm.runs)
     if len(arm.runs) > 1 or not run.tables:
@@ -412,7 +410,7 @@ def _samples(arm: ComparedMethod) -> dict[str, Sample]:
     return samples(with_formulas(names), of_method(run.tables, arm.method.name))
 
 
-def _values(arm: ComparedMethod, metric: str) -> dict[int, float]:
+def _values(arm: Arm, metric: str) -> dict[int, float]:
     """A metric's value by seed, where it is defined."""
     of_arm: dict[int, float] = {}
     for seed, run in arm.runs.items():

@@ -9,8 +9,7 @@ one, an edge until that of all cars; afterwards a run only waits.
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,6 @@ from genie_sim.analysis.metric import (
 from genie_sim.analysis.statistics import Measured
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import Columns
-from genie_sim.record.records import CONSUMER
 
 BITS_PER_MEGABIT = 10**6
 Key = tuple[str, str, str]  # kind, name and part of a power
@@ -117,12 +115,12 @@ def energy(hosts: Columns, power: Columns | None) -> Energy:
 
 class Hosts(NamedTuple):
     """The hosts of a method in one placement, each with the time in which it is there, the powers
-    of all, and how many there are of what energy is divided by.
+    of all, and how many frames were published.
     """
 
     hosts: Columns
     power: Columns | None
-    counts: Mapping[str, int]
+    frames: int
 
     def sum(self, column: str, unit: float = 1) -> float:
         """Over these hosts."""
@@ -135,13 +133,10 @@ def views(tables: Tables) -> Iterator[Seen]:
         return
     frames = tables["frames"]
     hosts = with_time(tables["hosts"], frames)
-    counts = {"frame": len(frames)}
-    if "held" in tables:
-        counts["right"] = int(tables["held"].where(what=CONSUMER)["right"].sum())
     for placement in ("all", "car", "edge"):
         rows = hosts if placement == "all" else hosts.where(placement=placement)
         if len(rows):
-            yield Seen("hosts", Hosts(rows, tables.get("power"), counts), placement)
+            yield Seen("hosts", Hosts(rows, tables.get("power"), len(frames)), placement)
 
 
 def _batches(hosts: Hosts) -> Measured | None:
@@ -150,10 +145,8 @@ def _batches(hosts: Hosts) -> Measured | None:
     return quotient(hosts.sum("pictures"), batches) if on_edges and batches else None
 
 
-def _energy(hosts: Hosts, per: str) -> Measured | None:
-    if per not in hosts.counts:
-        return None
-    n = hosts.counts[per]
+def _energy(hosts: Hosts) -> Measured:
+    n = hosts.frames
     value, low, high = (
         None if of_end is None or not n else of_end / n
         for of_end in energy(hosts.hosts, hosts.power).joules
@@ -213,15 +206,8 @@ METRICS = {
         "energy per frame",
         "J",
         "Energy per published frame." + OVER_POWERS,
-        partial(_energy, per="frame"),
+        _energy,
         tier=MAIN,
-    ),
-    "energy_per_right": _of_hosts(
-        "energy per right object",
-        "J",
-        "Energy per right object that a consumer holds at a frame of its first camera."
-        + OVER_POWERS,
-        partial(_energy, per="right"),
     ),
 }
 

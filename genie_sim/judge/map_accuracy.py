@@ -31,7 +31,7 @@ JUDGEMENTS = ("right", "duplicate", "hidden", "moved_away", "never_there", "miss
 RIGHT, DUPLICATE, HIDDEN, MOVED_AWAY, NEVER_THERE, MISSED = range(len(JUDGEMENTS))
 
 
-class _Compared(NamedTuple):
+class _Judged(NamedTuple):
     """The objects that are held in view: what they are, the code of the label and how each is
     judged; then the pairs with visible objects, scene by scene and nearest first, and which of them
     match.
@@ -148,13 +148,13 @@ class MapAccuracy:
         views = SceneViews.of(self._scenes, self._cars)
         visible = Visible.of(self._scenes, self.objects, self._recent_places.codes)
         visible = visible.rows(views.see(visible.scene, visible.east_m, visible.north_m))
-        compared = self._compare(views, visible)
-        self._count(views, visible, compared)
+        judged = self._compare(views, visible)
+        self._count(views, visible, judged)
         if self._spans is not None:
-            self._follow(self._spans, views, visible, compared)
+            self._follow(self._spans, views, visible, judged)
         self._scenes = []
 
-    def _compare(self, views: SceneViews, visible: Visible) -> _Compared:
+    def _compare(self, views: SceneViews, visible: Visible) -> _Judged:
         """Judges each object in view, of a class that the truth knows."""
         objects = self.objects
         shown = (scene.shown for scene in self._scenes)
@@ -188,7 +188,7 @@ class MapAccuracy:
         others = np.flatnonzero(judgement == NEVER_THERE)
         moved_away = self._were_there(views, visible, items.scene[others], places.rows(others))
         judgement[others[moved_away]] = MOVED_AWAY
-        return _Compared(
+        return _Judged(
             items,
             label=known.label,
             judgement=judgement,
@@ -237,23 +237,23 @@ class MapAccuracy:
             now_ns=views.now_ns[views.is_consumer],
         )
 
-    def _count(self, views: SceneViews, visible: Visible, compared: _Compared) -> None:
+    def _count(self, views: SceneViews, visible: Visible, judged: _Judged) -> None:
         """Writes the rows of ``held``."""
-        items, judgement, pairs = compared.held, compared.judgement, compared.pairs
+        items, judgement, pairs = judged.held, judged.judgement, judged.pairs
         scenes = len(views.now_ns)
 
-        judged = [
+        counts = [
             _counts(items.scene, judgement == code, scenes) for code in range(len(JUDGEMENTS))
         ]
         of_pairs = items.scene[pairs.ours]
         moving = visible.moving == 1
         found = np.zeros(len(moving), dtype=bool)
-        found[pairs.theirs[compared.is_match]] = True
-        errors_m = np.sqrt(pairs.distance_m2[compared.is_match])
-        right = judged[RIGHT]
+        found[pairs.theirs[judged.is_match]] = True
+        errors_m = np.sqrt(pairs.distance_m2[judged.is_match])
+        right = counts[RIGHT]
         with np.errstate(invalid="ignore"):
             error_m = (
-                np.bincount(of_pairs[compared.is_match], weights=errors_m, minlength=scenes) / right
+                np.bincount(of_pairs[judged.is_match], weights=errors_m, minlength=scenes) / right
             )
         columns = {
             "method": Text.of(np.zeros(scenes, dtype=np.int64), [self._method]),
@@ -263,10 +263,10 @@ class MapAccuracy:
             # what is there and cannot be seen is neither right nor wrong
             "held": _counts(items.scene, judgement != HIDDEN, scenes),
             "right": right,
-            "moved_away": judged[MOVED_AWAY],
-            "never_there": judged[NEVER_THERE],
-            "duplicate": judged[DUPLICATE],
-            "hidden": judged[HIDDEN],
+            "moved_away": counts[MOVED_AWAY],
+            "never_there": counts[NEVER_THERE],
+            "duplicate": counts[DUPLICATE],
+            "hidden": counts[HIDDEN],
             "visible_static": _counts(visible.scene, ~moving, scenes),
             "found_static": _counts(visible.scene, found & ~moving, scenes),
             "visible_moving": _counts(visible.scene, moving, scenes),
@@ -276,13 +276,13 @@ class MapAccuracy:
         self._table.extend_columns(Columns(columns))
 
     def _follow(
-        self, spans: HeldSpans, views: SceneViews, visible: Visible, compared: _Compared
+        self, spans: HeldSpans, views: SceneViews, visible: Visible, judged: _Judged
     ) -> None:
         """Notes since when each object is judged as it is."""
-        items, codes = compared.held, spans.cameras
-        is_held = views.is_consumer[items.scene] & (compared.judgement != HIDDEN)
+        items, codes = judged.held, spans.cameras
+        is_held = views.is_consumer[items.scene] & (judged.judgement != HIDDEN)
         is_missed = views.is_consumer[visible.scene]
-        is_missed[compared.pairs.theirs[compared.is_match]] = False
+        is_missed[judged.pairs.theirs[judged.is_match]] = False
         missed = visible.rows(is_missed)
         scene = np.concatenate([items.scene[is_held], missed.scene])
         camera = np.array(
@@ -294,16 +294,16 @@ class MapAccuracy:
         instants = np.flatnonzero(views.is_consumer)
         turn = np.zeros(len(camera), dtype=np.int64)
         turn[instants] = turns(camera[instants])
-        judged = JudgedObjects(
+        objects = JudgedObjects(
             camera=camera[scene],
             turn=turn[scene],
             order=np.arange(len(scene)),
-            label=np.concatenate([compared.label[is_held], missed.label]),
+            label=np.concatenate([judged.label[is_held], missed.label]),
             east_m=np.concatenate([items.east_m[is_held], missed.east_m]),
             north_m=np.concatenate([items.north_m[is_held], missed.north_m]),
-            judgement=np.append(compared.judgement[is_held], np.full(len(missed.scene), MISSED)),
+            judgement=np.append(judged.judgement[is_held], np.full(len(missed.scene), MISSED)),
         )
-        spans.add(judged, camera[instants], turn[instants], views.now_ns[instants])
+        spans.add(objects, camera[instants], turn[instants], views.now_ns[instants])
 
 
 def _counts(scene: Array, selection: Array, scenes: int) -> Array:

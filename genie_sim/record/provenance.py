@@ -34,7 +34,7 @@ from genie_sim.record.tables import other_format
 from genie_sim.version import PACKAGE_FOLDER, VERSION
 
 log = logging.getLogger(__name__)
-RESULT_FORMAT = 5
+RESULT_FORMAT = 6
 # Of run.json, required by every command; other fields are checked where they are used.
 REQUIRED: dict[str, tuple[type, str]] = {
     "run_id": (str, "text"),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-FORMAT_VERSION = 4
+FORMAT_VERSION = 3
 ROWS_PER_GROUP = 65_536
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")  # of formulas in spreadsheets
 

@@ -1,7 +1,7 @@
 """What a world is built from: the settings of a scenario under one method, and what they name."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from genie_sim.core.messages import Frame
 from genie_sim.sim.device import Device
@@ -11,7 +11,7 @@ from genie_sim.sim.interface import Interface
 from genie_sim.sim.link_model import LinkModel
 from genie_sim.sim.places import Place
 from genie_sim.sim.settings import Camera, Car, Edge, MethodSettings
-from genie_sim.tracks.laws import ASSUMED, DetectorLaws
+from genie_sim.tracks.laws import DetectorLaws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class Setup:
         The detectors' laws, as maps and consumers that weigh evidence take them to be.
     faults : sequence of TimedFault
         What goes wrong.
-    codec : ImageCodec, optional
+    codec : ImageCodec or None
         How pictures are sent; without one, as they are.
     places : mapping
         Where each car is at a time [ns]: east and north [m].
@@ -63,13 +63,13 @@ class Setup:
     devices: Mapping[str, Device]
     links: Mapping[str, LinkModel]
     edge_network: LinkModel
-    laws: DetectorLaws = ASSUMED
-    faults: Sequence[TimedFault] = ()
-    codec: ImageCodec | None = None
-    places: Mapping[str, Place] = field(default_factory=dict)
-    interfaces: Mapping[str, Interface] = field(default_factory=dict)
-    warm_up_ns: int = 0
-    is_one_world: bool = True
+    laws: DetectorLaws
+    faults: Sequence[TimedFault]
+    codec: ImageCodec | None
+    places: Mapping[str, Place]
+    interfaces: Mapping[str, Interface]
+    warm_up_ns: int
+    is_one_world: bool
 
     @property
     def blind_edges(self) -> set[str | None]:

@@ -9,7 +9,7 @@ import pytest
 
 from genie_sim.analysis import figures, metrics, registry
 from genie_sim.analysis.breakdown import time_parts
-from genie_sim.analysis.compare import SEEDS, ComparedMethod, ComparedRuns, Difference
+from genie_sim.analysis.compare import SEEDS, Arm, ComparedRuns, Difference
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.points import differences, latency_accuracy
 from genie_sim.record.columns import Columns
@@ -95,10 +95,7 @@ def test_differences():
         about = registry.definition(metric)
         return Difference(metric, arm, 1.0, about, "a", 1.0, difference, low, high, by=SEEDS, n=5)
 
-    arms = [
-        ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})
-        for name in "abc"
-    ]
+    arms = [Arm(name, name.upper(), MethodInfo(name, name.upper(), False), {}) for name in "abc"]
     rows = [
         row("first_answer_mean", "b", -340.0, 6.0),
         row("first_answer_mean", "c", 12.5, 30.0),

@@ -184,21 +184,6 @@ def test_bytes_of_hosts_are_those_of_frames():
     assert cpu_s["genie"] > 0
 
 
-def test_energy_per_right_object():
-    kitti = run_in_memory(
-        load_scenario("street_1car_hetero", ["methods=[remote]", "cars[0].route.window=[0 s, 2 s]"])
-    )
-    held = kitti.tables["held"].to_frame()
-    right = held[held["what"] == "consumer"]["right"].sum()
-    shown = summary.table(kitti, "markdown")
-    for label in ("sent up per frame [B]", "accelerator time [s]", "energy per frame [J]"):
-        assert label in shown
-    published = len(kitti.tables["frames"])
-    assert value(kitti, "energy_per_right", "remote") == pytest.approx(
-        value(kitti, "energy_per_frame", "remote") * published / right, rel=1e-9
-    )
-
-
 def test_a_device_without_power_is_named_and_its_energy_is_not_known():
     made = run(["local", "remote"], of=devices(edge=None))
     for method in ("local", "remote"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from genie_sim.analysis import compare_tables, registry
-from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedMethod, ComparedRuns, Difference
+from genie_sim.analysis.compare import BLOCKS, SEEDS, Arm, ComparedRuns, Difference
 from genie_sim.analysis.points import differences
 from genie_sim.analysis.verdict import verdicts
 from genie_sim.record.results import MethodInfo
@@ -18,10 +18,7 @@ def row(metric: str, difference: float, low: float | None, high: float | None) -
 
 
 def comparison(*rows: Difference) -> ComparedRuns:
-    arms = [
-        ComparedMethod(name, name.upper(), MethodInfo(name, name.upper(), False), {})
-        for name in "ab"
-    ]
+    arms = [Arm(name, name.upper(), MethodInfo(name, name.upper(), False), {}) for name in "ab"]
     return ComparedRuns(arms, list(rows), ["town"], {})
 
 

@@ -81,6 +81,9 @@ def test_a_path_is_taken_as_it_stands(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.chdir(tmp_path)
     for path in ("mine.yaml", "./mine.yaml", str(tmp_path / "mine.yaml"), tmp_path / "mine.yaml"):
         assert files.find(files.SCENARIO, path).resolve() == tmp_path / "mine.yaml"
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "mine").touch()
+    assert files.find(files.SCENARIO, "folder/mine") == Path("folder/mine")
 
 
 @pytest.mark.parametrize(

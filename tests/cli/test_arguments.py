@@ -134,7 +134,6 @@ def test_options_of_several_commands():
 @pytest.mark.parametrize(
     ("line", "option"),
     [
-        ("perceive --drive a/b --labels c --out t.parquet", "--labels"),
         ("perceive --check a --cameras 02", "--cameras"),
         ("profile --csv a.csv --runs 30 --out p.yaml", "--runs"),
         ("profile --detector yolox_nano --unit ms --out p.yaml", "--unit"),

@@ -66,13 +66,15 @@ def test_a_page_of_other_bytes_does_not_outlive_a_run():
 
 
 @pytest.mark.slow
-def test_both_tables_of_seeds_have_the_metrics_that_are_asked_for(seeds, capsys):
+def test_tables_of_seeds_have_the_metrics_that_are_asked_for(seeds, capsys):
     metrics = "first_answer_p99,dropped_share"
-    assert main(["table", seeds, "--format", "latex", "--metrics", metrics]) == 0
-    text = capsys.readouterr().out
-    first, second = text.split("\\end{table}")[:2]
-    assert "first answer, p99" in first and "first answer, p99" in second
-    assert "mean" not in second.split("\\midrule")[1].split("\\bottomrule")[0]
+    for command in ("table", "compare"):
+        assert main([command, seeds, "--format", "latex", "--metrics", metrics]) == 0
+        text = capsys.readouterr().out
+        assert "first answer, p99" in text and "frames dropped" in text
+        assert "mean" not in text.split("\\midrule")[1].split("\\bottomrule")[0]
+    assert main(["table", seeds, "--metrics", "fault_recall"]) == 1
+    assert "metrics: no method has a value of fault_recall" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -119,6 +119,15 @@ def test_an_empty_trace_is_judged_too():
     assert "nan" not in text
 
 
+def test_every_table_of_an_evaluation_has_a_head():
+    text = table(judged([frame(car(0.9, location=(23.0, 4.0, 9.0)))], {0: [label()]}))
+    tables = [part for part in text.split("\n\n") if part.startswith("|")]
+    assert len(tables) == 2
+    for head, rule, *rows in map(str.splitlines, tables):
+        assert set(rule) == {"|", "-"} and rows
+        assert {line.count("|") for line in (head, rule, *rows)} == {head.count("|")}
+
+
 def test_nothing_found_of_what_is_labelled_is_a_precision_of_zero():
     e = judged([frame()], {0: [label()]})
     assert e.groups["vehicles"].average_precision() == 0.0

@@ -74,7 +74,7 @@ class Street:
             if one_ns > self.clock.now:
                 yield self.clock.timeout(one_ns - self.clock.now)
             station.random.begin(None, "")
-            yield station.sent(size_bytes)
+            yield station.transmit(size_bytes)
             now_ns = self.clock.now
             self.sent.append(Sent(host, now_ns - airtime_ns, now_ns, station.heard_by))
 

@@ -277,7 +277,7 @@ def test_run_json_comes_back_and_anything_else_is_named(tmp_path):
         provenance.read_run_json(tmp_path / "elsewhere")
     (tmp_path / "run.json").write_text('{"format": 1}')
     with pytest.raises(
-        UserError, match="made by an older genie-sim: format 1, this one reads 5; run it again"
+        UserError, match="made by an older genie-sim: format 1, this one reads 6; run it again"
     ):
         provenance.read_run_json(tmp_path)
     for wrong in ("{half", "[]", '{"format": 999}', "[" * 100_000):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import pytest
 
 from genie_sim.base.errors import UserError
-from genie_sim.base.settings import plain_data
+from genie_sim.base.settings import NotEmpty, SettingError, from_plain, plain_data
 from genie_sim.scenario.checks import check_own_plugins
 from genie_sim.scenario.methods import METHOD
 from genie_sim.scenario.reading import load_scenario
@@ -157,3 +159,14 @@ def test_an_override_is_told_as_it_was_written() -> None:
     with pytest.raises(UserError) as error:
         check_own_plugins(load_scenario("x.yaml", [text]))
     assert str(error.value).startswith(f"--set {text}: methods[0].ttl: duration 3 has no unit")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Labels:
+    names: Annotated[tuple[str, ...], NotEmpty()]
+
+
+def test_a_list_that_must_not_be_empty_may_hold_what_is():
+    assert from_plain(Labels, {"names": [""]}).names == ("",)
+    with pytest.raises(SettingError, match="must not be empty"):
+        from_plain(Labels, {"names": []})

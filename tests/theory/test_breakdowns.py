@@ -63,7 +63,7 @@ def test_availability_of_a_queue_with_breakdowns():
 def test_a_stall_by_hand():
     """Two servers: what is in service takes as much longer as the stall lasts, what comes waits."""
     clock, ended = Clock(), {}
-    cpu = Processor(clock, "car1.cpu", "cpu", capacity=2)
+    cpu = Processor(clock, "car1.cpu", "cpu", units=2)
 
     def serve(name: str, service_ms: int) -> None:
         job(cpu, service_ms * MS, lambda: ended.update({name: clock.now // MS}))
