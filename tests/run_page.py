@@ -150,7 +150,13 @@ def shell(commands: str) -> tuple[int, str]:
         stderr=subprocess.STDOUT,
         text=True,
         timeout=LONGEST_BLOCK_S,
-        env={**os.environ, "COLUMNS": "100", "NO_COLOR": "1", "TERM": "dumb"},
+        env={
+            **os.environ,
+            "COLUMNS": "100",
+            "NO_COLOR": "1",
+            "TERM": "dumb",
+            "GENIE_SIM_PROGRESS": "off",
+        },
     )
     return ran.returncode, ran.stdout
 
