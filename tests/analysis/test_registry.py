@@ -51,10 +51,11 @@ def test_a_value_has_three_digits_its_unit_and_its_interval():
 
 
 def test_an_axis_is_logarithmic_where_positive_values_span_decades():
-    from genie_sim.analysis.registry import is_drawn_logarithmically
+    from genie_sim.analysis.registry import definition, is_drawn_logarithmically
 
-    assert is_drawn_logarithmically("first_answer_mean", [9.1, 340.0])
-    assert not is_drawn_logarithmically("first_answer_mean", [9.1, 90.0])
-    assert not is_drawn_logarithmically("bytes_up_per_frame", [0.0, 931_548.0])
-    assert not is_drawn_logarithmically("streaming_f1", [0.01, 0.9])
-    assert not is_drawn_logarithmically("first_answer_mean", [])
+    first_answer = definition("first_answer_mean")
+    assert is_drawn_logarithmically(first_answer, [9.1, 340.0])
+    assert not is_drawn_logarithmically(first_answer, [9.1, 90.0])
+    assert not is_drawn_logarithmically(definition("bytes_up_per_frame"), [0.0, 931_548.0])
+    assert not is_drawn_logarithmically(definition("streaming_f1"), [0.01, 0.9])
+    assert not is_drawn_logarithmically(first_answer, [])
