@@ -118,7 +118,7 @@ def _number(name: str, metric: Metric, rows: Any, intervals: bool) -> Measured |
             number = metric.of(rows, intervals)
     except UserError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit, GeneratorExit) as error:
         text = f"metric {name!r}: {type(error).__name__}: {short_repr(text_of(error))}"
         raise UserError(text) from error
     if number is None:

@@ -20,6 +20,7 @@ from genie_sim.scenario.reading import load_scenario
 WINDOW = "cars[0].route.window=[0 s, 2 s]"
 CODE = """
 import math
+import sys
 from dataclasses import replace
 import numpy as np
 from genie_sim.analysis.statistics import Measured
@@ -34,6 +35,7 @@ plain = Metric("a number", "", formula=lambda frames: mean_of(frames, response_m
 raises = replace(slow, formula=lambda frames: share_of(frames, frames["nothing"]))
 rowless = replace(slow, rows="nothing")
 exits = replace(slow, formula=lambda frames: exit(0))
+leaves = replace(slow, formula=sys.exit)
 numbered = replace(slow, title=5)
 unitless = replace(slow, unit=5)
 best = replace(slow, better="best")
@@ -121,6 +123,7 @@ def test_words_that_are_none_are_refused_in_one_line(told: object):
     [
         ("raises", r"own_metric:raises': KeyError: .*own_metric.py, line \d+, in "),
         ("exits", "SystemExit: '0'"),
+        ("leaves", "own_metric:leaves': SystemExit: "),
         ("numbered", "title: must be of type str, not 5"),
         ("unitless", "unit: must be of type str, not 5"),
         ("best", "better: 'best'; known: lower, higher"),
