@@ -288,23 +288,14 @@ def test_a_truncated_scan_is_refused(root, folder):
         open_drive(root, DRIVE).scan(1)  # numpy would pass over the last two
 
 
-@pytest.mark.parametrize("content", [b"", b"no picture at all", b"\x89PNG\r\n\x1a\n half a header"])
-def test_an_unreadable_image_is_refused(root, folder, content):
-    image = folder / "image_02" / "data" / f"{1:010d}.png"
-    image.write_bytes(content)
-    with pytest.raises(UserError, match=r"0000000001.png: not a readable image"):
-        read_image(open_drive(root, DRIVE).frames["02"][1].image_path)
-
-
 @pytest.mark.parametrize("extension", ["png", "jpg"])
 def test_an_image_cut_short_is_refused_not_half_shown(tmp_path, extension):
     make_drive(tmp_path, extension=extension)
     path = open_drive(tmp_path, DRIVE).frames["02"][1].image_path
-    path.write_bytes(path.read_bytes()[:-20])
-    with pytest.raises(
-        UserError, match=rf"0000000001.{extension}: not a readable image, or cut short"
-    ):
-        read_image(path)
+    for content in (path.read_bytes()[:-20], b"", b"no picture at all"):
+        path.write_bytes(content)
+        with pytest.raises(UserError, match=rf"1.{extension}: not a readable image"):
+            read_image(path)
 
 
 @pytest.mark.data
