@@ -53,7 +53,7 @@ def test_a_setting_that_makes_no_sense_is_one_line(settings: dict, message: str)
 def test_frames_without_the_feature_are_named(method: str):
     said = wrong({"name": "mine", "method": method, "feature": "yolox_gap"})
     assert said.startswith(
-        "small: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv"
+        "scenario: methods[0].feature: the frames of street have no feature 'yolox_gap', but hsv"
     )
     assert "mine cannot run on them" in said
 

@@ -394,7 +394,9 @@ def test_mistakes_are_told_in_one_line(settings: dict[str, Any], message: str):
 
 
 def test_a_camera_that_no_car_in_town_has_is_told():
-    with pytest.raises(UserError, match=r"small: cameras\[0\].recording: unknown recording '04'"):
+    with pytest.raises(
+        UserError, match=r"scenario: cameras\[0\].recording: unknown recording '04'"
+    ):
         prepare(small(cameras=[{"name": "camera_04", "recording": "04"}]))
 
 
