@@ -120,7 +120,7 @@ def prepare(
         if scenario.sequence is not None:
             full = _on_one_clock(full, drives)
         origin = own_classes.origin_of(frames, scenario.perception.name)
-        laws = detector_laws.detector_laws(*detector_laws.looked_at(origin.provenance))
+        laws = detector_laws.laws_of(*detector_laws.looked_at(origin.provenance))
         encoded = _encoded_drives(full, frames)
         profiles = scenario.profiles if devices is None else devices
         names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
