@@ -78,7 +78,7 @@ from genie_sim.analysis.correctness import HITS, is_wrong
 from genie_sim.analysis.frame_metrics import response_ms
 
 # A source of frames.
-from genie_sim.data.frame_source import FrameSource, Frames, Drive
+from genie_sim.data.frame_source import FrameSource, Drives, Drive
 
 # A detector, and traces of what it finds.
 from genie_sim.data.detectors.detector import (
@@ -89,9 +89,10 @@ from genie_sim.data.detectors.detector import (
     detector_facts,
     look,
 )
-from genie_sim.data.detectors.placement import Placement
+from genie_sim.data.detectors.placement import Placement, Plane, fit_ground
 from genie_sim.data.kitti.perceive import FrameSelection, perceive
 from genie_sim.data.trace import Trace, TraceFrame, write_trace
+from genie_sim.data.truth import TruthRow, TruthTable, path_beside, write_truth
 
 # An importer of recordings: tables, pictures, scans, places.
 from genie_sim.base.import_report import ImportReport
@@ -200,7 +201,7 @@ __all__ = [
     "response_ms",
     # A source of frames.
     "FrameSource",
-    "Frames",
+    "Drives",
     "Drive",
     # A detector, and traces of what it finds.
     "DetectedBox",
@@ -210,11 +211,17 @@ __all__ = [
     "detector_facts",
     "look",
     "Placement",
+    "Plane",
+    "fit_ground",
     "FrameSelection",
     "perceive",
     "Trace",
     "TraceFrame",
     "write_trace",
+    "TruthRow",
+    "TruthTable",
+    "path_beside",
+    "write_truth",
     # An importer of recordings: tables, pictures, scans, places.
     "ImportReport",
     "Progress",

@@ -16,7 +16,7 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.settings import SettingError
 from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Drives
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.scene.laws import FittedLaws
@@ -100,7 +100,7 @@ class CarMotion(Protocol):
         """By the scene's clock."""
 
 
-class SceneFrames(Frames):
+class SceneDrives(Drives):
     """Frames of cars that drive through a scene."""
 
     seeded = True

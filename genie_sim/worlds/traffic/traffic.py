@@ -20,7 +20,7 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.detector import SyntheticDetector
-from genie_sim.worlds.scene.frames import Motion, SceneDrive, SceneFrames
+from genie_sim.worlds.scene.frames import Motion, SceneDrive, SceneDrives
 from genie_sim.worlds.scene.laws import synthetic_laws
 from genie_sim.worlds.scene.noise import key_of_seed
 from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject, scene_object
@@ -203,7 +203,7 @@ def car_names(path: Path, ids: Sequence[str]) -> list[str]:
     return list(names)
 
 
-class TrafficDrives(SceneFrames):
+class TrafficDrives(SceneDrives):
     """Traffic with the drives of its equipped vehicles."""
 
     def __init__(self, traffic: Traffic) -> None:
