@@ -143,7 +143,7 @@ from genie_sim.analysis.frame_metrics import response_ms as response_ms
 # A source of frames.
 from genie_sim.data.frame_source import (
     FrameSource as FrameSource,
-    Frames as Frames,
+    Drives as Drives,
     Drive as Drive,
 )
 
@@ -156,7 +156,11 @@ from genie_sim.data.detectors.detector import (
     detector_facts as detector_facts,
     look as look,
 )
-from genie_sim.data.detectors.placement import Placement as Placement
+from genie_sim.data.detectors.placement import (
+    Placement as Placement,
+    Plane as Plane,
+    fit_ground as fit_ground,
+)
 from genie_sim.data.kitti.perceive import (
     FrameSelection as FrameSelection,
     perceive as perceive,
@@ -165,6 +169,12 @@ from genie_sim.data.trace import (
     Trace as Trace,
     TraceFrame as TraceFrame,
     write_trace as write_trace,
+)
+from genie_sim.data.truth import (
+    TruthRow as TruthRow,
+    TruthTable as TruthTable,
+    path_beside as path_beside,
+    write_truth as write_truth,
 )
 
 # An importer of recordings: tables, pictures, scans, places.
