@@ -11,7 +11,7 @@ from genie_sim.base.errors import as_user_error
 from genie_sim.base.grid import Area, cell_counts
 from genie_sim.base.plugins import Choice
 from genie_sim.base.units import NS_PER_MS
-from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Drives
 from genie_sim.scenario.faults import FaultEntry
 from genie_sim.scenario.fleet import MAX_EDGES, Fleet
 from genie_sim.scenario.scenario import Scenario
@@ -110,7 +110,7 @@ class Cells:
         return cells
 
 
-def expanded(scenario: Scenario, fleet: Fleet, frames: Frames) -> tuple[Scenario, dict[str, Drive]]:
+def expanded(scenario: Scenario, fleet: Fleet, frames: Drives) -> tuple[Scenario, dict[str, Drive]]:
     """The scenario with the fleet's cars and edges and its hand-overs, and the drive of each car.
 
     Raises ``UserError`` for a source that is no map, and for a car that is nowhere.

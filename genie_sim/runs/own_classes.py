@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from genie_sim.base import plugins
 from genie_sim.base.contracts import WHOLE, is_number, is_whole, require
 from genie_sim.base.errors import UserError, first_line, short_repr
-from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Drives
 from genie_sim.scenario.scenario import Scenario
 
 MAX_HASH = 2**64
@@ -46,7 +46,7 @@ def check_base(own: Any, what: str, base: type[Any]) -> None:
 
 
 class FramesOrigin(NamedTuple):
-    """Where the frames of a source come from: ``Frames.digests`` and ``Frames.provenance``, once
+    """Where the frames of a source come from: ``Drives.digests`` and ``Drives.provenance``, once
     all drives are handed out.
     """
 
@@ -54,7 +54,7 @@ class FramesOrigin(NamedTuple):
     provenance: Mapping[str, Mapping[str, Any]]
 
 
-def origin_of(frames: Frames, source: str) -> FramesOrigin:
+def origin_of(frames: Drives, source: str) -> FramesOrigin:
     """Of an open source by its name, checked if it is the user's own. Raises ``UserError``."""
     found = FramesOrigin(frames.digests(), frames.provenance())
     owner = plugins.own_label("frame source", source)

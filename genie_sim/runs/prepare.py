@@ -9,7 +9,7 @@ from genie_sim.base import plugins
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.detectors import detector_laws
-from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
@@ -49,7 +49,7 @@ class Prepared:
         With every car and edge of its fleet.
     devices : mapping
         The profiles of the devices in use, by name.
-    frames : Frames
+    frames : Drives
         The frame source, open.
     drives : mapping
         Each car's drive, by the car's name.
@@ -66,7 +66,7 @@ class Prepared:
 
     scenario: Scenario
     devices: Mapping[str, DeviceProfile]
-    frames: Frames
+    frames: Drives
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
     origin: FramesOrigin
@@ -78,7 +78,7 @@ def prepare(
     scenario: Scenario,
     progress: Progress | None = None,
     devices: Mapping[str, DeviceProfile] | None = None,
-    frames: Frames | None = None,
+    frames: Drives | None = None,
 ) -> Prepared:
     """Asks the scenario, then opens its frame source and gives every car its drive, all in one
     world, and looks whether these fit to it.
@@ -104,7 +104,7 @@ def prepare(
                 checks.check_time_on_map(scenario, source.duration_ns)
             frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
-            own_classes.check_base(frames, f"{owner}: what open() returns", Frames)
+            own_classes.check_base(frames, f"{owner}: what open() returns", Drives)
         full = scenario  # with every car and edge, each with the part of its drive that it replays
         if scenario.fleet is not None:
             full, drives = expanded(scenario, scenario.fleet, frames)
@@ -119,7 +119,7 @@ def prepare(
         if scenario.sequence is not None:
             full = _on_one_clock(full, drives)
         origin = own_classes.origin_of(frames, scenario.perception.name)
-        laws = detector_laws.detector_laws(*detector_laws.looked_at(origin.provenance))
+        laws = detector_laws.laws_of(*detector_laws.looked_at(origin.provenance))
         encoded = _encoded_drives(full, frames)
         profiles = scenario.profiles if devices is None else devices
         names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
@@ -156,7 +156,7 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
     return replace(scenario, cars=cars)
 
 
-def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str], Any]:
+def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str], Any]:
     """What the drives of cars with an edge are after their pictures were sent, by encoding and car.
     Raises ``UserError``.
     """
@@ -183,7 +183,7 @@ def facts(
     methods: Mapping[str, Method],
     *,
     devices: Mapping[str, DeviceProfile],
-    frames: Frames,
+    frames: Drives,
     encoded: Mapping[tuple[str, str], Any],
     origin: FramesOrigin,
 ) -> dict[str, Any]:
@@ -239,8 +239,8 @@ class SharedFrames:
     """
 
     def __init__(self) -> None:
-        self.frames: dict[str, Frames] = {}
-        self._known: dict[str, Frames] = {}
+        self.frames: dict[str, Drives] = {}
+        self._known: dict[str, Drives] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
         """As ``prepare`` alone."""
