@@ -9,7 +9,7 @@ from typing import Any
 
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.scenario.reading import read_scenario
 from genie_sim.scenario.scenario import Scenario
 
@@ -54,7 +54,7 @@ class Way(Drive):
 
 
 @dataclass
-class Plain(FrameSource, Frames):
+class Plain(FrameSource, Drives):
     """A plain of 300 m x 100 m. ``asked`` is what drives were asked for: car, trace, start."""
 
     seeded: bool = False
@@ -93,7 +93,7 @@ class Flat(Plain):
         super().__init__(extent_m=(0.0, 0.0, 300.0, 0.0))
 
 
-class NoMap(FrameSource, Frames):
+class NoMap(FrameSource, Drives):
     """A source whose cars have no place at any time."""
 
     seeded = False

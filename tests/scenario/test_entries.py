@@ -17,7 +17,6 @@ from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import load_scenario, read_scenario
 from genie_sim.scenario.scenario import Scenario, as_yaml
 from genie_sim.scenario.yaml_input import parse
-from genie_sim.sim import method as methods
 from tests.sim.street import drive, street
 
 CARS: dict[str, Any] = {
@@ -134,169 +133,9 @@ def test_hand_overs_may_be_written_in_any_order() -> None:
     assert len(scenario(faults=[back, HAND_OVER]).faults) == 2
 
 
-METHODS = f"{', '.join(sorted(methods.METHODS))}, or package.module:Class"
-FAULTS = "hand_over, outage, or package.module:Class"
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        ("fast", f"methods[0]: unknown method 'fast'; known: {METHODS}"),
-        (
-            {"name": "a", "method": "gene"},
-            "methods[0].method: unknown method 'gene' (did you mean 'genie'?)",
-        ),
-        (
-            {"method": "genie", "models": "x"},
-            "methods[0].models: unknown parameter of genie 'models' (did you mean 'model'?)",
-        ),
-        (
-            {"method": "genie", "seed": 3},
-            "methods[0].seed: unknown parameter of genie 'seed' (did you mean ",
-        ),
-        ({"method": "genie", "title": ""}, "methods[0].title: must be one line of text, not ''"),
-        ({"method": "genie", "name": 5}, "methods[0].name: must be text, not 5"),
-        ({"method": "genie", "name": "a b"}, "methods[0].name: must be letters, digits, "),
-        (
-            {"method": "my.code:Own", "x": None},
-            "methods[0].x: must be a number, true or false, text, a list or a mapping, not None",
-        ),
-        (
-            {"method": "genie", "genie": {"evictoin": "lru"}},
-            "methods[0].genie.evictoin: unknown field; did you mean 'eviction'?",
-        ),
-        (
-            {"method": "genie", "genie": {"object_map": {"algorithm": "literal"}}},
-            "methods[0].genie.object_map.algorithm: unknown field; did you mean 'genie.algorithm'?",
-        ),
-        (
-            {"method": "genie", "queue_length": 0},
-            "methods[0].queue_length: must be at least 1, not 0",
-        ),
-        (
-            {"method": "genie", "model": "yolov9s"},
-            "methods[0].model: jetson_tx2: unknown model 'yolov9s'",
-        ),
-        (
-            {"method": "genie", "genie": {"request_expiry": "10 ms"}},
-            (
-                "methods[0].genie.request_expiry: 10 ms is over before autoware_vision_detector"
-                " answers on jetson_tx2"
-            ),
-        ),
-    ],
-)
-def test_mistakes_in_a_method(entry: object, message: str) -> None:
-    assert refusal(methods=[entry]).startswith(f"scenario: {message}")
-
-
-def test_two_entries_of_one_name_are_refused() -> None:
-    assert (
-        refusal(methods=["genie", {"method": "genie"}])
-        == "scenario: methods[1].name: duplicate name 'genie'"
-    )
-
-
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        (
-            "outage",
-            (
-                "faults[0]: must be a mapping such as {fault: outage, target: car1, begin: 3 s},"
-                " not 'outage'"
-            ),
-        ),
-        ({"target": "car1"}, "faults[0].fault: missing"),
-        (
-            {**OUTAGE, "fault": "outtage"},
-            "faults[0].fault: unknown fault 'outtage' (did you mean 'outage'?)",
-        ),
-        (
-            {**OUTAGE, "begn": "1 s"},
-            "faults[0].begn: unknown parameter of outage 'begn' (did you mean 'begin'?)",
-        ),
-        (
-            {**OUTAGE, "target": "car9"},
-            "faults[0].target: unknown target 'car9' (did you mean 'car2'?)",
-        ),
-        (
-            {**OUTAGE, "target": "car1->edge9"},
-            "faults[0].target: unknown target 'car1->edge9'",
-        ),
-        (
-            {**OUTAGE, "begin": 5},
-            "faults[0].begin: duration 5 has no unit; write for example '30 ms'",
-        ),
-        ({**OUTAGE, "end": "5 s"}, "faults[0].end: must be after 'begin'"),
-        ({"fault": "outage", "begin": "1 s"}, "faults[0].target: missing"),
-        (
-            {"fault": "outage", "target": "car1"},
-            "faults[0].begin: missing; or give 'mean_time_between' and 'mean_duration'",
-        ),
-        (
-            {**OUTAGE, "mean_duration": "2 s"},
-            (
-                "faults[0].mean_duration: 'mean_time_between' and 'mean_duration' must be given"
-                " together"
-            ),
-        ),
-        (
-            {**AGAIN, "end": "9 s"},
-            "faults[0].end: a fault that happens again and again has a 'mean_duration' instead",
-        ),
-        (
-            {**AGAIN, "mean_time_between": "1 us", "mean_duration": "998 us"},
-            (
-                "faults[0].mean_time_between: must be at least 1 ms together with 'mean_duration',"
-                " but is 1 us"
-            ),
-        ),
-        (
-            {**AGAIN, "mean_duration": "0 s"},
-            "faults[0].mean_duration: must be more than zero, but is '0 s'",
-        ),
-        ({**HAND_OVER, "target": "edge1"}, "faults[0].target: unknown car 'edge1'"),
-        ({**HAND_OVER, "gap": "-1 ms"}, "faults[0].gap: must not be negative, but is '-1 ms'"),
-        (
-            {**HAND_OVER, "end": "9 s"},
-            "faults[0].end: a hand-over is over after its 'gap'; leave it out",
-        ),
-        (
-            {**AGAIN, "fault": "hand_over", "target": "car1", "edge": "edge2"},
-            "faults[0].mean_time_between: a car changes to an edge once; give 'begin'",
-        ),
-    ],
-)
-def test_mistakes_in_a_fault(entry: object, message: str) -> None:
-    assert refusal(faults=[entry]).startswith(f"scenario: {message}")
-
-
-@pytest.mark.parametrize(
-    ("cameras", "message"),
-    [
-        ([], "must not be empty"),
-        (5, "must be true, false or a list of cameras, not 5"),
-        ("no", "must be true, false or a list of cameras, not 'no'"),
-        ([{"name": "a"}], "[0].recording: missing"),
-        ([FRONT, FRONT], "[1].name: duplicate name 'front'"),
-        (
-            [{**FRONT, "phase": "soon"}],
-            "[0].phase: duration 'soon' is not a number with a unit; write for example '30",
-        ),
-    ],
-)
-def test_mistakes_in_the_cameras_of_a_car(cameras: object, message: str) -> None:
-    place = "" if message.startswith("[") else ": "
-    with pytest.raises(UserError) as error:
-        with_cameras(cameras)
-    assert str(error.value).startswith(f"scenario: cars[0].cameras{place}{message}")
-
-
 def test_a_recording_that_a_car_s_own_camera_names_must_be_there() -> None:
     with pytest.raises(
-        UserError, match=r"^x: cars\[0\].cameras\[0\].recording: unknown recording '09'"
+        UserError, match=r"^scenario: cars\[0\].cameras\[0\].recording: unknown recording '09'"
     ):
         drive(with_cameras([{**FRONT, "recording": "09"}]), street(seconds=1.0))
 
@@ -316,7 +155,7 @@ def test_pictures_are_encoded_where_there_are_such_pictures():
     town = scenario(perception={"source": "town", "duration": "1 s"}, image_encoding="jpeg80")
     with pytest.raises(
         UserError,
-        match=r"^x: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
+        match=r"^scenario: image_encoding: source 'town' has no pictures to encode: leave it 'raw'",
     ):
         prepare(town)
 
