@@ -1,15 +1,15 @@
 """Compares finished runs: the methods of one, or the same methods under other settings.
 
-Of sweeps and evaluations each setting is compared by itself. Differences are paired. With at least
-two seeds in common, by seed: the 95 % t interval of the differences. With one, by blocks of one
-second of each car inside its run (``statistics.Blocks``): that says nothing of other seeds or
-drives. Settings and seeds that not all results have are left out, so that the numbers of a row
-agree.
+Of sweeps and evaluations each setting is compared by itself. Differences are paired. With several
+seeds in common, by seed, from ``statistics.MIN_SEEDS`` on with the 95 % t interval of the
+differences. With one, by blocks of one second of each car inside its run (``statistics.Blocks``):
+that says nothing of other seeds or drives. Settings and seeds that not all results have are left
+out, so that the numbers of a row agree.
 """
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -19,7 +19,7 @@ from genie_sim.analysis.metric import LOWER, MAIN, Metric, Sample, half_of_pair
 from genie_sim.analysis.metrics import of_method, samples
 from genie_sim.analysis.registry import Words, definition, shown, with_formulas
 from genie_sim.analysis.seed_runs import means_of, seeds_text
-from genie_sim.analysis.statistics import around, interval
+from genie_sim.analysis.statistics import around, mean_and_spread
 from genie_sim.analysis.tidy import is_negligible
 from genie_sim.base.errors import UserError, short_repr, unknown
 from genie_sim.record import provenance
@@ -55,8 +55,8 @@ class Arm:
 
 class Difference(NamedTuple):
     """A metric of an arm, what it is ``about``, and, where there is another to compare with, that
-    one's value and the difference of both. ``by`` says what the interval is over, ``n`` over how
-    many.
+    one's value and the difference of both. ``by`` says what is paired, ``n`` how many of them, and
+    ``of_seeds`` is the difference under each seed.
     """
 
     metric: str
@@ -70,26 +70,34 @@ class Difference(NamedTuple):
     high: float | None = None
     by: str = ""
     n: int = 0
+    of_seeds: Sequence[float] = ()
 
     @property
     def verdict(self) -> str:
         """``better``, ``worse``, ``different`` where neither is, ``negligible`` below 1 % of the
         value, ``equal``, ``unclear`` where the interval holds zero and more than that, or empty
-        without an interval.
+        without an interval. Without one, seeds are equal or negligibly different where each is.
         """
-        if self.difference == 0 and self.low == self.high:
-            return "equal"
-        holds_zero = self.low is not None and self.high is not None and self.low <= 0 <= self.high
-        ends = (self.low, self.high) if holds_zero else (self.difference,)
-        if all(is_negligible(end, self.against_value) for end in ends):
-            return "negligible"
-        if self.low is None or self.high is None:
+        if self.difference is None:
             return ""
+        if self.low is None or self.high is None:
+            each = self.of_seeds or (self.difference,)
+            if not any(each):
+                return "equal"
+            return "negligible" if self._are_negligible(each) else ""
+        if self.low == self.high == 0:
+            return "equal"
+        holds_zero = self.low <= 0 <= self.high
+        if self._are_negligible((self.low, self.high) if holds_zero else (self.difference,)):
+            return "negligible"
         if holds_zero:
             return "unclear"
         if not self.about.better:
             return "different"
         return "better" if (self.high < 0) == (self.about.better == LOWER) else "worse"
+
+    def _are_negligible(self, differences: Sequence[float]) -> bool:
+        return all(is_negligible(value, self.against_value) for value in differences)
 
 
 @dataclass(frozen=True)
@@ -117,10 +125,16 @@ class ComparedRuns:
     @property
     def by(self) -> str:
         """What the intervals are over, in words."""
-        units = sorted({row.by for row in self.rows if row.by})
-        if not units:
-            return "nothing to compare with"
-        return f"95 % intervals of paired differences, by {' and '.join(units)}"
+        units = paired_by(self.rows)
+        if units:
+            return f"95 % intervals of paired differences, by {units}"
+        are_paired = any(row.difference is not None for row in self.rows)
+        return "paired differences without intervals" if are_paired else "nothing to compare with"
+
+
+def paired_by(rows: Iterable[Difference]) -> str:
+    """What the intervals of these rows are over; empty where none has any."""
+    return " and ".join(sorted({row.by for row in rows if row.low is not None}))
 
 
 class Comparable(Protocol):
@@ -369,11 +383,12 @@ def _difference(metric: str, arm: Arm, reference: Arm | None) -> Difference | No
         return Difference(
             metric,
             arm.label,
-            float(np.mean(list(values.values()))),
+            float(np.mean([value for value, _ in values.values()])),
             about,
             against="" if reference is None else reference.label,
         )
-    value, against_value = (float(np.mean(side)) for side in zip(*pairs, strict=True))
+    ours, theirs = ([value for value, _ in side] for side in zip(*pairs, strict=True))
+    value, against_value = float(np.mean(ours)), float(np.mean(theirs))
     row = Difference(
         metric,
         arm.label,
@@ -385,8 +400,10 @@ def _difference(metric: str, arm: Arm, reference: Arm | None) -> Difference | No
     )
     if len(pairs) == 1:
         return row
-    low, high = interval([own - other for own, other in pairs])
-    return row._replace(low=low, high=high, by=SEEDS, n=len(pairs))
+    of_seeds = [own - other for own, other in zip(ours, theirs, strict=True)]
+    rows = min(n for pair in pairs for _, n in pair)
+    low, high = about.over_seeds(*mean_and_spread(of_seeds), len(pairs), rows=rows, is_cut=False)
+    return row._replace(low=low, high=high, by=SEEDS, n=len(pairs), of_seeds=of_seeds)
 
 
 def _over_blocks(
@@ -410,14 +427,14 @@ def _samples(arm: Arm) -> dict[str, Sample]:
     return samples(with_formulas(names), of_method(run.tables, arm.method.name))
 
 
-def _values(arm: Arm, metric: str) -> dict[int, float]:
-    """A metric's value by seed, where it is defined."""
-    of_arm: dict[int, float] = {}
+def _values(arm: Arm, metric: str) -> dict[int, tuple[float, int]]:
+    """A metric's value by seed, where it is defined, and over how many rows it is."""
+    of_arm: dict[int, tuple[float, int]] = {}
     for seed, run in arm.runs.items():
         for of_run in run.measured:
             place = (of_run.metric, of_run.method, of_run.placement, of_run.component)
             if place == (metric, arm.method.name, "all", "") and of_run.value is not None:
-                of_arm[seed] = of_run.value
+                of_arm[seed] = of_run.value, of_run.n
     return of_arm
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from genie_sim.analysis import renderers
 from genie_sim.analysis.compare import BLOCKS, SEEDS, ComparedRuns, as_metrics
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
-from genie_sim.analysis.statistics import MIN_SEEDS
+from genie_sim.analysis.statistics import MIN_SEEDS, has_interval
 from genie_sim.record.results import TIDY_FIELDS, MetricValue
 
 COLUMNS = ("of", "value", "against", "its value", "difference", "so")
@@ -67,7 +67,7 @@ def about(comparison: ComparedRuns) -> str:
         sentences.append(ABOUT_SHARES)
     if any(row.by == BLOCKS for row in comparison.rows):
         sentences.append(ONE_RUN)
-    if any(row.by == SEEDS and row.n < MIN_SEEDS for row in comparison.rows):
+    if any(row.by == SEEDS and not has_interval(row.n) for row in comparison.rows):
         sentences.append(f"No intervals of fewer than {MIN_SEEDS} seeds.")
     if any(row.verdict == "negligible" for row in comparison.rows):
         sentences.append(ABOUT_NEGLIGIBLE)

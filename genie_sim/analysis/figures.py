@@ -34,7 +34,13 @@ from genie_sim.analysis.latency_cdf import latency_cdf
 from genie_sim.analysis.points import differences, drawable, latency_accuracy, resource_use
 from genie_sim.analysis.resource_metrics import busiest
 from genie_sim.analysis.seed_runs import SeedRuns
-from genie_sim.analysis.statistics import interval, mean_bands, thinned
+from genie_sim.analysis.statistics import (
+    around_mean,
+    has_interval,
+    mean_and_spread,
+    mean_bands,
+    thinned,
+)
 from genie_sim.analysis.style import (
     CHARACTER_IN,
     COLUMN_IN,
@@ -197,7 +203,7 @@ def confidence_boost(
 
     In greys; with several methods that run Genies, in the colour of each. The axis begins at
     zero and ends at most at twice what is reached after the first events, which are means of few.
-    Of several seeds a curve is the mean of theirs, as far as all of them go,
+    Of several seeds a curve is the mean of theirs, as far as all of them go, from three on
     with its 95 % t interval.
     """
     settled: list[float] = []
@@ -269,14 +275,15 @@ class _ReuseBars(NamedTuple):
         ran = [method for _, method in _with_genies(self.seeds, self.methods)] or self.methods[:1]
         whiskers = "lowest and highest running ratio of a Genie"
         if len(self.seeds) > 1:
-            whiskers = "95 % interval over seeds"
+            whiskers = "95 % interval over seeds" if has_interval(len(self.seeds)) else ""
         width_in = width_in or (COLUMN_IN if len(ran) <= 3 else PAGE_IN)
         room_in = (width_in - 0.7) / len(ran)  # of a group of two bars
         labels = [textwrap.fill(method.title, TITLE_CHARACTERS) for method in ran]
         longest_in = CHARACTER_IN * max(len(line) for label in labels for line in label.split("\n"))
         tilted = longest_in > 1.05 * room_in
         _, axis = one_panel(width_in, 1.9 + tilted * longest_in, ax)
-        axis.errorbar([], [], yerr=[], color="black", linewidth=1, capsize=3, label=whiskers)
+        if whiskers:
+            axis.errorbar([], [], yerr=[], color="black", linewidth=1, capsize=3, label=whiskers)
         upright = 0.38 * room_in < 6 * CHARACTER_IN
         for side, (placement, where) in enumerate(PLACEMENTS.items()):
             drawing = style.PLACEMENT_BARS[placement] | {"label": f"Genies {where}"}
@@ -290,7 +297,9 @@ class _ReuseBars(NamedTuple):
         axis.grid(axis="x", visible=False)
         axis.yaxis.set_major_formatter(FuncFormatter(percent_tick))
         axis.set_ylabel(self.what.lower())
-        title = f"{self.what}: mean over Genies; error bars: {whiskers}"
+        title = f"{self.what}: mean over Genies"
+        if whiskers:
+            title += f"; error bars: {whiskers}"
         return finish_panel(axis, ax, title, footer)
 
 
@@ -328,7 +337,8 @@ def _reuse_bar(
     means = [float(np.mean(of_genies)) for of_genies in ratios]
     mean = float(np.mean(means))
     axis.bar(left, mean, 0.34, edgecolor="black", linewidth=0.7, **drawing)
-    whiskers = np.clip([end for end in interval(means) if end is not None], 0, 1)
+    ends_of_mean = around_mean(*mean_and_spread(means), len(means))
+    whiskers = np.clip([end for end in ends_of_mean if end is not None], 0, 1)
     if len(seeds) == 1:
         whiskers = running_reuse(seeds[0])["ratio"]
     top = mean

@@ -17,7 +17,7 @@ from genie_sim.analysis.drawing import (
 )
 from genie_sim.analysis.frame_metrics import response_ms
 from genie_sim.analysis.metric import DEADLINE_MS
-from genie_sim.analysis.statistics import mean_bands, thinned
+from genie_sim.analysis.statistics import has_interval, mean_bands, thinned
 from genie_sim.record.columns import Columns
 from genie_sim.record.results import MethodInfo
 
@@ -45,7 +45,7 @@ def latency_cdf(
     A curve ends at the share of published frames that were answered at all. The fresh result is a
     thin curve with hollow markers where it differs from the first answer. Markers stand at other
     places on each curve, so equal curves are told apart. Of several seeds a curve is the mean of
-    theirs, with a band: the 95 % t interval at each time.
+    theirs, with a band from three on: the 95 % t interval at each time.
 
     Parameters
     ----------
@@ -75,7 +75,9 @@ def latency_cdf(
     axis.set_ylabel("share of published frames")
     title = "Response time from the camera's stamp to the first answer, share of published frames"
     if len(seeds) > 1:
-        title += f"; means of {len(seeds)} seeds with 95 % intervals"
+        title += f"; means of {len(seeds)} seeds"
+    if has_interval(len(seeds)):
+        title += " with 95 % intervals"
     return finish_panel(axis, ax, title, footer)
 
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from genie_sim.analysis.result_table import Cell
-from genie_sim.analysis.statistics import Blocks, Measured, percentile, ratio
+from genie_sim.analysis.statistics import Blocks, Measured, around_mean, percentile, ratio
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.record.columns import Columns, joined
 
@@ -181,6 +181,18 @@ class Metric:
         number = result.measured(self.unit == "%", intervals)
         low, high = self.cut(number.value, number.low, number.high)
         return number._replace(low=low, high=high)
+
+    def over_seeds(
+        self, mean: float, spread: float, seeds: int, *, rows: float, is_cut: bool = True
+    ) -> tuple[float | None, float | None]:
+        """The ends of the interval of its mean over seeds (``statistics.around_mean``), within what
+        is possible unless the mean is one of differences; none where a run's number is over fewer
+        than ``needs`` rows. Those of the run with the fewest are ``rows``.
+        """
+        if rows < self.needs:
+            return None, None
+        low, high = around_mean(mean, spread, seeds)
+        return self.cut(mean, low, high) if is_cut else (low, high)
 
     def cut(
         self, value: float | None, low: float | None, high: float | None

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
 from genie_sim.analysis import style
-from genie_sim.analysis.compare import ComparedRuns, Difference
+from genie_sim.analysis.compare import ComparedRuns, Difference, paired_by
 from genie_sim.analysis.drawing import (
     MAX_COLUMN_IN,
     draw_point,
@@ -254,10 +254,10 @@ def differences(
         name_rows(axis, [arm.title if number % columns == 0 else "" for arm in arms])
     references = list(dict.fromkeys(titles[row.against] for row in rows))
     against = references[0] if len(references) == 1 else "the first setting"
-    by = " and ".join(sorted({row.by for row in rows if row.by}))
-    by = by.replace(" ", "\u00a0")  # on one line
-    note = f"difference from {against}, 95 % intervals paired by {by}" if by else ""
-    finish(figure, "Paired differences with 95 % intervals", footer, note=note)
+    note, title = f"difference from {against}" if rows else "", "Paired differences"
+    if by := paired_by(rows).replace(" ", "\u00a0"):  # on one line
+        note, title = f"{note}, 95 % intervals paired by {by}", f"{title} with 95 % intervals"
+    finish(figure, title, footer, note=note)
     return figure
 
 

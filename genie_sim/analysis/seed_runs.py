@@ -180,9 +180,7 @@ def load_run(folder: Path, *, allow_changed: bool = False) -> Run:
     """The run in a result folder; with what it says of metrics of the user's own. Raises
     ``UserError``.
     """
-    loaded = results.load(folder, allow_changed=allow_changed)
-    own = checked_words(loaded.words, f"{folder / 'run.json'}: metrics")
-    return replace(loaded, words=own)
+    return results.load(folder, checked_words, allow_changed=allow_changed)
 
 
 def load_seeds(folder: Path, *, allow_changed: bool = False) -> SeedRuns:

@@ -17,29 +17,38 @@ NORMAL_QUANTILE = 1.959963984540054  # of (1 + CONFIDENCE) / 2
 MIN_SEEDS = 3  # of an interval
 
 
-def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
-    """Mean, and half of its 95 % t interval: 0 for one value. As by ``np.mean`` and ``np.std``,
-    faster.
-    """
+def mean_and_spread(values: Sequence[float] | Floats) -> tuple[float, float]:
+    """Mean and standard deviation: 0 of one value. As by ``np.mean`` and ``np.std``, faster."""
     sample, n = np.asarray(values, dtype=float), len(values)
     mean = float(np.add.reduce(sample)) / n
-    if n == 1:
-        return mean, 0.0
     away = sample - mean
-    return mean, half_of_mean(math.sqrt(float(np.add.reduce(away * away)) / (n - 1)), n)
+    return mean, math.sqrt(float(np.add.reduce(away * away)) / max(n - 1, 1))
 
 
-def half_of_mean(spread: float, n: int) -> float:
-    """Half of the 95 % t interval of the mean of ``n`` values with this standard deviation."""
-    return float(t_quantile(int(n) - 1) * spread / math.sqrt(n))
+def over_seeds(values: Sequence[float] | Floats) -> tuple[float, float]:
+    """Mean, and half of its 95 % t interval: 0 for one value."""
+    mean, spread = mean_and_spread(values)
+    return mean, half_of_mean(spread, len(values)) if len(values) > 1 else 0.0
 
 
-def interval(values: Sequence[float] | Floats) -> tuple[float | None, float | None]:
-    """The 95 % t interval of the mean over seeds; none of fewer than ``MIN_SEEDS``, or where all
-    are equal: both tell little of other seeds.
+def half_of_mean(spread: Any, n: int) -> Any:
+    """Half of the 95 % t interval of the mean of ``n`` values with this standard deviation, or of
+    each of an array.
     """
-    mean, half = over_seeds(values)
-    return around(mean, half if len(values) >= MIN_SEEDS and half else None)
+    return t_quantile(n - 1) * spread / math.sqrt(n)
+
+
+def has_interval(seeds: Any) -> Any:
+    """Whether so many seeds tell anything of others: a count, or an array of counts."""
+    return seeds >= MIN_SEEDS
+
+
+def around_mean(mean: float, spread: float, seeds: int) -> tuple[float | None, float | None]:
+    """The 95 % t interval of the mean over seeds with this standard deviation; none of fewer than
+    ``MIN_SEEDS``, or where all are equal: both tell little of other seeds.
+    """
+    is_known = has_interval(seeds) and spread > 0
+    return around(mean, half_of_mean(spread, seeds) if is_known else None)
 
 
 def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Floats]:
@@ -48,9 +57,9 @@ def mean_bands(seeds: Floats, shares: bool = False) -> tuple[Floats, Floats, Flo
     """
     n = len(seeds)
     mean = seeds.mean(axis=0)
-    if n < MIN_SEEDS:
+    if not has_interval(n):
         return mean, mean, mean
-    half = t_quantile(n - 1) * seeds.std(axis=0, ddof=1) / math.sqrt(n)
+    half = half_of_mean(seeds.std(axis=0, ddof=1), n)
     if not shares:
         return mean, mean - half, mean + half
     low, high = np.transpose([wilson(*place) for place in zip(mean, half, strict=True)])

@@ -29,7 +29,7 @@ from genie_sim.analysis.registry import (
 from genie_sim.analysis.resource_metrics import MAX_RESOURCES, busiest
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
 from genie_sim.analysis.seed_runs import SeedRuns, seeds_text, tables_of_runs
-from genie_sim.analysis.statistics import MIN_SEEDS
+from genie_sim.analysis.statistics import MIN_SEEDS, has_interval
 from genie_sim.analysis.style import PLACEMENTS
 from genie_sim.base.errors import UserError
 from genie_sim.base.text import one_line
@@ -275,7 +275,7 @@ def about_seeds(runs: SeedRuns) -> str:
     """What the numbers of several seeds are."""
     seeds = seeds_text(runs.seeds)
     what = "means, in brackets their 95 % t intervals over seeds"
-    if len(runs.seeds) < MIN_SEEDS:
+    if not has_interval(len(runs.seeds)):
         what = f"means; of fewer than {MIN_SEEDS} seeds there is no interval"
     return f"{seeds[0].upper()}{seeds[1:]}: {what}."
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from genie_sim.analysis.registry import NO_WORDS, Words, definition
-from genie_sim.analysis.statistics import MIN_SEEDS, half_of_mean
+from genie_sim.analysis.statistics import has_interval
 from genie_sim.base.text import significant
 from genie_sim.record.results import METRIC_FIELDS
 
@@ -48,12 +48,14 @@ def across_seeds(
     names, means = rows["metric"].tolist(), rows["value"].to_numpy()
     metrics = {name: definition(name, own) for name in set(names) if isinstance(name, str)}
     low, high = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
-    for place in np.flatnonzero((count >= MIN_SEEDS) & (spread > 0)).tolist():
-        metric, value = metrics[names[place]], float(means[place])
-        if least[place] >= metric.needs:
-            half = half_of_mean(spread[place], int(count[place]))
-            ends = value - half, value + half
-            low[place], high[place] = ends if differences else metric.cut(value, *ends)
+    for place in np.flatnonzero(has_interval(count)).tolist():
+        low[place], high[place] = metrics[names[place]].over_seeds(
+            float(means[place]),
+            float(spread[place]),
+            int(count[place]),
+            rows=least[place],
+            is_cut=not differences,
+        )
     rows = rows.assign(low=low, high=high)
     for name in ("range_low", "range_high"):
         if name not in rows or differences:

@@ -44,11 +44,9 @@ def export(
     folder: Path, format: str, methods: str | None, out: Path | None, allow_changed: bool
 ) -> None:
     """Write a run for Foxglove or RViz."""
-    from genie_sim.record import results
+    from genie_sim.analysis.seed_runs import load_run
 
-    run = _of_methods(
-        results.load(folder, allow_changed=allow_changed), listed("--methods", methods)
-    )
+    run = _of_methods(load_run(folder, allow_changed=allow_changed), listed("--methods", methods))
     write = add_ons.offered(add_ons.EXPORTERS, format)
     if write is None:
         known = {*FORMATS, *add_ons.names(add_ons.EXPORTERS)}

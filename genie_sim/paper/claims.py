@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from genie_sim.analysis.statistics import has_interval
 from genie_sim.paper.evidence import (
     CONTRARY,
     HELD,
-    MIN_SEEDS,
     NEGLIGIBLE,
     Effects,
     Values,
@@ -182,7 +182,7 @@ def row(claim: Claim, finding: Finding | None, full: str) -> dict[str, Any]:
     if finding is not None and not np.isnan(finding.values).any():
         factor = 100.0 if claim.unit in ("%", "points") else 1.0
         value, low, high = (_rounded(factor * end) for end in interval(finding.values))
-        if n < MIN_SEEDS:
+        if not has_interval(n):
             low = high = None
     verdict = NOT_RUN if finding is None or value is None else finding.verdict
     return {

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from genie_sim.analysis.statistics import over_seeds
+from genie_sim.analysis.statistics import around_mean, mean_and_spread
 from genie_sim.paper.numbers import Number
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ BASE = "base"  # the variant that is meant where none is named
 # An effect below this share of the value that it changes does not count, in any ordering. Declared
 # before it was applied; docs/paper.md says how.
 NEGLIGIBLE = 0.01
-MIN_SEEDS = 3  # for an interval
 
 
 class Evidence:
@@ -109,8 +108,6 @@ def interval(values: Values) -> tuple[float, float, float]:
     """Mean and 95 % t interval over seeds; of fewer than three it is a point, which says nothing
     of other seeds.
     """
-    if len(values) < MIN_SEEDS:
-        mean = float(np.mean(values))
-        return mean, mean, mean
-    mean, half = over_seeds(values)
-    return mean, mean - half, mean + half
+    mean, spread = mean_and_spread(values)
+    low, high = around_mean(mean, spread, len(values))
+    return (mean, mean, mean) if low is None or high is None else (mean, low, high)

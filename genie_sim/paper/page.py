@@ -9,9 +9,10 @@ import numpy as np
 from genie_sim.analysis.metric import ZERO_DELAY
 from genie_sim.analysis.registry import METRICS, component_title
 from genie_sim.analysis.result_table import Cell, ResultTable, Row
+from genie_sim.analysis.statistics import has_interval
 from genie_sim.paper import claims, printed
 from genie_sim.paper.checks import ALL, CASE
-from genie_sim.paper.evidence import MIN_SEEDS, Evidence, interval
+from genie_sim.paper.evidence import Evidence, interval
 from genie_sim.paper.numbers import METHODS, Number
 from genie_sim.record import provenance
 from genie_sim.report import template
@@ -133,7 +134,7 @@ def accuracy(evidence: Evidence) -> ResultTable:
 
 def _with_interval(values: np.ndarray) -> str:
     mean, low, high = interval(values)
-    if len(values) < MIN_SEEDS:
+    if not has_interval(len(values)):
         return f"{mean:.3g}"
     return f"{mean:.3g} ({low:.3g} to {high:.3g})"
 
@@ -146,6 +147,6 @@ def _means(evidence: Evidence) -> ResultTable:
             values = evidence.of(scenario, number)
             if not np.isnan(values).any():
                 mean, low, high = interval(values)
-                ends = (low, high) if len(values) >= MIN_SEEDS else (None, None)
+                ends = (low, high) if has_interval(len(values)) else (None, None)
                 rows.append(Row(scenario, [Cell(str(number)), Cell(mean, *ends)]))
     return ResultTable(["number", "mean"], rows, corner="scenario")

@@ -8,10 +8,10 @@ from typing import Any
 
 from genie_sim.analysis import renderers
 from genie_sim.analysis.result_table import ResultTable
+from genie_sim.analysis.statistics import has_interval
 from genie_sim.base.errors import UserError
 from genie_sim.paper import table1
 from genie_sim.paper.claims import HOLDS, KINDS, NO, PARTLY, SECTIONS, differing, sentences
-from genie_sim.paper.evidence import MIN_SEEDS
 from genie_sim.record import provenance
 
 FORMAT = 2  # of an evaluation; 1 had three readings, whose numbers meant other things
@@ -121,7 +121,7 @@ def notes(rows: Sequence[Row]) -> list[str]:
     """What so few seeds cannot decide, and what is different from the full run."""
     seeds = max(row["n"] for row in rows)
     lines = []
-    if seeds < MIN_SEEDS:
+    if not has_interval(seeds):
         lines.append(
             f"{seeds} seed{'s' * (seeds > 1)}: no intervals; genie-sim reproduce runs ten."
         )

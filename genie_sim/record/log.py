@@ -19,7 +19,19 @@ from genie_sim.core.messages import (
     Observation,
 )
 from genie_sim.record.open_frame import OpenFrame
-from genie_sim.record.records import FaultRow, HostRow, LookRow, Tables
+from genie_sim.record.records import (
+    BOTH,
+    COALESCED,
+    FIRST,
+    FRESH,
+    HIT,
+    IMAGE,
+    RESULT,
+    FaultRow,
+    HostRow,
+    LookRow,
+    Tables,
+)
 from genie_sim.record.tables import Value
 from genie_sim.sim.monitor import (
     FaultSpan,
@@ -35,16 +47,16 @@ SETTLED_NS = 6_000_000_000  # a frame this old has nearly always seen its last a
 
 # What an answer is called in the table of steps, by whether it is the first and the fresh one.
 _WHICH = {
-    (True, True): "both",
-    (True, False): "first",
-    (False, True): "fresh",
-    (False, False): "result",
+    (True, True): BOTH,
+    (True, False): FIRST,
+    (False, True): FRESH,
+    (False, False): RESULT,
 }
 # The rows of the table of answers about one, by whether it is the first one and a result.
 _COMPARED = {
-    (True, True): ("first", "result"),
-    (True, False): ("first",),
-    (False, True): ("result",),
+    (True, True): (FIRST, RESULT),
+    (True, False): (FIRST,),
+    (False, True): (RESULT,),
 }
 
 
@@ -333,7 +345,7 @@ class Log:
     def _note_image_lookup(
         self, placement: Placement, genie: str, lookup: ImageLookup, now_ns: int
     ) -> None:
-        is_hit = lookup.outcome == "hit"
+        is_hit = lookup.outcome == HIT
         if self._lookups is not None:
             stamp_ns, stream, car = lookup.header
             row = (
@@ -341,7 +353,7 @@ class Log:
                 now_ns,
                 genie,
                 placement,
-                "image",
+                IMAGE,
                 lookup.requester,
                 car,
                 stream,
@@ -358,7 +370,7 @@ class Log:
             frame = self._frame(lookup.header)
             if frame is not None:
                 frame.image_hit = is_hit
-                frame.coalesced = lookup.outcome == "coalesced"
+                frame.coalesced = lookup.outcome == COALESCED
 
     def _note_object_lookups(
         self, placement: Placement, genie: str, lookups: ObjectLookups, now_ns: int

@@ -19,6 +19,11 @@ Stream = Annotated[str, "", "camera stream of that car (frame_id)"]
 FrameNumber = Annotated[Int32, "", "running number in the stream, over all laps"]
 Stamp = Annotated[int, "ns", "when the camera took it"]
 CONSUMER, ZERO_DELAY = "consumer", "zero_delay"  # what is judged
+# The values of text columns: of look-ups, of answers, and of objects that are held or missed.
+LOOKUP_KINDS = IMAGE, SIGHTING, BOOST = "image", "sighting", "boost"
+OUTCOMES = MISS, HIT, COALESCED = "miss", "hit", "coalesced"
+WHICHS = FIRST, FRESH, BOTH, RESULT = "first", "fresh", "both", "result"
+JUDGED = ("right", "missed", "moved_away", "never_there", "duplicate")
 
 
 class FrameRow(NamedTuple):
@@ -74,6 +79,8 @@ class LookupRow(NamedTuple):
     """One row per message for which a Genie asked its message cache or its object map; in order
     of time.
     """
+
+    # ``log.Log`` writes each kind of look-up as a tuple in this order.
 
     method: Method
     t_ns: Annotated[int, "ns", "simulated time"]

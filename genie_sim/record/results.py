@@ -3,7 +3,7 @@ result folder.
 """
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from pathlib import Path
@@ -27,6 +27,7 @@ NOT_ONE_RUN = {  # the file that tells, and what such a folder holds
 }
 
 
+CheckWords = Callable[[object, str], Mapping[str, Mapping[str, Any]]]
 # The files that a run's results are read from, besides run.json.
 FILES = ("metrics.json", "scenario.resolved.yaml", *(f"{name}.parquet" for name in SCHEMAS))
 
@@ -202,8 +203,10 @@ class Run:
         return provenance.warning(self.changed)
 
 
-def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
-    """The run in a result folder.
+def load(folder: str | Path, check_words: CheckWords, *, allow_changed: bool = False) -> Run:
+    """The run in a result folder. ``check_words`` takes what ``run.json`` says of metrics, and
+    where that stands, and returns what it says of those of the user's own. Commands call
+    ``seed_runs.load_run``.
 
     Raises ``UserError`` for anything else, for a folder that is not whole, and, unless they are
     allowed, for files that were changed since the run wrote them.
@@ -235,7 +238,7 @@ def load(folder: str | Path, *, allow_changed: bool = False) -> Run:
         folder=folder,
         changed=changed,
         label=checked_label(about.get("label", ""), f"{folder / 'run.json'}: label"),
-        words=about.get("metrics", {}),
+        words=check_words(about["metrics"], f"{folder / 'run.json'}: metrics"),
     )
 
 

@@ -273,14 +273,25 @@ class Table:
                 counted += values[begin : begin + self._width]
         return counted
 
+    def _check_width(self, values: Sequence[Value]) -> None:
+        if len(values) % self._width:
+            text = f"{len(values)} values are no whole rows of {self._width} columns"
+            raise ValueError(f"{self.name}: {text}")
+
     def append(self, row: Sequence[Value]) -> None:
-        """Adds a row; its values are in the order of the columns."""
+        """Adds a row; its values are in the order of the columns. Raises ``ValueError`` unless each
+        column has one.
+        """
+        self._check_width(row)
         self._new += self._counted(row) if self._warm_up_ns else row
         if len(self._new) >= self._room:
             self._store(self._room)
 
     def extend(self, values: Sequence[Value]) -> None:
-        """Adds rows; their values stand one after the other, in the order of the columns."""
+        """Adds rows; their values stand one after the other, in the order of the columns. Raises
+        ``ValueError`` unless each column has as many.
+        """
+        self._check_width(values)
         self._new += self._counted(values) if self._warm_up_ns else values
         while len(self._new) >= self._room:
             self._store(self._room)

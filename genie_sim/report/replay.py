@@ -6,7 +6,7 @@ and held object in it, rather than a thinned whole that would show a hit here an
 page says which.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +15,7 @@ import numpy as np
 from genie_sim.analysis import style
 from genie_sim.base.units import NS_PER_S
 from genie_sim.record.columns import NO_TEXT, Columns, Text
+from genie_sim.record.records import COALESCED, HIT, JUDGED, LOOKUP_KINDS, MISS, OUTCOMES, WHICHS
 from genie_sim.report.packing import UNKNOWN, US, deltas, integers, scaled
 
 if TYPE_CHECKING:
@@ -25,17 +26,15 @@ if TYPE_CHECKING:
 # of frames, look-ups, steps and held objects together
 MAX_ROWS = 200_000
 LINES = 48  # of methods that differ in colour or dashes
-KINDS = ("image", "sighting", "boost")
-OUTCOMES = ("miss", "hit", "coalesced")
-WHICHS = ("first", "fresh", "both", "result")
-JUDGED = ("right", "missed", "moved_away", "never_there", "duplicate")
 
 
 class _Names:
-    """Texts that many rows share; a row holds a text's number, or -1 for none."""
+    """Texts that many rows share; a row holds a text's number, or -1 for none. Those that are
+    ``known`` have the first numbers.
+    """
 
-    def __init__(self) -> None:
-        self.all: dict[str, int] = {}
+    def __init__(self, known: Iterable[str] = ()) -> None:
+        self.all = {name: number for number, name in enumerate(known)}
 
     def code(self, name: object) -> int:
         return self.all.setdefault(str(name), len(self.all))
@@ -52,6 +51,9 @@ class _Names:
         numbers[list(places)] = list(places.values())
         of_rows: list[int] = numbers[column.codes].tolist()
         return of_rows
+
+
+Texts = Mapping[str, _Names]  # of names, and of the values of text columns
 
 
 def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] | None:
@@ -76,7 +78,14 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
             "Everything else covers the whole run. Another stretch: "
             "genie-sim report DIR --start '60 s'"
         )
-    names = _Names()
+    texts = {
+        "names": _Names(),
+        "parts": _Names(style.PARTS),
+        "kinds": _Names(LOOKUP_KINDS),
+        "outcomes": _Names(OUTCOMES),
+        "whichs": _Names(WHICHS),
+        "judged": _Names(JUDGED),
+    }
     poses = _between(poses, "stamp_ns", begin_ns, end_ns)
     poses = poses.rows(np.lexsort((poses["frame"], poses["stream"].codes, poses["car"].codes)))
     looks = style.method_styles([method.name for method in run.methods])
@@ -94,21 +103,20 @@ def replay_data(run: "Run", start_ns: int, notes: list[str]) -> dict[str, Any] |
                 "name": method.name,
                 "title": method.title,
                 "look": look % LINES,
-                **_of_method(run, method.name, poses, names, stretch_ns=(begin_ns, end_ns)),
+                **_of_method(run, method.name, poses, texts, stretch_ns=(begin_ns, end_ns)),
             }
             for look, method in zip(looks, run.methods, strict=True)
         ],
-        "names": list(names.all),
-        "parts": [{"name": name, "title": title} for name, (title, _) in style.PARTS.items()],
-        "kinds": KINDS,
-        "outcomes": OUTCOMES,
-        "whichs": WHICHS,
-        "judged": JUDGED,
+        **{name: list(of_column.all) for name, of_column in texts.items()},
+        "parts": [
+            {"name": name, "title": style.PARTS.get(name, (name,))[0]}
+            for name in texts["parts"].all
+        ],
     }
 
 
 def _of_method(
-    run: "Run", method: str, poses: Columns, names: _Names, stretch_ns: tuple[int, int]
+    run: "Run", method: str, poses: Columns, texts: Texts, stretch_ns: tuple[int, int]
 ) -> dict[str, Any]:
     """What the replay shows of one method.
 
@@ -120,18 +128,18 @@ def _of_method(
         The method's name.
     poses : Columns
         The frames that are shown; a frame's id is its place here.
-    names : _Names
-        Gets the texts of all rows.
+    texts : mapping of str to _Names
+        Get the texts of all rows.
     stretch_ns : tuple of int
         The first and the last instant that are shown.
     """
     tables = {name: table.where(method=method) for name, table in run.tables.items()}
     begin_ns, end_ns = stretch_ns
     return {
-        "frames": _frames(tables["frames"], poses, names),
-        "lookups": _lookups(tables["lookups"], poses, names),
-        "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, names),
-        "steps": _steps(tables["steps"], poses, names),
+        "frames": _frames(tables["frames"], poses, texts),
+        "lookups": _lookups(tables["lookups"], poses, texts),
+        "held_objects": _held_objects(tables["held_objects"], begin_ns, end_ns, texts),
+        "steps": _steps(tables["steps"], poses, texts),
     }
 
 
@@ -208,7 +216,7 @@ def _streams(poses: Columns) -> Iterator[dict[str, Any]]:
         }
 
 
-def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+def _frames(frames: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
     """What became of each frame under one method, by the frame's id. Instants are counted from the
     stamp.
     """
@@ -230,8 +238,10 @@ def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         for name in ("first_answer", "result_answer", "fresh_answer")
     }
     flags = zip(rows["image_hit"].tolist(), rows["coalesced"].tolist(), strict=True)
-    outcome = [UNKNOWN if hit is None else 2 if coalesced else int(hit) for hit, coalesced in flags]
-    texts = {name: rows[name] for name in ("source", "served_by", "drop")}
+    outcome = [
+        UNKNOWN if hit is None else OUTCOMES.index(COALESCED if waits else HIT if hit else MISS)
+        for hit, waits in flags
+    ]
     return {
         "received_ns": numbers(rows.floats("received_ns") - rows["stamp_ns"]),
         **{
@@ -240,8 +250,8 @@ def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
         },
         "outcome": numbers(np.array(outcome)),
         **{
-            name: names.codes(Text(by_id(text.codes, NO_TEXT), text.names))
-            for name, text in texts.items()
+            name: texts["names"].codes(Text(by_id(rows[name].codes, NO_TEXT), rows[name].names))
+            for name in ("source", "served_by", "drop")
         },
         **{
             name: numbers(rows[name])
@@ -256,7 +266,7 @@ def _frames(frames: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     }
 
 
-def _lookups(lookups: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+def _lookups(lookups: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
     """One method's look-ups about these frames, in order of time."""
     ids = _places(poses, lookups, "stamp_ns")
     with_pose = np.flatnonzero(ids != UNKNOWN)
@@ -264,11 +274,11 @@ def _lookups(lookups: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
     rows = lookups.rows(with_pose)
     return {
         "t_us": deltas(rows["t_ns"] // US),
-        "genie": names.codes(rows["genie"]),
+        "genie": texts["names"].codes(rows["genie"]),
         "edge": (rows["placement"] == "edge").astype(int).tolist(),
         "neighbour": (rows["requester"] == "neighbour").astype(int).tolist(),
-        "kind": rows["kind"].codes_in(KINDS).tolist(),
-        "outcome": rows["outcome"].codes_in(OUTCOMES).tolist(),
+        "kind": texts["kinds"].codes(rows["kind"]),
+        "outcome": texts["outcomes"].codes(rows["outcome"]),
         "boost_e4": scaled(rows["boost_sum"], 10_000).tolist(),
         "frame_id": ids[with_pose].tolist(),
         **{name: rows[name].tolist() for name in ("requests", "hits", "updates", "entries")},
@@ -276,7 +286,7 @@ def _lookups(lookups: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
 
 
 def _held_objects(
-    held_objects: Columns, begin_ns: int, end_ns: int, names: _Names
+    held_objects: Columns, begin_ns: int, end_ns: int, texts: Texts
 ) -> dict[str, Any]:
     """What consumers hold or miss under one method in a stretch of time: where, how it is judged,
     since when and for how long, -1 where it does not end.
@@ -288,23 +298,23 @@ def _held_objects(
     return {
         "begin_us": deltas(rows["begin_ns"] // US),
         "took_us": integers(rows.floats("end_ns") // US - rows["begin_ns"] // US).tolist(),
-        "car": names.codes(rows["car"]),
-        "label": names.codes(rows["label"]),
-        "judged": rows["judged"].codes_in(JUDGED).tolist(),
+        "car": texts["names"].codes(rows["car"]),
+        "label": texts["names"].codes(rows["label"]),
+        "judged": texts["judged"].codes(rows["judged"]),
         "east_cm": scaled(rows["east_m"], 100).tolist(),
         "north_cm": scaled(rows["north_m"], 100).tolist(),
     }
 
 
-def _steps(steps: Columns, poses: Columns, names: _Names) -> dict[str, Any]:
+def _steps(steps: Columns, poses: Columns, texts: Texts) -> dict[str, Any]:
     """The steps to the answers to these frames under one method, answer by answer."""
     ids = _places(poses, steps, "stamp_ns")
     with_pose = np.flatnonzero(ids != UNKNOWN)
     rows = steps.rows(with_pose)
     return {
         "frame_id": ids[with_pose].tolist(),
-        "which": rows["which"].codes_in(WHICHS).tolist(),
-        "part": rows["part"].codes_in(tuple(style.PARTS)).tolist(),
-        "place": names.codes(rows["place"]),
+        "which": texts["whichs"].codes(rows["which"]),
+        "part": texts["parts"].codes(rows["part"]),
+        "place": texts["names"].codes(rows["place"]),
         "took_ns": (rows["end_ns"] - rows["begin_ns"]).tolist(),
     }

@@ -23,7 +23,7 @@ from genie_sim.analysis.registry import (
     shown,
     spans_much,
 )
-from genie_sim.analysis.statistics import thinned
+from genie_sim.analysis.statistics import has_interval, thinned
 from genie_sim.analysis.style import PAGE_IN, PLACEMENTS, percent_tick
 from genie_sim.analysis.tidy import across_seeds
 from genie_sim.base.errors import UserError
@@ -182,8 +182,11 @@ class SweepFigures:
         if averaged and name in crossed:
             notes.append(f"averaged over {', '.join(averaged)}")
         wide = len(shown_levels) if other or len(metrics) == 1 else 2 if narrow else 3
-        several = "means and 95 % intervals across seeds"
-        shows = several if runs["seed"].nunique() > 1 else "one seed, so without intervals"
+        seeds = runs["seed"].nunique()
+        shows = "means and 95 % intervals across seeds"
+        if not has_interval(seeds):
+            shows = "means of two seeds" if seeds > 1 else "one seed"
+            shows += ", so without intervals"
         title = f"Along {columns[name]}: {shows}"
         return self._facets(name, panels, wide, title, [*notes, *_at(place)])
 

@@ -175,6 +175,14 @@ def test_settings_are_called_by_what_differs_where_that_is_short(
     assert mean[3].startswith(f"{gap.difference:+.3g} (")
 
 
+def test_a_percentile_of_few_answers_has_no_interval_over_seeds(
+    usual: list[Run], slower: list[Run]
+):
+    made = compare([*usual, *slower], ["remote"], metrics=["first_answer_p50", "first_answer_p99"])
+    intervals = {one.metric: one.low for one in made.rows if one.against}
+    assert intervals["first_answer_p50"] is not None and intervals["first_answer_p99"] is None
+
+
 def test_with_one_common_seed_its_blocks_are_paired_and_it_says_so(
     usual: list[Run], slower: list[Run]
 ):

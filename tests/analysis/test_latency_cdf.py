@@ -58,6 +58,12 @@ def test_a_band_of_numbers_is_students_t():
     assert (mean[1], low[1], high[1]) == (5.0, 5.0, 5.0)
 
 
+def test_two_seeds_have_a_mean_and_are_not_said_to_have_an_interval():
+    assert "95 %" in latency_cdf(SEEDS, METHOD).get_label()
+    two = latency_cdf(SEEDS[:2], METHOD).get_label()
+    assert "means of 2 seeds" in two and "95 %" not in two
+
+
 def test_one_seed_has_no_band_and_a_users_own_panel_is_drawn_into():
     import matplotlib.pyplot as plt
 

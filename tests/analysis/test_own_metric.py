@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from genie_sim.analysis.compare import compare
 from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import own_code
 from genie_sim.base.settings import plain_data
+from genie_sim.cli.main import main
 from genie_sim.record.results import Run
 from genie_sim.report.output import Output
 from genie_sim.runs.folder import run_in_memory, run_to_folder
@@ -76,7 +78,9 @@ def test_it_is_in_every_table_with_its_interval():
     assert row.value == found["local"].value
 
 
-def test_its_words_travel_with_the_results_and_its_code_does_not_run(tmp_path: Path):
+def test_its_words_travel_with_the_results_and_its_code_does_not_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
     scenario = load_scenario(
         "street_1car_homo", [WINDOW, "record=[]", "metrics=[own_metric:slow, own_metric:plain]"]
     )
@@ -89,6 +93,12 @@ def test_its_words_travel_with_the_results_and_its_code_does_not_run(tmp_path: P
             assert "a number" in summary.table(run, format)
         assert "own_metric:plain,local,all,," in summary.table(run, "csv")
         assert "slow frames" in compare_tables.text(compare([run]))
+    about = json.loads((folder / "run.json").read_text())
+    about["metrics"]["own_metric:slow"]["tier"] = "high"
+    (folder / "run.json").write_text(json.dumps(about))
+    for command in ("table", "export"):
+        assert main([command, str(folder), "--allow-changed"]) == 1
+        assert "run.json: metrics: own_metric:slow: tier" in capsys.readouterr().err, command
 
 
 def test_results_that_say_differently_of_it_keep_their_words_and_are_not_compared(tmp_path: Path):

@@ -79,6 +79,37 @@ def test_what_does_not_differ_at_all_is_called_the_same():
     )
 
 
+@pytest.mark.parametrize(
+    "of_seeds, verdict",
+    [
+        ([1.0, -1.0], ""),
+        ([0.005, -0.005], "negligible"),
+        ([0.02, -0.02, 0.0], ""),
+        ([0.0, 0.0], "equal"),
+        ([0.0, 0.0, 0.0], "equal"),
+    ],
+)
+def test_without_an_interval_seeds_are_equal_where_each_is(of_seeds, verdict):
+    paired = row("first_answer_mean", 0.0, None, None)._replace(of_seeds=of_seeds)
+    assert paired.verdict == verdict
+
+
+def test_a_row_without_a_reference_has_no_verdict():
+    alone = Difference("first_answer_mean", "b", 1.0, registry.definition("first_answer_mean"))
+    assert alone.verdict == ""
+
+
+def test_two_seeds_are_not_said_to_have_an_interval():
+    two = row("first_answer_mean", -340.0, None, None)._replace(
+        by=SEEDS, n=2, of_seeds=(-330, -350)
+    )
+    made = comparison(two)
+    assert made.by == "paired differences without intervals"
+    assert "95 %" not in compare_tables.about(made)
+    assert "95 %" not in differences(made).get_label()
+    assert comparison(two._replace(low=-350.0, high=-330.0)).by.endswith("by seeds")
+
+
 def test_without_truth_the_proxy_speaks_and_blocks_are_named():
     proxy = row("first_proxy_f1", 0.1, 0.05, 0.15)._replace(by=BLOCKS, n=12)
     (sentence,) = verdicts(comparison(proxy))

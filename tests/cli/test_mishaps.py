@@ -277,24 +277,6 @@ def test_a_month_is_not_too_long():
     check_time(scenario, "route", scenario.cars[0].route, 15 * 10**9)
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("fleet.cars=100000000000", "fleet.cars: must be from 1 to 1,000,000, not 100000000000"),
-        ("fleet.cell=1 mm", "fleet.cell: makes more than 100,000 edges of this map"),
-        ("perception.interval=1 ns", "perception.interval: makes more than 100,000,000 frames of "),
-        ("perception.town={blocks: 3}", "perception.town.blocks: must be a list, not 3"),
-        (
-            "perception.town={block: 1e30 km}",
-            "perception.town.block: must be at most 10000 m, but is",
-        ),
-    ],
-)
-def test_a_fleet_that_fills_the_memory_gets_one_line(setting, message, capsys):
-    assert main(["run", "fleet_30", "--set", setting]) == 1
-    one_line(capsys.readouterr().err, message)
-
-
 def test_what_cannot_be_drawn_or_written_leaves_the_tables(monkeypatch, capsys, caplog):
     """A library's exception, and a disk that is full when the page is written."""
 

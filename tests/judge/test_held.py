@@ -14,6 +14,7 @@ import pytest
 
 from genie_sim.analysis import metrics, screen, summary
 from genie_sim.analysis.metric import ZERO_DELAY
+from genie_sim.analysis.seed_runs import load_run
 from genie_sim.base import files
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Header, Image
@@ -28,7 +29,6 @@ from genie_sim.data.truth import (
     write_truth,
 )
 from genie_sim.judge.map_accuracy import MapAccuracy
-from genie_sim.record import results
 from genie_sim.record.records import HELD, HELD_OBJECTS
 from genie_sim.record.results import MethodInfo, MetricValue
 from genie_sim.record.tables import Table
@@ -233,7 +233,7 @@ def short(*settings: str) -> Scenario:
 
 def test_the_default_trace_has_its_truth_and_a_run_says_so(tmp_path: Path):
     made = run_to_folder(short("methods=[remote, genie]"), tmp_path, output=Output(page=False))
-    run = results.load(made.folder)
+    run = load_run(made.folder)
     assert set(run.held["what"]) == {"consumer", "zero_delay"}
     for method in ("remote", "genie"):
         assert (

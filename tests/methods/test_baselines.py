@@ -28,25 +28,16 @@ def wrong(method: dict, **settings) -> str:
 
 
 @pytest.mark.parametrize(
-    ("settings", "message"),
+    ("settings", "field"),
     [
-        ({"method": "foggycache", "theta": 1.2}, "methods[0].theta: must be"),
-        ({"method": "foggycache", "neighbours": 1}, "methods[0].neighbours: must be"),
-        ({"method": "potluck", "dropout": -0.1}, "methods[0].dropout: must be"),
-        ({"method": "potluck", "keep": 2}, "methods[0].keep: must be"),
-        ({"method": "sim_lru", "radius": -1}, "methods[0].radius: must be"),
         ({"method": "sim_lru", "replay": "there"}, "replay"),
-        ({"method": "deadline", "shares": []}, "shares: must not be empty"),
-        ({"method": "deadline", "deadline": "0 s"}, "methods[0].deadline: must be"),
-        ({"method": "central", "at": "edge7"}, "unknown edge 'edge7'"),
-        ({"method": "cachier", "cloud": "edge7"}, "cachier: cloud: unknown edge 'edge7'"),
-        ({"method": "cachier", "per_entry": "-1 ms"}, "per_entry"),
-        ({"method": "cachier", "period": "0 s"}, "methods[0].period: must be"),
+        ({"method": "central", "at": "edge7"}, "edge7"),
+        ({"method": "cachier", "cloud": "edge7"}, "cloud"),
         ({"method": "rnd_lru", "genie": {"capacity": "0 entries"}}, "capacity"),
     ],
 )
-def test_a_setting_that_makes_no_sense_is_one_line(settings: dict, message: str):
-    assert message in wrong({"name": "mine", **settings})
+def test_what_only_a_run_can_refuse_names_its_field(settings: dict, field: str):
+    assert field in wrong({"name": "mine", **settings})
 
 
 @pytest.mark.parametrize("method", SIMILAR)

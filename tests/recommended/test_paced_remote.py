@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
-from genie_sim.base.errors import UserError
 from genie_sim.core.messages import Detections, Expired, Publish
 from genie_sim.recommended.paced_remote import PacedSender
 from genie_sim.recommended.pacing import Pacer
@@ -74,20 +71,3 @@ def test_a_car_without_an_edge_answers_nothing():
         run_in_memory(load_scenario("street_1car_hetero", settings)).tables["frames"]
     )
     assert not (frames.floats("first_answer_ns") > 0).any()
-
-
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("in_flight: 0", "methods[0].in_flight: must be"),
-        ("every: -1 ms", "every: must not be negative"),
-        ("stale: 0 s", "methods[0].stale: must be"),
-    ],
-)
-def test_a_setting_that_makes_no_sense_is_one_line(setting: str, message: str):
-    with pytest.raises(UserError) as error:
-        scenario = load_scenario(
-            "street_1car_hetero", [f"methods=[{{method: paced_remote, {setting}}}]"]
-        )
-        run_in_memory(scenario)
-    assert message in str(error.value) and "\n" not in str(error.value)

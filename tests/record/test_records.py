@@ -148,6 +148,18 @@ def test_events_keep_their_order():
     assert list(lookups.to_frame().genie) == ["c", "b", "a", "d"]
 
 
+def test_rows_with_a_value_too_few_or_too_many_are_refused():
+    table, row = Table(OBJECTS), ("genie", 0, "car1/genie", 7, "car", 1.0, -1.0, 0.5)
+    for values in (row[:-1], (*row, 0.5)):
+        for add in (table.append, table.extend):
+            with pytest.raises(
+                ValueError, match=r"^objects: . values are no whole rows of 8 columns"
+            ):
+                add(values)
+    table.extend(row * 3)
+    assert len(table) == 3
+
+
 def some_objects(table: Table, at_once: int = 1) -> Table:
     rows = []
     for t_ns in range(150_000):

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from genie_sim.record.columns import Text
 from genie_sim.report.packing import deltas, integers, scaled
+from genie_sim.report.replay import _Names
+
+
+def test_a_text_that_the_page_does_not_know_is_shown_by_itself():
+    names = _Names(("miss", "hit"))
+    column = Text.of(np.array([0, 1, 0]), ["expired", "hit"])
+    assert names.codes(column) == [2, 1, 2] and list(names.all) == ["miss", "hit", "expired"]
 
 
 def test_columns_are_packed_as_short_whole_numbers():

@@ -359,40 +359,6 @@ def test_a_sweep_over_fleets_gives_each_run_what_it_gives_alone(
             assert mine[name] == alone[name], (one.scenario.seed, name)
 
 
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        (
-            {"cars": [{"name": "a", "device": "jetson_tx2"}]},
-            "cars: a fleet brings its own; leave them out, or 'fleet'",
-        ),
-        ({"fleet": None}, "cars: missing"),
-        ({"origin": [49, 8, 100]}, "origin: a town is where it is; leave it out"),
-        (
-            {"fleet": fleet(devices={"jetson_tx2": 0.5})},
-            "fleet.devices: shares must add up to 1, not to 0.5",
-        ),
-        ({"fleet": fleet(devices="tx3")}, "fleet.devices: unknown device 'tx3'"),
-        ({"fleet": fleet(edge_device="tx3")}, "fleet.edge_device: unknown device 'tx3'"),
-        ({"fleet": fleet(cars=0)}, "fleet.cars: must be from 1 to 1,000,000, not 0"),
-        ({"fleet": fleet(cell=100)}, "fleet.cell: length 100 has no unit; write for example '1 m'"),
-        (
-            {"perception": {"source": "town", "town": {"blok": 3}}},
-            "perception.town.blok: unknown field; did you mean 'block'?",
-        ),
-        (
-            {"perception": {"source": "town", "town": {"block": "5 m"}}},
-            "perception.town.block: 5 m is too short ",
-        ),
-        ({"record": ["frames"]}, "record[0]: unknown record 'frames'"),
-    ],
-)
-def test_mistakes_are_told_in_one_line(settings: dict[str, Any], message: str):
-    with pytest.raises(UserError) as error:
-        small(**settings)
-    assert str(error.value).startswith(f"scenario: {message}") and "\n" not in str(error.value)
-
-
 def test_a_camera_that_no_car_in_town_has_is_told():
     with pytest.raises(UserError, match=r"small: cameras\[0\].recording: unknown recording '04'"):
         prepare(small(cameras=[{"name": "camera_04", "recording": "04"}]))

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from genie_sim.base import settings
-from genie_sim.base.errors import UserError
 from genie_sim.base.plugins import Choice
 from genie_sim.base.settings import plain_data
 from genie_sim.links.presets import LINKS
@@ -18,7 +17,6 @@ from genie_sim.links.wire import Wire
 from genie_sim.sim.link_model import LINK
 
 IMAGE_BYTES = 1_397_297
-WIRE_FIELDS = "delay, jitter, loss, mtu_payload, overhead, rate_down, rate_up"
 
 
 @dataclass(frozen=True)
@@ -103,56 +101,3 @@ def test_a_link_may_have_a_model_of_the_users_own() -> None:
     written = plain_data(Network(link=own))["link"]
     assert read(written) == own
     assert read({"model": "wire", "like": "wifi"}) == read({"like": "wifi"}) == LINKS["wifi"]
-
-
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        (
-            "wfi",
-            "x.yaml: link: unknown link 'wfi' (did you mean 'wifi'?); known: "
-            + ", ".join(sorted(LINKS)),
-        ),
-        (
-            {"like": "5g"},
-            "x.yaml: link.like: unknown link '5g' (did you mean 'nr5g'?); known: "
-            + ", ".join(sorted(LINKS)),
-        ),
-        ({"like": [1]}, "x.yaml: link.like: unknown link [1]; known: " + ", ".join(sorted(LINKS))),
-        (
-            {"losss": 0.1},
-            (
-                "x.yaml: link.losss: unknown parameter of wire 'losss' (did you mean 'loss'?);"
-                f" known: {WIRE_FIELDS}"
-            ),
-        ),
-        ({"loss": 1.5}, "x.yaml: link.loss: must be from 0 to 1, not 1.5"),
-        ({"loss": "1 %"}, "x.yaml: link.loss: must be a number, not '1 %'"),
-        ({"rate_up": "0 bit/s"}, "x.yaml: link.rate_up: must be more than zero, but is '0 bit/s'"),
-        (
-            {"rate_down": "-1 Gbit/s"},
-            "x.yaml: link.rate_down: must be more than zero, but is '-1 Gbit/s'",
-        ),
-        (
-            {"rate_up": "1 GB/s"},
-            (
-                "x.yaml: link.rate_up: rate '1 GB/s' has an unknown unit 'GB/s'; known: bit/s,"
-                " kbit/s, Mbit/s, Gbit/s"
-            ),
-        ),
-        ({"delay": "-1 ms"}, "x.yaml: link.delay: must not be negative, but is '-1 ms'"),
-        ({"mtu_payload": "0 B"}, "x.yaml: link.mtu_payload: must be more than zero, but is '0 B'"),
-        (
-            {"model": "wir"},
-            (
-                "x.yaml: link.model: unknown link model 'wir' (did you mean 'wire'?); known: cell,"
-                " trace, wire, or package.module:Class"
-            ),
-        ),
-        (5, "x.yaml: link: must be a name or a mapping, not 5"),
-    ],
-)
-def test_mistakes_in_a_link(value: object, message: str) -> None:
-    with pytest.raises(UserError) as error:
-        link(value)
-    assert str(error.value) == message

@@ -116,32 +116,42 @@ def test_a_list_grows_by_one_entry_at_a_time_also_of_lists():
 
 
 @pytest.mark.parametrize(
-    ("override", "message"),
+    ("override", "place"),
     [
-        ("seed", "must be path=value, such as cars[0].device=orin_nano"),
-        ("=5", "must be path=value"),
-        ("cars[x].name=5", "cannot read the path 'cars[x].name'; write it like cars[0].device"),
-        ("cars[1234567]=5", "cannot read the path"),
-        ("cars[3].name=5", "cars: has 2 entries, counted from 0; the next is cars[2]"),
-        ("edges[*].name=e", "edges: is no list with entries in the scenario"),
-        ("seed[0]=1", "seed: is not a list in the scenario"),
-        ("seed.name=1", "seed: is 3, which has no setting 'name'"),
-        ("cars.device=x", "cars: is a list; did you mean cars[*].device, or cars[0].device?"),
-        ("cars[0].link[0]=1", "cars[0].link: is not a list"),
+        ("seed", ""),
+        ("=5", ""),
+        ("cars[x].name=5", ""),
+        ("cars[-1].name=5", ""),
+        ("cars[0]name=5", ""),
+        ("cars[1234567]=5", ""),
+        ("genie..x=1", ""),
+        ("genie={", "line 1: "),
+        ("cars[3].name=5", "cars: "),
+        ("cars[*][*].name=5", ""),
+        ("edges[*].name=e", "edges: "),
+        ("seed[0]=1", "seed: "),
+        ("seed.name=1", "seed: "),
+        ("cars.device=x", "cars: "),
+        ("cars[0].link[0]=1", "cars[0].link: "),
     ],
 )
-def test_what_cannot_be_set_is_one_line(override: str, message: str):
+def test_what_cannot_be_set_is_one_line(override: str, place: str):
     with pytest.raises(UserError) as error:
         apply_overrides(Scenario, settings(), [override])
-    assert str(error.value).startswith(f"--set {override}: ")
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert str(error.value).startswith(f"--set {override}: {place}")
+    assert "\n" not in str(error.value)
 
 
-def test_one_entry_is_counted_as_one():
-    with pytest.raises(
-        UserError, match=r"cars: has 1 entry, counted from 0; the next is cars\[1\]"
-    ):
-        apply_overrides(Scenario, {"cars": [{}]}, ["cars[2].name=x"])
+def test_whole_lines():
+    lines = {
+        "seed": "must be path=value, such as cars[0].device=orin_nano",
+        "cars.device=x": "cars: is a list; did you mean cars[*].device, or cars[0].device?",
+        "cars[3].name=5": "cars: has 2 entries, counted from 0; the next is cars[2]",
+    }
+    for override, line in lines.items():
+        with pytest.raises(UserError) as error:
+            apply_overrides(Scenario, settings(), [override])
+        assert str(error.value) == f"--set {override}: {line}"
 
 
 @pytest.mark.parametrize(
@@ -173,9 +183,3 @@ def test_a_star_stands_for_every_entry_of_a_list():
     scenario, named = load_scenario("3car_hetero", links), load_scenario("3car_hetero", each)
     assert [car.link for car in scenario.cars] == [car.link for car in named.cars]
     assert {edge.device for edge in scenario.edges} == {"jetson_tx2"}
-
-
-@pytest.mark.parametrize("path", ["fleet[*].link", "cars[*][*].link", "cars[0].route[*].laps"])
-def test_a_star_where_no_list_is_names_the_place(path: str):
-    with pytest.raises(UserError, match=r"^--set .*: is not a list in the scenario"):
-        load_scenario("3car_hetero", [f"{path}=wifi"])

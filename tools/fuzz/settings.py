@@ -17,10 +17,10 @@ import yaml
 
 from genie_sim.analysis import compare_tables
 from genie_sim.analysis.compare import compare
+from genie_sim.analysis.seed_runs import load_run
 from genie_sim.base import plugins
 from genie_sim.base.errors import UserError
 from genie_sim.cli.main import main
-from genie_sim.record import results
 from genie_sim.record.records import SCHEMAS
 from genie_sim.record.tables import Schema, read
 from genie_sim.report.html_page import write
@@ -285,9 +285,9 @@ def result_folders(folder: Path) -> Case:
             ):
                 rerun(run, allow_changed=True)
         elif what == 1:
-            write(folder / NAME, results.load(run, allow_changed=True))
+            write(folder / NAME, load_run(run, allow_changed=True))
         elif what == 2:
-            compare_tables.text(compare([results.load(run, allow_changed=True)], ()), "csv")
+            compare_tables.text(compare([load_run(run, allow_changed=True)], ()), "csv")
         else:
             run_command(["export", str(run), "--allow-changed", "--out", str(folder / "run.mcap")])
 
