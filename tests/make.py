@@ -50,10 +50,6 @@ DETECTOR_MS = {"local": 310.0, "remote": 65.0}
 KEPT = {"local": 0.08, "remote": 0.37}
 
 
-def header(stamp_ns: int = 0, frame_id: str = "camera_02", origin: str = "car1") -> Header:
-    return Header(stamp_ns, frame_id, origin)
-
-
 def frame(
     stamp_s: float,
     at: tuple[float, float] = CROSSING,
@@ -65,7 +61,7 @@ def frame(
     pose = CameraPose(at[0], at[1], 1.6, math.radians(heading_deg))
     picture = f"{at} {heading_deg}"
     return Image(
-        header(round(stamp_s * S), camera, car),
+        Header(round(stamp_s * S), camera, car),
         1_000,
         picture,
         hash(at) & 0xFFFF,

@@ -8,7 +8,6 @@ from track_or_detect import DriftPlusPenalty, EveryNth, Handler
 import genie_sim as gs
 from genie_sim.base.errors import UserError
 from genie_sim.core.messages import (
-    Detection,
     Detections,
     Expired,
     Publish,
@@ -19,10 +18,10 @@ from genie_sim.sim.method import IMAGES, OBJECTS, REMOTE
 from genie_sim.tracks.existence import Existence
 from genie_sim.tracks.track_map import TrackMap
 from tests.conformance.methods import MethodConformance
-from tests.make import frame
+from tests.make import frame, seen
 
 MS = 1_000_000
-CAR = Detection("car", 0.9, None, (20.0, 0.0, 0.0), 0.9, "scan")
+CAR = seen()
 
 
 @pytest.mark.parametrize(
