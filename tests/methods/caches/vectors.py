@@ -7,9 +7,8 @@ from itertools import count
 import numpy as np
 
 from genie_sim.base.features import DIMENSION, UNIT
-from genie_sim.core.messages import CameraPose, Detections, Header
+from genie_sim.core.messages import CameraPose, Detection, Detections, Header
 from genie_sim.methods.nearest import FeatureKey
-from tests import make
 
 HERE = CameraPose(0.0, 0.0, 1.6, 0.0)
 TOPIC = "/objects"
@@ -30,4 +29,5 @@ def at(distance: float) -> FeatureKey:
 
 def answer(*east_m: float) -> Detections:
     """A car at each of these places."""
-    return make.answer(Header(0, "front", "car1"), *map(make.seen, east_m))
+    found = tuple(Detection("car", 0.8, None, (x, 0.0, 0.8), 0.8) for x in east_m)
+    return Detections(Header(0, "front", "car1"), found)
