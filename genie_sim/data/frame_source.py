@@ -37,8 +37,8 @@ class Drive:
     """
 
 
-class Frames:
-    """An open source."""
+class Drives:
+    """An open source: the drives of its cars."""
 
     seeded: bool = False
     """Whether another seed gives other frames."""
@@ -98,7 +98,7 @@ class FrameSource:
 
     duration_ns: int
 
-    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Frames:
+    def open(self, seed: int, origin: Geodetic | None, progress: Progress | None = None) -> Drives:
         """The frames. Raises ``UserError``.
 
         Parameters

@@ -15,7 +15,7 @@ from genie_sim.base.errors import UserError
 from genie_sim.base.geometry import Geodetic
 from genie_sim.base.progress import Progress
 from genie_sim.core.messages import Encoding
-from genie_sim.data.frame_source import Frames, FrameSource
+from genie_sim.data.frame_source import Drives, FrameSource
 
 if TYPE_CHECKING:
     from genie_sim.data.trace import Trace
@@ -45,7 +45,7 @@ class Recorded(FrameSource):
 
 
 @dataclass
-class RecordedDrives(Frames):
+class RecordedDrives(Drives):
     """Traces around one origin: the scenario's, and those that single routes name. Beside the file
     of a trace (``path`` is the main one's) there may be a truth table; ``truth`` is the main one's
     if it has no file.

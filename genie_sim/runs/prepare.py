@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from genie_sim.base import plugins
-from genie_sim.base.errors import UserError
 from genie_sim.base.progress import Progress
 from genie_sim.base.settings import plain_data
 from genie_sim.data.detectors import detector_laws
-from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.record import provenance
 from genie_sim.runs import own_classes
 from genie_sim.runs.fleet import expanded
-from genie_sim.runs.own_classes import Origin
+from genie_sim.runs.own_classes import FramesOrigin
 from genie_sim.scenario import checks
 from genie_sim.scenario.methods import features_of
 from genie_sim.scenario.profiles import DeviceProfile
@@ -50,13 +49,13 @@ class Prepared:
         With every car and edge of its fleet.
     devices : mapping
         The profiles of the devices in use, by name.
-    frames : Frames
+    frames : Drives
         The frame source, open.
     drives : mapping
         Each car's drive, by the car's name.
     encoded : mapping
         What the drives are after their pictures were sent, by encoding and car.
-    origin : Origin
+    origin : FramesOrigin
         Where the frames come from.
     facts : mapping
         Everything that decides the outcome of a run, as plain data, with the scenario as it is
@@ -67,10 +66,10 @@ class Prepared:
 
     scenario: Scenario
     devices: Mapping[str, DeviceProfile]
-    frames: Frames
+    frames: Drives
     drives: Mapping[str, Drive]
     encoded: Mapping[tuple[str, str], Any]
-    origin: Origin
+    origin: FramesOrigin
     facts: Mapping[str, Any]
     laws: DetectorLaws
 
@@ -79,7 +78,7 @@ def prepare(
     scenario: Scenario,
     progress: Progress | None = None,
     devices: Mapping[str, DeviceProfile] | None = None,
-    frames: Frames | None = None,
+    frames: Drives | None = None,
 ) -> Prepared:
     """Asks the scenario, then opens its frame source and gives every car its drive, all in one
     world, and looks whether these fit to it.
@@ -105,7 +104,7 @@ def prepare(
                 checks.check_time_on_map(scenario, source.duration_ns)
             frames = source.open(scenario.seed, scenario.origin, progress)
         if owner is not None:
-            own_classes.check_base(frames, f"{owner}: what open() returns", Frames)
+            own_classes.check_base(frames, f"{owner}: what open() returns", Drives)
         full = scenario  # with every car and edge, each with the part of its drive that it replays
         if scenario.fleet is not None:
             full, drives = expanded(scenario, scenario.fleet, frames)
@@ -120,7 +119,7 @@ def prepare(
         if scenario.sequence is not None:
             full = _on_one_clock(full, drives)
         origin = own_classes.origin_of(frames, scenario.perception.name)
-        laws = detector_laws.detector_laws(*detector_laws.looked_at(origin.provenance))
+        laws = detector_laws.laws_of(*detector_laws.looked_at(origin.provenance))
         encoded = _encoded_drives(full, frames)
         profiles = scenario.profiles if devices is None else devices
         names = [car.device for car in full.cars] + [edge.device for edge in full.edges]
@@ -157,7 +156,7 @@ def _on_one_clock(scenario: Scenario, drives: Mapping[str, Drive]) -> Scenario:
     return replace(scenario, cars=cars)
 
 
-def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str], Any]:
+def _encoded_drives(scenario: Scenario, frames: Drives) -> dict[tuple[str, str], Any]:
     """What the drives of cars with an edge are after their pictures were sent, by encoding and car.
     Raises ``UserError``.
     """
@@ -170,10 +169,11 @@ def _encoded_drives(scenario: Scenario, frames: Frames) -> dict[tuple[str, str],
             if car.edge is not None:
                 sent = frames.encoded(car.name, encoding)
                 if sent is None:
-                    raise UserError(
-                        f"{scenario.name}: image_encoding: source {scenario.perception.name!r} has "
-                        "no pictures to encode: leave it 'raw', and give 'cameras' a 'size'"
+                    text = (
+                        f"source {scenario.perception.name!r} has no pictures to encode: leave it "
+                        "'raw', and give 'cameras' a 'size'"
                     )
+                    raise scenario.wrong("image_encoding", text)
                 encoded[encoding, car.name] = sent
     return encoded
 
@@ -183,9 +183,9 @@ def facts(
     methods: Mapping[str, Method],
     *,
     devices: Mapping[str, DeviceProfile],
-    frames: Frames,
+    frames: Drives,
     encoded: Mapping[tuple[str, str], Any],
-    origin: Origin,
+    origin: FramesOrigin,
 ) -> dict[str, Any]:
     """Everything that decides the outcome of a run: the scenario as it is written, and what was
     found where it says.
@@ -239,8 +239,8 @@ class SharedFrames:
     """
 
     def __init__(self) -> None:
-        self.frames: dict[str, Frames] = {}
-        self._known: dict[str, Frames] = {}
+        self.frames: dict[str, Drives] = {}
+        self._known: dict[str, Drives] = {}
 
     def prepare(self, scenario: Scenario) -> Prepared:
         """As ``prepare`` alone."""

@@ -16,7 +16,7 @@ from genie_sim.core.eviction import LRU
 from genie_sim.core.messages import CameraPose, Detection, Publish
 from genie_sim.core.messages import ImageLookup as Lookup
 from genie_sim.core.similarity import PoseGrid
-from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.faults.outage import Outage
 from genie_sim.sim.link_model import Sender, TimedSender
 from genie_sim.sim.method import IMAGES, OBJECTS, HostConfig, Interceptor, UplinkTopics
@@ -37,7 +37,7 @@ class StreetFrame:
 
 
 @dataclass(frozen=True)
-class Street(FrameSource, Frames):
+class Street(FrameSource, Drives):
     """A frame source: a straight street with a parked car every 8 m, two cameras ten times a
     second.
     """

@@ -46,7 +46,7 @@ CASES = {
         own.Street,
         "open",
         returns(None),
-        "what open() returns: must be of a subclass of Frames",
+        "what open() returns: must be of a subclass of Drives",
     ),
     "drive": (
         {},

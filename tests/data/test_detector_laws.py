@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from genie_sim.analysis import screen, summary
 from genie_sim.analysis.summary import about_boxes, about_laws
 from genie_sim.base import files
-from genie_sim.data.detectors.detector_laws import detector_laws, facts
+from genie_sim.data.detectors.detector_laws import facts, laws_of
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import read_trace
 from genie_sim.report import html_page
@@ -37,13 +37,13 @@ WINDOW = "cars[0].route.window=[0 s, 1 s]"
 
 
 def test_laws_are_those_of_all_other_drives():
-    laws = detector_laws({"pointrcnn"}, {"tracking/0003"})
+    laws = laws_of({"pointrcnn"}, {"tracking/0003"})
     others = [
         counts for key, counts in COUNTS.items() if key[0] == "pointrcnn" and "0003" not in key[1]
     ]
     assert len(others) == 10
     assert laws == shrunk(total(others), SHIPPED["prior_looks"])
-    assert laws != detector_laws({"pointrcnn"}, {"tracking/0005"})
+    assert laws != laws_of({"pointrcnn"}, {"tracking/0005"})
 
 
 @given(st.sampled_from(sorted(COUNTS)), st.floats(0.1, 1e6), st.integers(1, 50))
@@ -103,14 +103,14 @@ def test_a_run_says_so_in_its_results():
     ids=["measured there", "and in that town", "unknown", "two", "none"],
 )
 def test_else_they_are_assumed(detectors, drives):
-    assert detector_laws(detectors, drives) is ASSUMED
+    assert laws_of(detectors, drives) is ASSUMED
 
 
 def test_maps_and_trackers_use_them_unless_told_to_assume():
     town = ["perception.duration=1 s", "fleet.cars=2", "methods=[remote]"]
     prepared = prepare(load_scenario("fleet_30", town))
     (entry,) = prepared.scenario.methods
-    assert setup(prepared, entry).laws == detector_laws({"town"}, {"town/1"}) != ASSUMED
+    assert setup(prepared, entry).laws == laws_of({"town"}, {"town/1"}) != ASSUMED
     assumed = {"name": "assumed", "method": "recommended", "measured": False}
     methods = [{"name": "usual", "method": "recommended"}, assumed]
     run = run_in_memory(

@@ -236,7 +236,7 @@ def test_cameras_share_a_scan_and_opencv_gets_its_threads_back(street, monkeypat
     root, weights = street
     fitted = []
     fit = pipeline.fit_ground
-    monkeypatch.setattr(pipeline, "fit_ground", lambda scan: fitted.append(len(scan)) or fit(scan))
+    monkeypatch.setattr(pipeline, "fit_ground", lambda *args: fitted.append(args) or fit(*args))
     before = cv2.getNumThreads()
     assert sum(map(len, perceived(root, weights).frames.values())) == 6
     assert len(fitted) == 3

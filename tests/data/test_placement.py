@@ -13,14 +13,13 @@ from genie_sim.base.classes import ROAD_LABELS
 from genie_sim.base.geometry import project, ray
 from genie_sim.data.detectors.placement import (
     HALF_DEPTH_M,
-    LASER_HEIGHT_M,
-    TYPICAL_GROUND,
     Placement,
     fit_ground,
     near_cluster,
     surface,
 )
 from genie_sim.data.detectors.shape import percentile
+from genie_sim.data.kitti.pipeline import LASER_HEIGHT_M, TYPICAL_GROUND
 
 SIZE = (1242, 375)
 INTRINSICS = np.array([[721.5, 0.0, 609.6], [0.0, 721.5, 172.9], [0.0, 0.0, 1.0]])
@@ -50,7 +49,9 @@ def box_around(points):
 
 def placed(label, box, *surfaces):
     scan = np.concatenate(surfaces) if surfaces else None
-    location, method = Placement(INTRINSICS, SIZE, CAMERA_SE3_VELO, scan).place(label, box)
+    ground = TYPICAL_GROUND if scan is None else fit_ground(scan, LASER_HEIGHT_M)
+    placement = Placement(INTRINSICS, SIZE, CAMERA_SE3_VELO, scan, ground=ground)
+    location, method = placement.place(label, box)
     return (None if location is None else math.hypot(location[0], location[2])), method
 
 
@@ -92,9 +93,16 @@ def test_a_half_hidden_parked_car_is_placed_by_its_foot_on_the_ground():
 
 @pytest.mark.parametrize("slope", [-0.03, 0.0, 0.03])
 def test_the_ground_is_found_on_sloping_roads(slope):
-    plane = fit_ground(np.concatenate([road(slope), REAR, board(20.0, -6.0, 6.0, 0.0, 4.0)]))
+    points = np.concatenate([road(slope), REAR, board(20.0, -6.0, 6.0, 0.0, 4.0)])
+    plane = fit_ground(points, LASER_HEIGHT_M)
     assert plane.slope == pytest.approx((slope, 0.0), abs=0.005)
     assert np.abs(plane.above_m(road(slope))).max() < 0.1
+
+
+def test_the_ground_is_found_under_a_laser_of_another_height_if_it_is_told():
+    points = road() + np.array([0.0, 0.0, LASER_HEIGHT_M - 2.5])
+    assert fit_ground(points, LASER_HEIGHT_M) is None
+    assert fit_ground(points, 2.6).height_m == pytest.approx(-2.5, abs=0.01)
 
 
 def test_road_points_in_the_box_do_not_count():
@@ -135,9 +143,11 @@ def test_an_object_is_not_placed_by_the_ground_when_it(label, box, why):
 @given(st.floats(20, 1200), st.floats(150, 300), st.floats(10, 200), st.floats(10, 100))
 def test_the_centre_lies_behind_the_middle_of_the_box(x, y, width, height):
     box = (x, y, x + width, y + height)
-    location, method = Placement(
-        INTRINSICS, SIZE, CAMERA_SE3_VELO, np.concatenate([road(), REAR])
-    ).place("car", box)
+    scan = np.concatenate([road(), REAR])
+    ground = fit_ground(scan, LASER_HEIGHT_M)
+    location, method = Placement(INTRINSICS, SIZE, CAMERA_SE3_VELO, scan, ground=ground).place(
+        "car", box
+    )
     if location is None:
         assert method == "none"
     else:

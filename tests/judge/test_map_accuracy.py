@@ -65,8 +65,8 @@ def test_a_car_beside_it_later_does_not_make_a_ghost_forgotten(east_m: float):
 
 
 def test_a_place_counts_as_left_for_exactly_ten_seconds():
-    seen = Frame([thing("car", 10.0)])
-    rows = judged((seen, [seen(10.0)]), *[(NOTHING, None)] * 101)
+    frame = Frame([thing("car", 10.0)])
+    rows = judged((frame, [seen(10.0)]), *[(NOTHING, None)] * 101)
     assert [row["moved_away"] for row in rows[-3:]] == [1, 1, 0]
 
 

@@ -12,7 +12,7 @@ import pytest
 from genie_sim.base.errors import UserError
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.frame_source import Drive, Frames, FrameSource
+from genie_sim.data.frame_source import Drive, Drives, FrameSource
 from genie_sim.runs.folder import run_in_memory
 from genie_sim.runs.prepare import prepare
 from genie_sim.scenario.reading import read_scenario
@@ -59,7 +59,7 @@ class Way(Drive):
 
 
 @dataclass
-class Plain(FrameSource, Frames):
+class Plain(FrameSource, Drives):
     """A plain of 300 m x 100 m. ``asked`` is what drives were asked for: car, trace, start."""
 
     seeded: bool = False
@@ -98,7 +98,7 @@ class Flat(Plain):
         super().__init__(extent_m=(0.0, 0.0, 300.0, 0.0))
 
 
-class NoMap(FrameSource, Frames):
+class NoMap(FrameSource, Drives):
     """A source whose cars have no place at any time."""
 
     seeded = False

@@ -33,7 +33,7 @@ import pandas as pd
 
 from genie_sim.core.messages import Header, Look
 from genie_sim.data.detectors.detector import DetectorSettings
-from genie_sim.data.detectors.detector_laws import detector_laws
+from genie_sim.data.detectors.detector_laws import laws_of
 from genie_sim.data.kitti.perceive import FrameSelection, kitti_folder, perceive
 from genie_sim.data.kitti.tracking_sequence import CAMERA
 from genie_sim.runs.folder import finished
@@ -113,7 +113,7 @@ def judged(sequence: str, weight: float | None) -> float:
     from studies.where_it_pays import trace
 
     drive = f"tracking/{sequence}"
-    laws = ASSUMED if weight is None else detector_laws({"pointrcnn"}, {drive}, weight)
+    laws = ASSUMED if weight is None else laws_of({"pointrcnn"}, {drive}, weight)
     methods = [
         {"name": "tracker", "method": "remote", "consumer": "tracker"},
         {"name": "genie", "method": "recommended"},

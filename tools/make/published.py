@@ -17,6 +17,7 @@ from pathlib import Path
 from genie_sim.core.messages import Box, Location
 from genie_sim.data.kitti.number_files import numbers
 from genie_sim.data.kitti.perceive import kitti_folder
+from genie_sim.data.kitti.pipeline import TYPICAL_GROUND
 from genie_sim.data.kitti.tracking_sequence import CAMERA, TrackingSequence, open_sequence
 from genie_sim.extend import (
     DetectedBox,
@@ -135,7 +136,9 @@ def _published(
 ) -> Iterator[tuple[int, Detection]]:
     """Frame number and detection of each line of a file."""
     columns, read = PUBLISHED[detector]
-    no_scan = Placement(drive.intrinsics, drive.size, drive.camera2_SE3_velo, None)
+    no_scan = Placement(
+        drive.intrinsics, drive.size, drive.camera2_SE3_velo, None, ground=TYPICAL_GROUND
+    )
     for row in numbers(path, columns).tolist():
         index = int(row[0])
         if row[0] != index:

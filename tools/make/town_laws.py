@@ -25,7 +25,7 @@ from genie_sim.base.units import NS_PER_S
 from genie_sim.data.kitti.labels import read_labels
 from genie_sim.data.kitti.perceive import kitti_folder
 from genie_sim.data.trace import Trace, read_trace
-from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
+from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
 from genie_sim.worlds.town import Town, TownRules
 from tools.make.town_fit import validation
 from tools.make.town_fit.fit import Look, fit, found_law, looks, place_law
@@ -43,7 +43,7 @@ def main() -> None:
     root = kitti_folder(None)
     if arguments.compare:
         judged = looks(trace, read_labels(root, LABELS, trace))
-        print(validation.table(detector_laws(), judged))
+        print(validation.table(synthetic_laws(), judged))
         print(held_out(judged["vehicles"]))
         print(compared_frames(trace))
         return

@@ -97,20 +97,19 @@ class YoloxNano(OnnxDetector):
     default_size: ClassVar[tuple[int, int] | None] = (640, 192)
     strides = (8, 16, 32)
     gap = "yolox_gap"
-    _is_decoded = False
 
     def doubt(self, outputs: Sequence[np.ndarray]) -> str:
-        """A network whose centres are those of its cells in pixels has decoded them."""
+        return SHARES if is_share(outputs[0][:, :4]) else ""
+
+    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
+        """If so, its centres are those of its cells in pixels."""
         places, cells = outputs[0][:, :2], (self.cells + 0.5) * self.cell_strides
-        if is_share(outputs[0][:, :4]):
-            return SHARES
         offset = np.median(np.abs(places - cells) / self.cell_strides)
-        self._is_decoded = bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
-        return ""
+        return bool(offset < DECODED and np.median(np.abs(places)) > DECODED)
 
     @property
     def notes(self) -> list[str]:
-        return [f"{self.name}: the network decodes its boxes itself"] * self._is_decoded
+        return [f"{self.name}: the network decodes its boxes itself"] * self.is_decoded
 
     def prepare(self, image_bgr: np.ndarray) -> tuple[np.ndarray, float]:
         """BGR from 0 to 255, as it is."""
@@ -137,7 +136,7 @@ class YoloxNano(OnnxDetector):
         """
         likely = np.flatnonzero(outputs[0][:, 4] >= 0.99 * self.min_score)
         output, strides = outputs[0][likely].astype(np.float64), self.cell_strides[likely]
-        if not self._is_decoded:
+        if not self.is_decoded:
             output[:, 0:2] = (output[:, 0:2] + self.cells[likely]) * strides
             output[:, 2:4] = np.exp(np.minimum(output[:, 2:4], 10.0)) * strides
         return _corners(output), output[:, 4:5] * output[:, 5:]

@@ -33,7 +33,7 @@ def measured_on(detectors: Collection[str], drives: Collection[str]) -> list[str
     return [drive for drive in shipped()["counts"].get(detector, {}) if drive not in drives]
 
 
-def detector_laws(
+def laws_of(
     detectors: Collection[str], drives: Collection[str], prior_looks: float | None = None
 ) -> DetectorLaws:
     """The laws to use on drives that these detectors have looked at, shrunk towards the assumed

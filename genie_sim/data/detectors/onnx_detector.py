@@ -152,8 +152,8 @@ class OnnxDetector(ABC):
     (width, height; ``None``: what the file says), the ``strides`` of its cells, how many
     ``outputs`` it has and of which shapes, how it wants a picture (``prepare``) and what its
     outputs mean (``decode``). With the size of the picture as second input it has
-    ``sized_outputs``. ``gap`` names the feature that the
-    mean over the backbone's last activation makes, for networks that pool at several sizes there.
+    ``sized_outputs``. ``gap`` names the feature that the mean over the backbone's last activation
+    makes, for networks that pool at several sizes there.
     """
 
     name: ClassVar[str]
@@ -161,6 +161,7 @@ class OnnxDetector(ABC):
     default_size: ClassVar[tuple[int, int] | None]
     strides: ClassVar[tuple[int, ...]]
     outputs: int = 1
+    is_decoded: bool = False
     sized_outputs: ClassVar[int] = 0
     gap: ClassVar[str] = ""
     _kinds: ClassVar[list[type["OnnxDetector"]]] = []
@@ -310,6 +311,10 @@ class OnnxDetector(ABC):
         """
         return ""
 
+    def decodes(self, outputs: Sequence[np.ndarray]) -> bool:
+        """Whether the network decodes its boxes itself, by its outputs for a grey picture."""
+        return False
+
     def probabilities(self, outputs: Sequence[np.ndarray]) -> np.ndarray:
         """What must lie between 0 and 1 in the outputs of one picture."""
         return self.decode(outputs)[1]
@@ -417,6 +422,7 @@ class OnnxDetector(ABC):
         self._check_scores(outputs[: self.outputs])
         if doubt := self.doubt(outputs):
             raise UserError(f"{weights}: is no {self.name} network: {doubt}")
+        self.is_decoded = self.decodes(outputs)
 
     def _check_scores(self, outputs: Sequence[np.ndarray]) -> None:
         """Raises UserError for scores that are no probabilities, of whichever picture."""

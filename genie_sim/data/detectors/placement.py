@@ -30,7 +30,6 @@ HALF_DEPTH_M |= {"train": 1.27, "bicycle": 0.4, "motorcycle": 0.5}
 MIN_SHAPE_POINTS = 20
 NOT_ON_THE_GROUND = frozenset({"traffic light", "stop sign"})
 
-LASER_HEIGHT_M = 1.73  # KITTI's set-up: https://www.cvlibs.net/datasets/kitti/setup.php
 GROUND_REACH_M = 30.0  # around the car it is taken for a plane
 GROUND_CLEARANCE_M = 0.25  # points lower than this are road or kerb
 
@@ -62,20 +61,16 @@ class Plane:
         return above_m
 
 
-FLAT_GROUND = Plane((0.0, 0.0), -LASER_HEIGHT_M)
-# Without a scan. KITTI's laser is tilted: the labelled vehicles of 14 tracking sequences stand on
-# ground that rises by 0.009 m per metre ahead of it (median over sequences; of every other one
-# 0.009, of the rest 0.0086).
-TYPICAL_GROUND = Plane((0.009, 0.0), -LASER_HEIGHT_M)
-
-
-def fit_ground(points: Array) -> Plane:
+def fit_ground(points: Array, laser_height_m: float) -> Plane | None:
     """The ground around the car: least squares through the points near the plane found so far, in a
-    narrowing band.
+    narrowing band. ``None`` where too few points are near the first one.
 
-    It starts from flat ground under the laser and stays there when too few points are near it.
+    Parameters
+    ----------
+    points : of the scan, (n, 3)
+    laser_height_m : above flat ground, from which it starts; half a metre off does no harm
     """
-    plane = FLAT_GROUND
+    plane, is_fitted = Plane((0.0, 0.0), -laser_height_m), False
     # 1, x, y, z: contiguous, because this takes most of the time of a placement
     columns = np.empty((4, len(points)))
     columns[0], columns[1:] = 1.0, points.T
@@ -90,8 +85,8 @@ def fit_ground(points: Array) -> Plane:
             c, a, b = np.linalg.solve(sums[:3, :3], sums[:3, 3]).tolist()
         except np.linalg.LinAlgError:  # all points in one line
             break
-        plane = Plane((a, b), c)
-    return plane
+        plane, is_fitted = Plane((a, b), c), True
+    return plane if is_fitted else None
 
 
 class Placement:
@@ -106,7 +101,7 @@ class Placement:
         camera_SE3_velo: Array,
         scan: Array | None,
         *,
-        ground: Plane | None = None,
+        ground: Plane,
     ) -> None:
         """A picture, ready for its boxes.
 
@@ -116,12 +111,10 @@ class Placement:
         image_size : width and height [pixels]
         camera_SE3_velo : from the laser's frame to the camera's, (4, 4)
         scan : the laser's points, (n, 3), or ``None``
-        ground : that of the scan, where it has been fitted already
+        ground : in the laser's frame
         """
         self._intrinsics = intrinsics
         self._image_width, self._image_height = image_size
-        if ground is None:
-            ground = TYPICAL_GROUND if scan is None else fit_ground(scan)
         velo_SE3_camera = np.asarray(np.linalg.inv(camera_SE3_velo), dtype=np.float64)
         self._height_m = float(ground.above_m(velo_SE3_camera[None, :3, 3])[0])
         # towards the ground, for a direction

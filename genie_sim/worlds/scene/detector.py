@@ -1,4 +1,4 @@
-"""The town's detector: what the laws let a detector find of what a camera has in view."""
+"""The detector of towns and traffic: what the laws let it find of what a camera has in view."""
 
 import math
 from typing import Any, NamedTuple
@@ -21,8 +21,8 @@ from genie_sim.worlds.scene.laws import (
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD, MIDDLES_M, ObjectColumns
 from genie_sim.worlds.scene.view import Bits, Ints, ViewPoses, VisibleObjects
 
-# Far apart in the gradual numbers: these are not the score's.
-ALONG, ACROSS = 21 * 1021, 43 * 1021
+# What places a detection of a made-up detector; of traffic, too: kept runs have it so.
+PLACED_BY = "town"
 
 
 class DetectedObjects(NamedTuple):
@@ -39,7 +39,7 @@ class DetectedObjects(NamedTuple):
         rows = slice(self.begins[pose], self.begins[pose + 1])
         return [
             Detection(
-                label, score, box=None, location=(x, y, z), confidence=score, placed_by="town"
+                label, score, box=None, location=(x, y, z), confidence=score, placed_by=PLACED_BY
             )
             for label, (score, x, y, z) in zip(
                 self.label[rows].tolist(), self.placed[rows].tolist(), strict=True
@@ -81,14 +81,16 @@ class SyntheticDetector:
         range_m = visible.range_m[found]
         looks = _LookColumns._make(column[found] for column in looks)
         # Errors as shares of the range, so that the line of sight need not be of length 1.
-        along, across = (looks._replace(step=looks.step + apart) for apart in (ALONG, ACROSS))
+        along, across = (
+            looks._replace(step=looks.step + apart) for apart in (noise.ALONG, noise.ACROSS)
+        )
         behind = self._drawn(laws.along, objects.along_z[row], along, noise.LOOK_ALONG) / range_m
         left = self._drawn(laws.across, objects.across_z[row], across, noise.LOOK_ACROSS) / range_m
         east_m, north_m = visible.east_m[found], visible.north_m[found]
         dx, dy = east_m - poses.east_m[pose], north_m - poses.north_m[pose]
         placed = np.empty((len(found), 4))
         placed[:, 0], placed[:, 3] = score[found], objects.up_m[row]
-        # in whole millimetres
+        # in whole millimetres, as a trace: all at once, halves upwards and not to even numbers
         placed[:, 1] = np.floor((east_m + behind * dx - left * dy) * 1000.0 + 0.5) / 1000.0
         placed[:, 2] = np.floor((north_m + behind * dy + left * dx) * 1000.0 + 0.5) / 1000.0
         begins = np.searchsorted(pose, np.arange(len(poses.key) + 1)).tolist()
@@ -107,7 +109,7 @@ class SyntheticDetector:
             ahead_m = dx * poses.cos[pose] + dy * poses.sin[pose]
             step = ((visible.range_m + ahead_m) / VIEW_STEP_M).astype(np.int64)
             step += objects.offset[row]
-        key = (objects.key[row] ^ poses.key[pose]) * np.uint64(0xBF58476D1CE4E5B9)
+        key = (objects.key[row] ^ poses.key[pose]) * np.uint64(noise.MULTIPLIER)
         key ^= key >> np.uint64(32)
         rounded_m = (visible.range_m + 0.5).astype(np.int64)
         return _LookColumns(group=objects.group[row], range_m=rounded_m, step=step, key=key)
@@ -132,10 +134,10 @@ class SyntheticDetector:
         is_prone = noise.OBJECT_PRONE.of(self._objects.key[row]) < self._prone[looks.group]
         prone = np.flatnonzero(is_prone)
         draws = noise.LOOK_NAME.of(looks.key[prone]).tolist()
-        for place, draw in zip(prone.tolist(), draws, strict=True):
-            for limit, name in self._laws.groups[looks.group[place]].names:
+        for look, draw in zip(prone.tolist(), draws, strict=True):
+            for limit, name in self._laws.groups[looks.group[look]].names:
                 if draw < limit:
-                    labels[place] = name
+                    labels[look] = name
                     break
         return labels
 
@@ -150,7 +152,7 @@ def _gone(poses: ViewPoses) -> tuple[Array, Ints]:
     x, y, c, s = poses[:4]
     on_east = np.abs(c) > np.abs(s)
     gone_m = np.where(on_east, np.where(c > 0, x, -x), np.where(s > 0, y, -y))
-    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * 16411
+    quarter = np.where(on_east, np.where(c > 0, 0, 1), np.where(s > 0, 2, 3)) * noise.DIRECTION
     return gone_m, quarter
 
 
@@ -176,5 +178,5 @@ def transient(
         MIDDLES_M[law.label],
     )
     return Detection(
-        law.label, score, box=None, location=location, confidence=score, placed_by="town"
+        law.label, score, box=None, location=location, confidence=score, placed_by=PLACED_BY
     )

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from operator import attrgetter
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.settings import SettingError
 from genie_sim.base.units import duration_text
 from genie_sim.core.messages import CameraPose, Detection
-from genie_sim.data.frame_source import Drive, Frames
+from genie_sim.data.frame_source import Drive, Drives
 from genie_sim.data.trace import ANGLE_DECIMALS, IMAGE_HEADER_BYTES, POSITION_DECIMALS
 from genie_sim.worlds.scene.detector import DetectedObjects, SyntheticDetector, transient
 from genie_sim.worlds.scene.laws import FittedLaws
@@ -82,14 +82,25 @@ class Scene(Protocol):
         """
 
 
+class Motion(NamedTuple):
+    """Where a car is at some time, its heading with cosine and sine, and its speed."""
+
+    east_m: float
+    north_m: float
+    heading_rad: float
+    cos: float
+    sin: float
+    speed_mps: float
+
+
 class CarMotion(Protocol):
     """Where a car is at any time of its drive."""
 
-    def at(self, t_s: float) -> tuple[float, ...]:
-        """East and north [m], heading [rad], its cosine and sine, and the speed [m/s]."""
+    def at(self, t_s: float) -> Motion:
+        """By the scene's clock."""
 
 
-class SceneFrames(Frames):
+class SceneDrives(Drives):
     """Frames of cars that drive through a scene."""
 
     seeded = True
@@ -148,29 +159,28 @@ class FrameBatch:
         self.drive, self.camera = drive, camera
         keys = [mix(drive.car_key ^ (index << 8) ^ int(camera)) for index in indices]
         rows = []
-        headings = []
+        headings_rad = []
         left_m = BASELINES_M[camera]
         for index in indices:
             t_s = (drive.start_ns + index * drive.interval_ns) * 1e-9
-            east_m, north_m, heading, c, s, _ = drive.course.at(t_s)
+            east_m, north_m, heading_rad, c, s, _ = drive.course.at(t_s)
             east_m = round(east_m - left_m * s, POSITION_DECIMALS)
             north_m = round(north_m + left_m * c, POSITION_DECIMALS)
-            heading = round(math.remainder(heading, math.tau), ANGLE_DECIMALS)
-            headings.append(heading)
+            headings_rad.append(round(math.remainder(heading_rad, math.tau), ANGLE_DECIMALS))
             rows.append((east_m, north_m, c, s, t_s))
         # As columns: of every car of a fleet some batch is in memory at any time.
         self._view_poses = ViewPoses._make((*np.array(rows).T, np.array(keys, dtype=np.uint64)))
-        self._headings = np.array(headings)
+        self._headings_rad = np.array(headings_rad)
 
-    def key(self, place: int) -> int:
+    def key(self, row: int) -> int:
         """64 random bits of one of the frames."""
-        return self._view_poses.key.item(place)
+        return self._view_poses.key.item(row)
 
-    def pose(self, place: int) -> CameraPose:
+    def pose(self, row: int) -> CameraPose:
         """Where the camera is in one of the frames."""
-        east_m = self._view_poses.east_m.item(place)
-        north_m = self._view_poses.north_m.item(place)
-        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings.item(place))
+        east_m = self._view_poses.east_m.item(row)
+        north_m = self._view_poses.north_m.item(row)
+        return CameraPose(east_m, north_m, CAMERA_UP_M, self._headings_rad.item(row))
 
     @functools.cached_property
     def _visible(self) -> VisibleObjects:
@@ -183,21 +193,21 @@ class FrameBatch:
             del self._visible  # which takes more memory than what is detected of it
         return detected
 
-    def detections(self, place: int) -> tuple[Detection, ...]:
+    def detections(self, row: int) -> tuple[Detection, ...]:
         """What the detector finds in one of the frames, best score first."""
-        detections, key, poses = self._detected.of(place), self.key(place), self._view_poses
+        detections, key, poses = self._detected.of(row), self.key(row), self._view_poses
         draw = FRAME_TRANSIENT.share(key)
         for law in self.drive.scene.laws.transient:
             if 0.0 <= draw < law.per_frame:
-                direction = poses.cos.item(place), poses.sin.item(place)
-                detections.append(transient(law, mix(key), self.pose(place), direction))
+                direction = poses.cos.item(row), poses.sin.item(row)
+                detections.append(transient(law, mix(key), self.pose(row), direction))
             draw -= law.per_frame
         detections.sort(key=_score, reverse=True)
         return tuple(detections)
 
-    def truth(self, place: int) -> tuple[SceneObject, ...]:
+    def truth(self, row: int) -> tuple[SceneObject, ...]:
         """What is really in view in one of the frames."""
-        begin, end = self._visible.pose.searchsorted((place, place + 1)).tolist()
+        begin, end = self._visible.pose.searchsorted((row, row + 1)).tolist()
         visible = VisibleObjects._make(column[begin:end] for column in self._visible)
         objects = self.drive.scene.truth(visible, self._view_poses.t_s)
         return tuple(item for item in objects if item is not None)
@@ -215,7 +225,7 @@ class SceneFrame:
     __slots__ = (
         "_batch",
         "_detections",
-        "_place",
+        "_row",
         "camera",
         "dhash",
         "digest",
@@ -230,12 +240,12 @@ class SceneFrame:
     size_bytes = WIDTH * HEIGHT * 3 + IMAGE_HEADER_BYTES
     horizontal_fov_rad = HORIZONTAL_FOV_RAD
 
-    def __init__(self, batch: FrameBatch, place: int, index: int) -> None:
+    def __init__(self, batch: FrameBatch, row: int, index: int) -> None:
         drive = batch.drive
-        self._batch, self._place = batch, place
+        self._batch, self._row = batch, row
         self.camera, self.index = batch.camera, index
         self.stamp_ns = index * drive.interval_ns
-        self.dhash, self.pose = batch.key(place), batch.pose(place)
+        self.dhash, self.pose = batch.key(row), batch.pose(row)
         self.digest = f"{drive.picture_prefix}{self.camera}{index:014x}"
         self._detections: tuple[Detection, ...] | None = None
 
@@ -243,14 +253,14 @@ class SceneFrame:
     def detections(self) -> tuple[Detection, ...]:
         """What the detector finds in this frame, best score first."""
         if self._detections is None:
-            self._detections = self._batch.detections(self._place)
+            self._detections = self._batch.detections(self._row)
         return self._detections
 
     def truth(self) -> tuple[SceneObject, ...]:
         """What is really in view: in the field of view, not hidden, not too far away, and at least
         25 pixels high in the picture, as KITTI's labels that count.
         """
-        return self._batch.truth(self._place)
+        return self._batch.truth(self._row)
 
     @property
     def scene_ns(self) -> int:
@@ -300,5 +310,5 @@ class CameraFrames(Sequence[SceneFrame]):
         for begin in range(0, len(indices), BATCH_FRAMES):
             batch_indices = indices[begin : begin + BATCH_FRAMES]
             batch = FrameBatch(self._drive, self._camera, batch_indices)
-            for place, index in enumerate(batch_indices):
-                yield SceneFrame(batch, place, index)
+            for row, index in enumerate(batch_indices):
+                yield SceneFrame(batch, row, index)

@@ -24,13 +24,12 @@ import numpy as np
 from genie_sim.base.classes import GROUPS, VEHICLES
 from genie_sim.base.geometry import Array
 from genie_sim.data.trace import SCORE_DECIMALS
-from genie_sim.worlds.scene.noise import smooth_normals
+from genie_sim.worlds.scene.noise import LOOK_NAME, OBJECT_PRONE, smooth_normals
 
 # tables cover z from -7 to 7: three numbers of at most 3.7, weights of norm 1
 STEPS_PER_Z, MIDDLE = 32.0, 32 * 7
 VIEW_STEP_M = 0.25
 PLACE_DECIMALS = 6
-PRONE = 1 << 12
 MAX_VIEW_M = 100  # beyond, no law is known
 RANGES = MAX_VIEW_M + 2  # rows of a table, one a metre
 
@@ -51,14 +50,14 @@ class Copula(NamedTuple):
 
 
 class GroupLaws(NamedTuple):
-    """What one group's objects have of the laws: the ``place`` of the group in the copulas, and the
-    weights of what stays with an object in its score and in its errors along and across.
+    """What one group's objects have of the laws: the ``number`` of the group in the copulas, and
+    the weights of what stays with an object in its score and in its errors along and across.
 
-    Of ``PRONE`` objects so many are ``prone`` to get another label at times: ``names`` are the
-    running shares of 65,536 looks, and the names.
+    An object whose ``OBJECT_PRONE`` is below ``prone`` gets another label at times: the first of
+    ``names`` whose number is above the look's ``LOOK_NAME``, if there is one.
     """
 
-    place: int
+    number: int
     score_weight: float
     along_weight: float
     across_weight: float
@@ -101,7 +100,7 @@ class FittedLaws:
             for name in ("along", "across")
         )
         smooth_normals.cache_clear()  # the copulas have their rows by now, and they are large
-        self.groups = [self._group(place) for place in range(len(groups))]
+        self.groups = [self._group(number) for number in range(len(groups))]
         vehicles = list(real).index("vehicles")
         self.groups[vehicles] = _renamed(self.groups[vehicles], fitted["vehicle_names"])
         self._real: dict[str, GroupLaws] = dict(zip(real, self.groups, strict=False))
@@ -122,12 +121,12 @@ class FittedLaws:
             for label, group in ghosts
         )
 
-    def _group(self, place: int) -> GroupLaws:
+    def _group(self, number: int) -> GroupLaws:
         return GroupLaws(
-            place=place,
-            score_weight=float(self.score.object_weight[place]),
-            along_weight=float(self.along.object_weight[place]),
-            across_weight=float(self.across.object_weight[place]),
+            number=number,
+            score_weight=float(self.score.object_weight[number]),
+            along_weight=float(self.along.object_weight[number]),
+            across_weight=float(self.across.object_weight[number]),
         )
 
     def of(self, label: str, real: bool = True) -> GroupLaws:
@@ -140,15 +139,15 @@ class FittedLaws:
 
 def _renamed(vehicles: GroupLaws, fitted: Mapping[str, Any]) -> GroupLaws:
     """The laws of vehicles, some of which get other names at times."""
-    running = accumulate(round(share * 0x10000) for _, share in fitted["names"])
+    running = accumulate(round(share * (1 << LOOK_NAME.bits)) for _, share in fitted["names"])
     names = tuple(
         (share, str(name)) for share, (name, _) in zip(running, fitted["names"], strict=True)
     )
-    return vehicles._replace(prone=round(fitted["prone"] * PRONE), names=names)
+    return vehicles._replace(prone=round(fitted["prone"] * (1 << OBJECT_PRONE.bits)), names=names)
 
 
 @functools.cache
-def detector_laws() -> FittedLaws:
+def synthetic_laws() -> FittedLaws:
     """The laws that come with genie-sim."""
     path = resources.files(__package__) / "laws.json"
     return FittedLaws(json.loads(path.read_text(encoding="utf-8")))
@@ -173,9 +172,9 @@ def _copula(correlations: Sequence[Mapping[str, float]], tables: Sequence[Array]
 
 def quantile(quantiles: Sequence[float], u: float) -> float:
     """The value below which a share ``u`` in [0, 1) lies, of evenly spaced quantiles."""
-    place = u * (len(quantiles) - 1)
-    i = int(place)
-    return quantiles[i] + (quantiles[i + 1] - quantiles[i]) * (place - i)
+    steps = u * (len(quantiles) - 1)
+    i = int(steps)
+    return quantiles[i] + (quantiles[i + 1] - quantiles[i]) * (steps - i)
 
 
 def _by_range(centres_m: Sequence[float], values: Sequence[float]) -> Array:

@@ -6,12 +6,14 @@ normal number out of a table.
 """
 
 import functools
+import hashlib
 import math
 from array import array
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
 MASK = (1 << 64) - 1
+WARM_UP = 1024  # smooth numbers before the first that counts: they start at 0
 
 
 class Draw(NamedTuple):
@@ -48,15 +50,25 @@ TRANSIENT_RANGE, TRANSIENT_ANGLE, TRANSIENT_SCORE = Draw(16, 16), Draw(32, 16), 
 # Of a crossing: when its light turns green.
 LIGHT = Draw(0, 16)
 
-NORMALS, VIEWS = Draw(0, 12), Draw(0, 16)  # places in the tables of normal and of smooth numbers
+# Rows of the tables of normal and of smooth numbers.
+NORMALS, VIEWS = Draw(0, 12), Draw(0, 16)
+# So many rows apart the smooth numbers of one look are independent: those of its score, of its
+# errors along the line of sight and across, and, of a town, those of the camera's four directions.
+ALONG, ACROSS, DIRECTION = 21 * 1021, 43 * 1021, 16411
+MULTIPLIER = 0xBF58476D1CE4E5B9  # of the finaliser; it is odd: no two keys become one
 
 
 def mix(key: int) -> int:
     """64 well-mixed bits of a key."""
     key = (key + 0x9E3779B97F4A7C15) & MASK
-    key = ((key ^ (key >> 30)) * 0xBF58476D1CE4E5B9) & MASK
+    key = ((key ^ (key >> 30)) * MULTIPLIER) & MASK
     key = ((key ^ (key >> 27)) * 0x94D049BB133111EB) & MASK
     return key ^ (key >> 31)
+
+
+def key_of_seed(stream: str, seed: int) -> int:
+    """64 bits of a scene's seed, by the name of the scene's random numbers."""
+    return int.from_bytes(hashlib.sha256(f"{stream} {seed}".encode()).digest()[:8], "big")
 
 
 @functools.cache
@@ -71,13 +83,13 @@ def normals() -> tuple[float, ...]:
 
 @functools.cache
 def smooth_normals(step: float) -> "array[float]":
-    """65,536 standard normal numbers in a row, in which numbers n places apart are correlated by
+    """65,536 standard normal numbers in a row, in which numbers n rows apart are correlated by
     exp(-n step).
     """
     table, correlation = normals(), math.exp(-step)
     innovation = math.sqrt(1.0 - correlation * correlation)
     value, row = 0.0, array("d")
-    for i in range(-1024, 1 << VIEWS.bits):
+    for i in range(-WARM_UP, 1 << VIEWS.bits):
         value = correlation * value + innovation * table[NORMALS.of(mix(i & MASK))]
         row.append(round(value, 9))
-    return row[1024:]
+    return row[WARM_UP:]

@@ -61,8 +61,8 @@ class SceneObject(NamedTuple):
 
 
 class ObjectColumns:
-    """The numbers of all objects that cameras may see, as columns; ``group`` is the place of an
-    object's laws, ``rows`` are the objects themselves.
+    """The numbers of all objects that cameras may see, as columns; ``group`` is the number of an
+    object's group of laws, ``rows`` are the objects themselves.
     """
 
     def __init__(self, rows: Sequence[SceneObject]) -> None:
@@ -76,7 +76,7 @@ class ObjectColumns:
         self.label = np.array([row.label for row in rows], dtype=object)
         self.key = np.array([row.key for row in rows], dtype=np.uint64)
         self.offset = noise.OBJECT_VIEW.of(self.key).astype(np.int64)
-        self.group = np.array([row.laws.place for row in rows], dtype=np.int64)
+        self.group = np.array([row.laws.number for row in rows], dtype=np.int64)
 
 
 def scene_object(

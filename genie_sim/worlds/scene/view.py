@@ -33,8 +33,11 @@ class ViewPoses(NamedTuple):
 
 class PlacedObjects(NamedTuple):
     """Objects that may be seen: the row of the pose that they are seen from, the row of the object
-    among the scene's, how much its number is lower because it has begun anew, and its east and
-    north [m].
+    among the scene's, and its east and north [m].
+
+    ``number_offset`` is what to take off the object's number: who leaves a town's street enters at
+    its other end as somebody else. It changes each time by the size of the object's stream: down
+    from 0 for those who go east or north, up for those who come back.
     """
 
     pose: Ints
@@ -45,10 +48,8 @@ class PlacedObjects(NamedTuple):
 
 
 class VisibleObjects(NamedTuple):
-    """All objects in view from some poses, ghosts too, pose by pose.
-
-    Rows of the pose and of the object, how much the object's number is lower because it has begun
-    anew at the other end of its street, where it is and how far away [m].
+    """All objects in view from some poses, ghosts too, pose by pose: as ``PlacedObjects``, and how
+    far away each is [m].
     """
 
     pose: Ints
@@ -60,23 +61,23 @@ class VisibleObjects(NamedTuple):
 
 
 def in_view(
-    poses: ViewPoses, unhidden: PlacedObjects, objects: ObjectColumns, view_m: float
+    poses: ViewPoses, candidates: PlacedObjects, objects: ObjectColumns, view_m: float
 ) -> VisibleObjects:
-    """Of some objects those in the field of view, neither too near nor too far, pose by pose and
-    then row by row.
+    """Of the ``candidates`` those in the field of view, neither too near nor too far, pose by pose
+    and then row by row; what hides them is not looked at.
 
-    ``objects`` are all that there are, of which ``unhidden`` gives the rows.
+    ``objects`` are all that there are, of which ``candidates`` gives the rows.
     """
-    pose = unhidden.pose
+    pose = candidates.pose
     c, s = poses.cos[pose], poses.sin[pose]
-    dx, dy = unhidden.east_m - poses.east_m[pose], unhidden.north_m - poses.north_m[pose]
+    dx, dy = candidates.east_m - poses.east_m[pose], candidates.north_m - poses.north_m[pose]
     border_m, left_m = (dx * c + dy * s) * SLOPE, dy * c - dx * s
     range_m = np.sqrt(dx * dx + dy * dy)
-    farthest_m = np.minimum(objects.reach_m[unhidden.row], view_m)
+    farthest_m = np.minimum(objects.reach_m[candidates.row], view_m)
     visible = (np.abs(left_m) <= border_m) & (range_m >= NEAREST_M) & (range_m <= farthest_m)
     rows = np.flatnonzero(visible)
-    rows = rows[np.lexsort((unhidden.row[rows], pose[rows]))]
-    return VisibleObjects._make(column[rows] for column in (*unhidden, range_m))
+    rows = rows[np.lexsort((candidates.row[rows], pose[rows]))]
+    return VisibleObjects._make(column[rows] for column in (*candidates, range_m))
 
 
 def between(middle_m: Array, way_m: Array, half_m: Array | float) -> tuple[Array, Array]:

@@ -123,19 +123,20 @@ class Places:
         return np.stack([along_m, np.where(northbound, east_m, north_m)], axis=-1)
 
     def _at(self, row: Ints, t_s: Array) -> tuple[Ints, Array, Array]:
-        """How often objects have begun anew at the other end of their street (the times that they
-        came to its end, negative), and their east and north [m]; ``row`` and ``t_s`` are broadcast
-        together.
+        """The ``number_offset`` of objects at some times (``PlacedObjects``), and their east and
+        north [m]; ``row`` and ``t_s`` are broadcast together.
         """
-        start_m, across_m, speed_mps, northbound, length_m, size = (
+        start_m, across_m, speed_mps, northbound, length_m, stream_size = (
             column[row] for column in self._origin
         )
         gone_m = speed_mps * t_s
-        lap = np.where(speed_mps == 0.0, 0.0, -np.floor_divide(start_m + gone_m, length_m))
-        along_m = start_m + (gone_m + lap * length_m)
+        # how often each has begun anew: negative for those who go east or north
+        laps = np.where(speed_mps == 0.0, 0.0, -np.floor_divide(start_m + gone_m, length_m))
+        along_m = start_m + (gone_m + laps * length_m)
         east_m = np.where(northbound, across_m, along_m)
         north_m = np.where(northbound, along_m, across_m)
-        return lap.astype(int) * size, east_m, north_m
+        number_offset = laps.astype(int) * stream_size
+        return number_offset, east_m, north_m
 
     def visible(self, poses: ViewPoses) -> VisibleObjects:
         """What is in view from some poses; fastest if they are near each other."""
@@ -203,17 +204,17 @@ class Places:
         """
         codes = (self._codes.get(CANONICAL.get(label, label), self._nothing) for label in labels)
         class_ = np.fromiter(codes, dtype=int, count=len(labels))
-        places, rows = [], []
+        queries, rows = [], []  # of each object near one of the places
         for same, moved_m in zip(self._velocities, self._moved(east_m, north_m, t_s), strict=True):
             asked = np.flatnonzero(same.has_class[class_])
             if len(asked):
                 near = same.near(moved_m[asked], tolerance_m)
-                places.append(np.repeat(asked, [len(numbers) for numbers in near]))
+                queries.append(np.repeat(asked, [len(numbers) for numbers in near]))
                 rows.append(same.row[list(itertools.chain.from_iterable(near))])
         result = np.zeros(len(labels), dtype=bool)
         if rows:
-            place, row = np.concatenate(places), np.concatenate(rows)
-            _, there_east_m, there_north_m = self._at(row, t_s[place])
-            away_m = np.hypot(there_east_m - east_m[place], there_north_m - north_m[place])
-            result[place[(away_m <= tolerance_m) & (self._class[row] == class_[place])]] = True
+            query, row = np.concatenate(queries), np.concatenate(rows)
+            _, there_east_m, there_north_m = self._at(row, t_s[query])
+            away_m = np.hypot(there_east_m - east_m[query], there_north_m - north_m[query])
+            result[query[(away_m <= tolerance_m) & (self._class[row] == class_[query])]] = True
         return result

@@ -1,8 +1,8 @@
 """How a car drives through the town: from destination to destination, in the right-hand lane, with
 stops at junctions.
 
-A drive is a list of pieces, each with a constant curvature and a constant acceleration, so that the
-place at any time is one formula.
+A course is a list of pieces, each with a constant curvature and a constant acceleration, so that
+the place at any time is one formula.
 """
 
 import functools
@@ -10,17 +10,19 @@ import math
 from bisect import bisect_right
 from collections.abc import Iterator
 from itertools import accumulate
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from genie_sim.worlds.scene.frames import Motion
 from genie_sim.worlds.scene.noise import LIGHT, mix
 from genie_sim.worlds.town.rules import JUNCTION_M, LANE_M, TownRules
 
 Node = tuple[int, int]  # the crossing of the i-th street from the west and the j-th from the south
 
-Place = tuple[float, float, float]  # east, north [m], heading [rad]
+Pose = tuple[float, float, float]  # east, north [m], heading [rad]
 
 # assumed: through right and left turns, and where the right has way
 RIGHT_MPS, LEFT_MPS, CAREFUL_MPS = 3.0, 4.0, 5.5
@@ -28,24 +30,32 @@ STOP_S = 2.0  # assumed: at a stop sign
 GREEN_S, CYCLE_S = 28.0, 60.0  # assumed: of a traffic light
 
 
-class Course:
-    """Where a car is at each time: pieces (east, north, heading, curvature [1/m], speed,
-    acceleration).
+class Piece(NamedTuple):
+    """Part of a course: where and how fast a car is at its beginning, and its constant curvature
+    [1/m], positive to the left, and acceleration [m/s2].
     """
+
+    motion: Motion
+    curvature: float
+    acceleration_mps2: float
+
+
+class Course:
+    """Where a car is at each time, by pieces."""
 
     __slots__ = ("_begin_s", "_pieces")
 
     def __init__(self) -> None:
         self._begin_s: list[float] = []
-        self._pieces: list[tuple[float, float, float, float, float, float, float, float]] = []
+        self._pieces: list[Piece] = []
 
     def add(
         self,
         begin_s: float,
-        place: Place,
-        speed: float,
+        pose: Pose,
+        speed_mps: float,
         *,
-        acceleration: float = 0.0,
+        acceleration_mps2: float = 0.0,
         curvature: float = 0.0,
     ) -> None:
         """Adds a piece that begins at a time and a place, behind the pieces before it.
@@ -53,30 +63,29 @@ class Course:
         Parameters
         ----------
         begin_s : when it begins [s]
-        place : where
-        speed : at first [m/s]
-        acceleration : of the whole piece [m/s2]
-        curvature : of the whole piece [1/m], positive to the left
+        pose : where
+        speed_mps : at first
+        acceleration_mps2, curvature : as in ``Piece``
         """
-        east_m, north_m, heading = place
+        heading_rad = pose[2]
+        motion = Motion(*pose, math.cos(heading_rad), math.sin(heading_rad), speed_mps)
         self._begin_s.append(begin_s)
-        turn = math.cos(heading), math.sin(heading)
-        self._pieces.append((east_m, north_m, heading, *turn, curvature, speed, acceleration))
+        self._pieces.append(Piece(motion, curvature, acceleration_mps2))
 
-    def at(self, t_s: float) -> tuple[float, float, float, float, float, float]:
-        """East, north [m], heading [rad], its cosine and sine, and speed [m/s]."""
-        i = bisect_right(self._begin_s, t_s) - 1
-        if i < 0:
-            i = 0
-        east_m, north_m, heading, c, s, curvature, speed, acceleration = self._pieces[i]
-        dt = t_s - self._begin_s[i]
-        way_m = dt * (speed + 0.5 * acceleration * dt)
-        speed += acceleration * dt
+    def at(self, t_s: float) -> Motion:
+        number = max(bisect_right(self._begin_s, t_s) - 1, 0)
+        (east_m, north_m, heading_rad, c, s, speed_mps), curvature, acceleration_mps2 = (
+            self._pieces[number]
+        )
+        passed_s = t_s - self._begin_s[number]
+        way_m = passed_s * (speed_mps + 0.5 * acceleration_mps2 * passed_s)
+        speed_mps += acceleration_mps2 * passed_s
         if curvature == 0.0:
-            return east_m + way_m * c, north_m + way_m * s, heading, c, s, speed
-        heading += curvature * way_m
-        c2, s2 = math.cos(heading), math.sin(heading)
-        return east_m + (s2 - s) / curvature, north_m - (c2 - c) / curvature, heading, c2, s2, speed
+            return Motion(east_m + way_m * c, north_m + way_m * s, heading_rad, c, s, speed_mps)
+        heading_rad += curvature * way_m
+        c2, s2 = math.cos(heading_rad), math.sin(heading_rad)
+        east_m, north_m = east_m + (s2 - s) / curvature, north_m - (c2 - c) / curvature
+        return Motion(east_m, north_m, heading_rad, c2, s2, speed_mps)
 
 
 class Commuting:
@@ -185,101 +194,159 @@ def green_at(node: Node, northbound: bool, t_s: float) -> float:
     return t_s if phase_s < GREEN_S else t_s + CYCLE_S - phase_s
 
 
+class Phase(NamedTuple):
+    """Part of a straight: how long it takes [s], the speed at its beginning [m/s], and the
+    acceleration [m/s2].
+    """
+
+    seconds: float
+    speed_mps: float
+    acceleration_mps2: float
+
+    @property
+    def way_m(self) -> float:
+        return self.seconds * (self.speed_mps + 0.5 * self.acceleration_mps2 * self.seconds)
+
+
+class Crossing(NamedTuple):
+    """The junction at the end of a leg, for a car that comes along it and goes on to another.
+
+    ``turn`` is 1 to the left, 0 straight on, -1 to the right; ``through_mps`` is the highest speed
+    across it. Who comes has a light, a stop sign, or neither.
+    """
+
+    node: Node
+    northbound: bool
+    turn: int
+    through_mps: float
+    has_light: bool
+    has_stop_sign: bool
+
+    def free_s(self, arrival_s: float) -> float:
+        """When its light lets a car go on that arrives at a time [s]: then, or once it is green."""
+        return green_at(self.node, self.northbound, arrival_s) if self.has_light else arrival_s
+
+
 def drive(
     commuting: Commuting, random: np.random.Generator, begin_s: float, end_s: float
 ) -> Course:
-    """The course of one car from ``begin_s`` on; it knows its place at least until ``end_s``."""
+    """The course of one car from ``begin_s`` on; it knows its place at least until ``end_s``.
+
+    A leg is a straight from one junction to the next, and the way across that one.
+    """
     course, rules = Course(), commuting.rules
     nodes = commuting.trip(random)
-    leg_start, leg_end = next(nodes), next(nodes)
+    start, end = next(nodes), next(nodes)
     straight_m = rules.block_m - 2 * JUNCTION_M
-    t_s, speed = begin_s, commuting.limit_mps(leg_start, leg_end)
+    t_s, speed_mps = begin_s, commuting.limit_mps(start, end)
     # The first leg starts anywhere from which a stop at its end is still possible.
-    offset_m = float(random.random()) * max(
-        0.0, straight_m - speed**2 / (2 * rules.braking_mps2) - 1.0
+    skipped_m = float(random.random()) * max(
+        0.0, straight_m - speed_mps**2 / (2 * rules.braking_mps2) - 1.0
     )
     while t_s <= end_s:
         beyond = next(nodes)
-        limit = commuting.limit_mps(leg_start, leg_end)
-        way = (leg_end[0] - leg_start[0], leg_end[1] - leg_start[1])
-        next_way = (beyond[0] - leg_end[0], beyond[1] - leg_end[1])
-        turn = way[0] * next_way[1] - way[1] * next_way[0]  # 1 left, -1 right
-        through = min(limit, commuting.limit_mps(leg_end, beyond))
-        crossing = rules.main(leg_end[0]), rules.main(leg_end[1])
-        main, other_main = crossing if way[0] == 0 else crossing[::-1]
-        if turn:
-            through = LEFT_MPS if turn > 0 else RIGHT_MPS
-        elif not main and not other_main:
-            through = min(through, CAREFUL_MPS)
-        place = _entry(rules, leg_start, way, offset_m)
-        length_m = straight_m - offset_m
-        wait_until_s: float | None = 0.0 if other_main else None
-        if main and other_main:
-            unhindered = _phases(rules, length_m, first=speed, last=through, limit=limit)
-            arrival_s = t_s + math.fsum(seconds for seconds, _, _ in unhindered)
-            green_s = green_at(leg_end, way[0] == 0, arrival_s)
-            wait_until_s = green_s if green_s > arrival_s else None
-        gone_m, begin = 0.0, place
-        last = through if wait_until_s is None else 0.0
-        phases = _phases(rules, length_m, first=speed, last=last, limit=limit)
-        for seconds, at_first, acceleration in phases:
-            course.add(t_s, _along(begin, 0.0, gone_m), at_first, acceleration=acceleration)
-            t_s += seconds
-            gone_m += seconds * (at_first + 0.5 * acceleration * seconds)
-        place, speed = _along(begin, 0.0, length_m), through
-        if wait_until_s is not None:
-            course.add(t_s, place, 0.0)
-            t_s, speed = max(t_s + STOP_S, wait_until_s), 0.0
-        t_s, speed = _cross_junction(
-            course, place, turn, rules.acceleration_mps2, t_s=t_s, speed=speed, through=through
+        limit_mps = commuting.limit_mps(start, end)
+        crossing = _crossing(commuting, start, end, beyond)
+        pose, length_m = _entry(rules, start, end, skipped_m), straight_m - skipped_m
+        ends_mps = speed_mps, crossing.through_mps
+        phases = _phases(rules, length_m, ends_mps=ends_mps, limit_mps=limit_mps)
+        arrival_s = t_s + math.fsum(phase.seconds for phase in phases)
+        free_s = crossing.free_s(arrival_s)
+        stops = crossing.has_stop_sign or free_s > arrival_s
+        if stops:
+            phases = _phases(rules, length_m, ends_mps=(speed_mps, 0.0), limit_mps=limit_mps)
+        gone_m = 0.0
+        for phase in phases:
+            course.add(
+                t_s,
+                _along(pose, 0.0, gone_m),
+                phase.speed_mps,
+                acceleration_mps2=phase.acceleration_mps2,
+            )
+            t_s += phase.seconds
+            gone_m += phase.way_m
+        pose, speed_mps = _along(pose, 0.0, length_m), crossing.through_mps
+        if stops:
+            course.add(t_s, pose, 0.0)
+            t_s, speed_mps = max(t_s + STOP_S, free_s), 0.0
+        t_s, speed_mps = _cross(
+            course, pose, crossing, rules.acceleration_mps2, t_s=t_s, speed_mps=speed_mps
         )
-        leg_start, leg_end, offset_m = leg_end, beyond, 0.0
+        start, end, skipped_m = end, beyond, 0.0
     return course
 
 
-def _entry(rules: TownRules, leg_start: Node, way: Node, offset_m: float) -> Place:
-    """Where the straight part of a leg begins, or ``offset_m`` later: in the right-hand lane."""
-    ahead_m = JUNCTION_M + offset_m
-    east_m = leg_start[0] * rules.block_m + way[0] * ahead_m + way[1] * LANE_M
-    north_m = leg_start[1] * rules.block_m + way[1] * ahead_m - way[0] * LANE_M
-    return east_m, north_m, math.atan2(way[1], way[0])
+def _direction(start: Node, end: Node) -> Node:
+    """One step from a junction towards its neighbour."""
+    return end[0] - start[0], end[1] - start[1]
+
+
+def _crossing(commuting: Commuting, start: Node, end: Node, beyond: Node) -> Crossing:
+    """How a car that comes from ``start`` passes ``end`` on its way to ``beyond``."""
+    rules = commuting.rules
+    (i, j), (next_i, next_j) = _direction(start, end), _direction(end, beyond)
+    turn = i * next_j - j * next_i
+    northbound = i == 0
+    streets = rules.main(end[0]), rules.main(end[1])
+    on_main, crosses_main = streets if northbound else streets[::-1]
+    through_mps = min(commuting.limit_mps(start, end), commuting.limit_mps(end, beyond))
+    if turn:
+        through_mps = LEFT_MPS if turn > 0 else RIGHT_MPS
+    elif not on_main and not crosses_main:
+        through_mps = min(through_mps, CAREFUL_MPS)
+    return Crossing(
+        node=end,
+        northbound=northbound,
+        turn=turn,
+        through_mps=through_mps,
+        has_light=on_main and crosses_main,
+        has_stop_sign=crosses_main and not on_main,
+    )
+
+
+def _entry(rules: TownRules, start: Node, end: Node, skipped_m: float) -> Pose:
+    """Where the straight of a leg begins, or ``skipped_m`` later: in the right-hand lane."""
+    ahead_m = JUNCTION_M + skipped_m
+    i, j = _direction(start, end)
+    east_m = start[0] * rules.block_m + i * ahead_m + j * LANE_M
+    north_m = start[1] * rules.block_m + j * ahead_m - i * LANE_M
+    return east_m, north_m, math.atan2(j, i)
 
 
 def _phases(
-    rules: TownRules, length_m: float, *, first: float, last: float, limit: float
-) -> list[tuple[float, float, float]]:
-    """Of a straight part: seconds, speed at first and acceleration of each phase; braking begins at
-    the peak.
+    rules: TownRules, length_m: float, *, ends_mps: tuple[float, float], limit_mps: float
+) -> list[Phase]:
+    """The phases of a straight: faster, evenly, slower; braking begins at the peak.
 
     Parameters
     ----------
     rules : of the town: how a car accelerates and brakes
-    length_m : of the straight part
-    first, last : speed at its two ends [m/s]
-    limit : the speed limit [m/s]
+    length_m : of the straight
+    ends_mps : speeds at its two ends
+    limit_mps : the speed limit
     """
+    first, last = ends_mps
     a, b = rules.acceleration_mps2, rules.braking_mps2
     reachable = (2 * a * b * length_m + b * first**2 + a * last**2) / (a + b)
-    peak = max(first, last, min(limit, math.sqrt(reachable)))
+    peak = max(first, last, min(limit_mps, math.sqrt(reachable)))
     faster_m, slower_m = (peak**2 - first**2) / (2 * a), (peak**2 - last**2) / (2 * b)
     even_m = max(0.0, length_m - faster_m - slower_m)
     phases = [
-        ((peak - first) / a, first, a),
-        (even_m / peak, peak, 0.0),
-        ((peak - last) / b, peak, -b),
+        Phase((peak - first) / a, first, a),
+        Phase(even_m / peak, peak, 0.0),
+        Phase((peak - last) / b, peak, -b),
     ]
-    return [phase for phase in phases if phase[0] > 0]
+    return [phase for phase in phases if phase.seconds > 0]
 
 
-def _cross_junction(
+def _cross(
     course: Course,
-    place: Place,
-    turn: int,
-    acceleration: float,
+    pose: Pose,
+    crossing: Crossing,
+    acceleration_mps2: float,
     *,
     t_s: float,
-    speed: float,
-    through: float,
+    speed_mps: float,
 ) -> tuple[float, float]:
     """Adds the way across a junction, straight or a quarter of a circle. Returns time [s] and speed
     [m/s] at its end.
@@ -287,36 +354,37 @@ def _cross_junction(
     Parameters
     ----------
     course : to which the way is added
-    place : where it begins
-    turn : 1 to the left, 0 straight on, -1 to the right
-    acceleration : up to the speed ``through`` [m/s2]
+    pose : where it begins
+    crossing : the junction
+    acceleration_mps2 : up to the highest speed across it
     t_s : when it begins
-    speed : at its beginning [m/s]
-    through : the highest speed across the junction [m/s]
+    speed_mps : at its beginning
     """
-    radius_m = JUNCTION_M + turn * LANE_M
-    length_m = radius_m * math.pi / 2 if turn else 2 * JUNCTION_M
-    curvature = turn / radius_m
+    radius_m = JUNCTION_M + crossing.turn * LANE_M
+    length_m = radius_m * math.pi / 2 if crossing.turn else 2 * JUNCTION_M
+    curvature = crossing.turn / radius_m
     gone_m = 0.0
-    if speed < through:
-        reached = min(through, math.sqrt(speed**2 + 2 * acceleration * length_m))
-        course.add(t_s, place, speed, acceleration=acceleration, curvature=curvature)
-        gone_m = (reached**2 - speed**2) / (2 * acceleration)
-        t_s += (reached - speed) / acceleration
-        speed = reached
+    if speed_mps < crossing.through_mps:
+        reachable_mps = math.sqrt(speed_mps**2 + 2 * acceleration_mps2 * length_m)
+        reached_mps = min(crossing.through_mps, reachable_mps)
+        course.add(t_s, pose, speed_mps, acceleration_mps2=acceleration_mps2, curvature=curvature)
+        gone_m = (reached_mps**2 - speed_mps**2) / (2 * acceleration_mps2)
+        t_s += (reached_mps - speed_mps) / acceleration_mps2
+        speed_mps = reached_mps
     if gone_m < length_m - 1e-9:
-        course.add(t_s, _along(place, curvature, gone_m), speed, curvature=curvature)
-        t_s += (length_m - gone_m) / speed
-    return t_s, speed
+        course.add(t_s, _along(pose, curvature, gone_m), speed_mps, curvature=curvature)
+        t_s += (length_m - gone_m) / speed_mps
+    return t_s, speed_mps
 
 
-def _along(place: Place, curvature: float, way_m: float) -> Place:
-    east_m, north_m, heading = place
+def _along(pose: Pose, curvature: float, way_m: float) -> Pose:
+    east_m, north_m, heading_rad = pose
     if curvature == 0.0:
-        return east_m + way_m * math.cos(heading), north_m + way_m * math.sin(heading), heading
-    after = heading + curvature * way_m
+        c, s = math.cos(heading_rad), math.sin(heading_rad)
+        return east_m + way_m * c, north_m + way_m * s, heading_rad
+    after_rad = heading_rad + curvature * way_m
     return (
-        east_m + (math.sin(after) - math.sin(heading)) / curvature,
-        north_m - (math.cos(after) - math.cos(heading)) / curvature,
-        after,
+        east_m + (math.sin(after_rad) - math.sin(heading_rad)) / curvature,
+        north_m - (math.cos(after_rad) - math.cos(heading_rad)) / curvature,
+        after_rad,
     )

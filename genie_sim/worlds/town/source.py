@@ -13,7 +13,7 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.settings import POSITIVE
 from genie_sim.base.units import NS_PER_MS, NS_PER_S
 from genie_sim.data.frame_source import FrameSource
-from genie_sim.worlds.scene.frames import SceneFrames, check_frames
+from genie_sim.worlds.scene.frames import SceneDrives, check_frames
 from genie_sim.worlds.scene.objects import SceneObject
 from genie_sim.worlds.town.rules import TownRules
 
@@ -62,7 +62,7 @@ class InTown(FrameSource):
         return TownDrives(Town(self.town, seed), self)
 
 
-class TownDrives(SceneFrames):
+class TownDrives(SceneDrives):
     """A town with the drives through it. A car sees the town at the time that the simulation has
     then, but for the phases of its cameras.
     """

@@ -13,7 +13,8 @@ from genie_sim.base.geometry import Array, Geodetic
 from genie_sim.base.seeds import stream
 from genie_sim.worlds.scene.detector import SyntheticDetector
 from genie_sim.worlds.scene.frames import SceneDrive
-from genie_sim.worlds.scene.laws import FittedLaws, detector_laws
+from genie_sim.worlds.scene.laws import FittedLaws, synthetic_laws
+from genie_sim.worlds.scene.noise import key_of_seed
 from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject
 from genie_sim.worlds.scene.surrogate import LAWS
 from genie_sim.worlds.scene.view import VisibleObjects
@@ -25,8 +26,8 @@ from genie_sim.worlds.town.streets import Layout, Street, Streets, lay_out
 # near Karlsruhe, where KITTI was recorded; the town itself is made up
 ORIGIN: Geodetic = (49.0, 8.4, 115.0)
 DETECTOR = "town"  # what the town's detector is called
-# names the random streams, here and in digests: another word makes another town of every seed
-STREAM = "city"  # of random numbers; another name would give other towns
+# Names the random numbers, here and in digests: another word makes another town of every seed.
+STREAM = "city"
 
 
 def drive_name(seed: int) -> str:
@@ -48,10 +49,10 @@ class Town:
         if seed < 0:
             raise UserError(f"town: seed: {seed} is negative")
         self.rules, self.seed = rules, seed
-        self.laws: FittedLaws = detector_laws()
+        self.laws: FittedLaws = synthetic_laws()
         text = json.dumps([f"{STREAM} 1", asdict(rules), seed, self.laws.digest], sort_keys=True)
         self.digest = hashlib.sha256(text.encode()).hexdigest()
-        self.key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
+        self.key = key_of_seed(STREAM, seed)
         self.size_m = (rules.blocks[0] * rules.block_m, rules.blocks[1] * rules.block_m)
 
     @functools.cached_property
@@ -93,11 +94,11 @@ class Town:
     def truth(self, visible: VisibleObjects, t_s: Array) -> list[SceneObject | None]:
         """The objects that are visible from some poses, as they are then; a ghost is ``None``."""
         rows, offsets = visible.row.tolist(), visible.number_offset.tolist()
-        places = zip(rows, offsets, visible.east_m.tolist(), visible.north_m.tolist(), strict=True)
+        columns = zip(rows, offsets, visible.east_m.tolist(), visible.north_m.tolist(), strict=True)
         objects = self.objects.rows
         return [
             item.at(item.number - offset, east_m, north_m) if (item := objects[row]).real else None
-            for row, offset, east_m, north_m in places
+            for row, offset, east_m, north_m in columns
         ]
 
     @functools.cached_property

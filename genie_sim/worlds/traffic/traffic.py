@@ -20,8 +20,9 @@ from genie_sim.base.seeds import stream
 from genie_sim.base.units import NS_PER_S
 from genie_sim.data.world_table import SOMEWHERE
 from genie_sim.worlds.scene.detector import SyntheticDetector
-from genie_sim.worlds.scene.frames import SceneDrive, SceneFrames
-from genie_sim.worlds.scene.laws import detector_laws
+from genie_sim.worlds.scene.frames import Motion, SceneDrive, SceneDrives
+from genie_sim.worlds.scene.laws import synthetic_laws
+from genie_sim.worlds.scene.noise import key_of_seed
 from genie_sim.worlds.scene.objects import ObjectColumns, SceneObject, scene_object
 from genie_sim.worlds.scene.surrogate import LAWS
 from genie_sim.worlds.scene.view import VisibleObjects
@@ -55,7 +56,7 @@ class Traffic:
     def __init__(
         self, rows: VehicleRows, settings: "RecordedTraffic", path: Path, seed: int
     ) -> None:
-        self.seed, self.settings, self.path = seed, settings, path
+        self.seed, self.settings, self.path, self.report = seed, settings, path, rows.report
         begin_s = rows.times_s[0] if settings.begin_ns is None else settings.begin_ns / NS_PER_S
         own_types = {
             name: VehicleType(kind.label, kind.length_m, kind.width_m)
@@ -63,18 +64,13 @@ class Traffic:
         }
         self.end_s = min(settings.duration_ns / NS_PER_S, float(rows.times_s[-1] - begin_s))
         self.vehicles = Vehicles(rows, float(begin_s), own_types)
-        self.laws = detector_laws()
-        content = hashlib.sha256()
-        for column in (rows.times_s, rows.step, rows.vehicle, rows.x_m, rows.y_m, rows.angle_deg):
-            content.update(column.tobytes())
-        persons = [number for number, is_person in enumerate(rows.is_person) if is_person]
-        named = [rows.ids, rows.types, *[persons] * bool(persons)]
-        content.update(json.dumps(named).encode())
-        self.content = content.hexdigest()
+        self.known = (*KNOWN, *PERSONS) if any(rows.is_person) else KNOWN
+        self.laws = synthetic_laws()
+        self.content = _content(rows)
         decisive = {name: value for name, value in asdict(settings).items() if name != "accept"}
         text = json.dumps([self.content, decisive | {"fcd": ""}, seed, self.laws.digest])
         self.digest = hashlib.sha256(text.encode()).hexdigest()
-        key = int.from_bytes(hashlib.sha256(f"{STREAM} {seed}".encode()).digest()[:8], "big")
+        key = key_of_seed(STREAM, seed)
         self.objects = ObjectColumns(
             [
                 scene_object(self.laws.of(kind.label), key, number, kind.label, moving=True)
@@ -83,15 +79,17 @@ class Traffic:
         )
         self.detector = SyntheticDetector(self.objects, self.laws, on_grid=False)
         self.visibility = TrafficView(self.vehicles, self.objects, settings.view_m)
-        self.known = (*KNOWN, *PERSONS) if persons else KNOWN
-        self.report = rows.report
+        self._warn()
+
+    def _warn(self) -> None:
+        """What was not read as it stands in the file."""
         for line in self.report.lines(only=("left out", "chosen")):
-            log.warning("%s: %s", path, line)
+            log.warning("%s: %s", self.path, line)
         if self.vehicles.jumps.any():
             some = f"{(self.vehicles.jumps > 0).sum():,} of {len(self.vehicles):,}"
             log.warning(
                 "%s: %s vehicles teleport, %d times in all: each drives its longest stretch",
-                path,
+                self.path,
                 some,
                 self.vehicles.jumps.sum(),
             )
@@ -127,14 +125,24 @@ class Traffic:
         }
 
 
+def _content(rows: VehicleRows) -> str:
+    """The sha256 of what was read of a file, however it is written."""
+    content = hashlib.sha256()
+    for column in (rows.times_s, rows.step, rows.vehicle, rows.x_m, rows.y_m, rows.angle_deg):
+        content.update(column.tobytes())
+    persons = [number for number, is_person in enumerate(rows.is_person) if is_person]
+    named = [rows.ids, rows.types, *[persons] * bool(persons)]
+    content.update(json.dumps(named).encode())
+    return content.hexdigest()
+
+
 class _Course:
     """Where one vehicle is during one stretch."""
 
     def __init__(self, vehicles: Vehicles, stretch: int) -> None:
         self._times_s, self._east_m, self._north_m, self._heading = vehicles.rows_of(stretch)
 
-    def at(self, t_s: float) -> tuple[float, float, float, float, float, float]:
-        """East, north [m], heading [rad], its cosine and sine, and speed [m/s]."""
+    def at(self, t_s: float) -> Motion:
         times_s = self._times_s
         last = len(times_s) - 1
         k = min(max(int(times_s.searchsorted(t_s, side="right")) - 1, 0), max(last - 1, 0))
@@ -144,14 +152,14 @@ class _Course:
         share = min(max((t_s - begin_s) / whole_s, 0.0), 1.0)
         east_m, north_m = self._east_m.item(k), self._north_m.item(k)
         dx, dy = self._east_m.item(following) - east_m, self._north_m.item(following) - north_m
-        heading = self._heading.item(k)
-        heading += share * math.remainder(self._heading.item(following) - heading, math.tau)
-        return (
+        heading_rad = self._heading.item(k)
+        heading_rad += share * math.remainder(self._heading.item(following) - heading_rad, math.tau)
+        return Motion(
             east_m + share * dx,
             north_m + share * dy,
-            heading,
-            math.cos(heading),
-            math.sin(heading),
+            heading_rad,
+            math.cos(heading_rad),
+            math.sin(heading_rad),
             math.hypot(dx, dy) / whole_s,
         )
 
@@ -195,7 +203,7 @@ def car_names(path: Path, ids: Sequence[str]) -> list[str]:
     return list(names)
 
 
-class TrafficDrives(SceneFrames):
+class TrafficDrives(SceneDrives):
     """Traffic with the drives of its equipped vehicles."""
 
     def __init__(self, traffic: Traffic) -> None:
@@ -296,9 +304,9 @@ class TrafficTruth:
             north_m.max() + tolerance_m,
             times_s=t_s,
         )
-        places = vehicles.at(stretches, t_s[:, None])
-        dx, dy = places.east_m - east_m[:, None], places.north_m - north_m[:, None]
-        is_near = places.there & (np.hypot(dx, dy) <= tolerance_m)
+        states = vehicles.at(stretches, t_s[:, None])
+        dx, dy = states.east_m - east_m[:, None], states.north_m - north_m[:, None]
+        is_near = states.there & (np.hypot(dx, dy) <= tolerance_m)
         asked = np.array([CANONICAL.get(label, label) for label in labels])
         there = self._traffic.objects.label[vehicles.vehicle[stretches]].tolist()
         classes = np.array([CANONICAL.get(label, label) for label in there])

@@ -71,7 +71,7 @@ def is_known(name: str) -> bool:
     return type_named(name) is not USUAL or not name or bool(CARS & {*words_of(name)})
 
 
-class Places(NamedTuple):
+class VehicleStates(NamedTuple):
     """Some stretches at some times, as arrays of one shape.
 
     Whether the vehicle is there, the middle of it [m], cosine and sine of its heading, and its
@@ -153,7 +153,7 @@ class Vehicles:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def at(self, stretch: Ints, t_s: Array) -> Places:
+    def at(self, stretch: Ints, t_s: Array) -> VehicleStates:
         """Where some stretches are at some times, on straight lines between steps and turning the
         shorter way. The shapes of the two are broadcast together.
         """
@@ -174,7 +174,7 @@ class Vehicles:
         turn = self._heading[following] - self._heading[row]
         turn -= np.rint(turn / math.tau) * math.tau
         heading = self._heading[row] + share * turn
-        return Places(
+        return VehicleStates(
             there=there,
             east_m=self._east_m[row] + share * dx,
             north_m=self._north_m[row] + share * dy,
@@ -249,18 +249,17 @@ class Vehicles:
         offset = self._first_row[stretches] - self._first_step[stretches]
         begins = offset + np.maximum(low, self._first_step[stretches])
         ends = offset + np.minimum(high, self._last_step[stretches]) + 1
-        rows = np.repeat(
-            begins - np.concatenate([[0], np.cumsum(ends - begins)[:-1]]), ends - begins
-        )
-        rows += np.arange(len(rows))
-        places = np.concatenate([[0], np.cumsum(ends - begins)[:-1]])
+        # the rows of all stretches, one behind the other, and where each begins among them
+        counts = ends - begins
+        firsts = np.cumsum(counts) - counts
+        rows = np.arange(counts.sum()) + np.repeat(begins - firsts, counts)
         east_m, north_m = self._east_m[rows], self._north_m[rows]
         return (
             stretches,
-            np.minimum.reduceat(east_m, places),
-            np.minimum.reduceat(north_m, places),
-            np.maximum.reduceat(east_m, places),
-            np.maximum.reduceat(north_m, places),
+            np.minimum.reduceat(east_m, firsts),
+            np.minimum.reduceat(north_m, firsts),
+            np.maximum.reduceat(east_m, firsts),
+            np.maximum.reduceat(north_m, firsts),
         )
 
     def longest(self, vehicle: int, end_s: float) -> tuple[float, float, int]:

@@ -15,7 +15,7 @@ from genie_sim.worlds.scene.view import (
     between,
     in_view,
 )
-from genie_sim.worlds.traffic.vehicles import Places, Vehicles
+from genie_sim.worlds.traffic.vehicles import Vehicles, VehicleStates
 
 OWN_M = 1.5  # no other vehicle's middle is so near to a camera: it is the one that carries it
 BEYOND_M = LONGEST_M / 2  # the longest vehicle may hide others before its middle is in view
@@ -42,34 +42,34 @@ class TrafficView:
             poses.north_m.max() + radius_m,
             times_s=poses.t_s,
         )
-        places = self._vehicles.at(stretches, poses.t_s[:, None])
-        is_other = self._may_matter(poses, places)
+        states = self._vehicles.at(stretches, poses.t_s[:, None])
+        is_other = self._may_matter(poses, states)
         pose, column = np.nonzero(is_other)
         rows = self._vehicles.vehicle[stretches[column]]
         candidates = PlacedObjects(
             pose=pose,
             row=rows,
             number_offset=np.zeros(len(rows), dtype=np.int64),
-            east_m=places.east_m[pose, column],
-            north_m=places.north_m[pose, column],
+            east_m=states.east_m[pose, column],
+            north_m=states.north_m[pose, column],
         )
         visible = in_view(poses, candidates, self._objects, self._view_m)
         if not len(visible.pose):
             return visible
-        is_hidden = self._hidden(poses, visible, stretches, places=places, is_other=is_other)
+        is_hidden = self._hidden(poses, visible, stretches, states=states, is_other=is_other)
         return VisibleObjects._make(column[~is_hidden] for column in visible)
 
-    def _may_matter(self, poses: ViewPoses, places: Places) -> Flags:
+    def _may_matter(self, poses: ViewPoses, states: VehicleStates) -> Flags:
         """Which vehicles are seen from a pose or may hide others, (poses, stretches): those in a
         wedge that is wider than the field of view by a vehicle's length.
         """
-        dx = places.east_m - poses.east_m[:, None]
-        dy = places.north_m - poses.north_m[:, None]
+        dx = states.east_m - poses.east_m[:, None]
+        dy = states.north_m - poses.north_m[:, None]
         c, s = poses.cos[:, None], poses.sin[:, None]
         ahead_m, left_m = dx * c + dy * s, np.abs(dy * c - dx * s)
         in_wedge = left_m * HALF_C <= ahead_m * HALF_S + BEYOND_M * HALF_C
         is_own = np.maximum(np.abs(dx), np.abs(dy)) < OWN_M
-        near: Flags = places.there & in_wedge & (ahead_m > -BEYOND_M) & ~is_own
+        near: Flags = states.there & in_wedge & (ahead_m > -BEYOND_M) & ~is_own
         return near
 
     def _hidden(
@@ -78,7 +78,7 @@ class TrafficView:
         visible: VisibleObjects,
         stretches: Ints,
         *,
-        places: Places,
+        states: VehicleStates,
         is_other: Flags,
     ) -> Flags:
         """Which of the objects in the field of view nearer vehicles hide.
@@ -88,7 +88,7 @@ class TrafficView:
         poses : of the cameras
         visible : what is in their fields of view (n,)
         stretches : those that may hide something (m,)
-        places : where they are (poses, m)
+        states : where they are (poses, m)
         is_other : which of them matter to which pose (poses, m)
         """
         vehicles = self._vehicles
@@ -98,9 +98,9 @@ class TrafficView:
         # Of each pair, seen from the camera: the target, and the vehicle that may hide it.
         from_east_m, from_north_m = poses.east_m[pose], poses.north_m[pose]
         to_x, to_y = visible.east_m[target] - from_east_m, visible.north_m[target] - from_north_m
-        by_x = places.east_m[pose, column] - from_east_m
-        by_y = places.north_m[pose, column] - from_north_m
-        c, s = places.cos[pose, column], places.sin[pose, column]
+        by_x = states.east_m[pose, column] - from_east_m
+        by_y = states.north_m[pose, column] - from_north_m
+        c, s = states.cos[pose, column], states.sin[pose, column]
         hider = owner[column]
         # Shares of the line of sight between the sides, and between the ends, of the vehicle.
         along = between(by_x * c + by_y * s, to_x * c + to_y * s, vehicles.lengths_m[hider] / 2)

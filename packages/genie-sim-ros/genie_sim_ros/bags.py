@@ -27,6 +27,7 @@ from genie_sim.extend import (
     ImageDetector,
     ImportReport,
     Placement,
+    Plane,
     Progress,
     Trace,
     TraceFrame,
@@ -36,6 +37,7 @@ from genie_sim.extend import (
     detector_facts,
     difference_hash,
     enu_SE3_enu,
+    fit_ground,
     look,
     picture_frame,
     placed,
@@ -66,6 +68,7 @@ DEPTH = ("16UC1", "16SC1", "32FC1", "mono16")  # encodings of distances, at whic
 SCAN_WITHIN_NS = 60_000_000  # half a turn of a laser at 10 Hz, and a little
 WAIT_NS = 300_000_000  # for the scan that was taken with an image
 FLOAT32 = 7
+USUAL_LASER_M = 1.73  # above the road, assumed: as on the roof of KITTI's car
 STEEPEST = 0.7  # the sine of the steepest angle at which a camera of a car looks up or down
 MAX_REASON = 200  # characters of what rosbags says about a broken file, which may be the file
 
@@ -182,6 +185,11 @@ def perceive_bag(
             f"{path}: no image was taken where the car's position is known: "
             f"{perception.when(around)}"
         )
+    if perception.without_ground:
+        report.warn(
+            f"{perception.without_ground:,} scans show no ground about {USUAL_LASER_M:g} m below "
+            "the laser, where it is looked for: places of objects may be wrong"
+        )
     tell_network(report, detector)
     provenance = {
         "data": f"bag {path.name}",
@@ -219,6 +227,7 @@ class _Perception:
     detector: ImageDetector | None
     report: ImportReport
     steep: set[str] = field(default_factory=set)  # cameras that look up or down
+    without_ground: int = 0  # scans
     first_ns: int = 0
     last_ns: int = 0
 
@@ -283,7 +292,12 @@ class _Perception:
         if camera_SE3_laser is None:
             self.report.leave_out("scans that no transform joins with the camera")
             return None
-        return Placement(intrinsics, size, camera_SE3_laser, _points(self.path, shot.cloud))
+        points = _points(self.path, shot.cloud)
+        ground = fit_ground(points, USUAL_LASER_M)
+        if ground is None:
+            self.without_ground += 1
+            ground = Plane((0.0, 0.0), -USUAL_LASER_M)
+        return Placement(intrinsics, size, camera_SE3_laser, points, ground=ground)
 
     def when(self, around: Surroundings) -> str:
         """When there are pictures and when positions."""

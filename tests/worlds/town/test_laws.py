@@ -19,7 +19,7 @@ from genie_sim.core.messages import CameraPose
 from genie_sim.data.kitti.labels import read_labels
 from genie_sim.data.trace import read_trace
 from genie_sim.worlds.scene.detector import transient
-from genie_sim.worlds.scene.laws import MIDDLE, STEPS_PER_Z, FittedLaws, detector_laws, quantile
+from genie_sim.worlds.scene.laws import MIDDLE, STEPS_PER_Z, FittedLaws, quantile, synthetic_laws
 from genie_sim.worlds.scene.noise import mix, normals, smooth_normals
 from genie_sim.worlds.scene.objects import HORIZONTAL_FOV_RAD
 from genie_sim.worlds.scene.view import VisibleObjects
@@ -34,7 +34,7 @@ REPLICATIONS = 40
 
 @pytest.fixture(scope="module")
 def laws() -> FittedLaws:
-    return detector_laws()
+    return synthetic_laws()
 
 
 @pytest.fixture(scope="module")
@@ -205,10 +205,10 @@ def test_transient_ghosts_are_anywhere_in_view(laws):
 def test_numbers_stay_within_the_tables(laws):
     """The largest and the least number that a look can have lie between -7 and 7."""
     for label, real in (("car", True), ("person", True), ("car", False)):
-        place, largest = laws.of(label, real).place, max(map(abs, normals()))
+        number, largest = laws.of(label, real).number, max(map(abs, normals()))
         for copula in (laws.score, laws.along, laws.across):
-            z = (copula.object_weight[place] + copula.look_weight[place]) * largest
-            z += copula.view_weight[place] * np.abs(copula.views[place]).max()
+            z = (copula.object_weight[number] + copula.look_weight[number]) * largest
+            z += copula.view_weight[number] * np.abs(copula.views[number]).max()
             assert z * STEPS_PER_Z < MIDDLE
 
 
